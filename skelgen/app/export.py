@@ -10,6 +10,7 @@ from skelgen_formats.options import FILLED, Options, Writable
 from skelgen_formats.parts import PARTS, parts_in
 
 from skelgen.app.drawing.wording import counted, listed
+from skelgen.app.replacing import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.geometry.frame_rate import n_frames_at
@@ -181,6 +182,8 @@ def export_project(
     WriteError
         If the format cannot hold the project, or its files cannot be written.
     """
+    planned = entry.files(path, registry.options_of(entry, options))
+    check_outputs(planned, (recording_of(project),), planned)
     with arriving_together(path.parent) as temporary:
         files = registry.write_as(entry, project, temporary / path.name, registry.options_of(entry, options), monitor)
     return [path.parent / file.name for file in files]

@@ -20,6 +20,7 @@ from skelgen.app.corrections import place_of, with_correction
 from skelgen.app.files import given_identities, open_input, write_any
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
+from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import InputError
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.corrections import Correction
@@ -462,7 +463,8 @@ def write(
     Raises
     ------
     WriteError
-        If no format belongs to the suffix, the format cannot hold the value, or the file cannot be written.
+        If no format belongs to the suffix, the format cannot hold the value, or the file cannot be written; if it is
+        the recording of the project, or what the format puts beside a new file would replace another.
 
     Examples
     --------
@@ -470,4 +472,7 @@ def write(
     >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
     [PosixPath('rods.trc')]
     """
+    files = files_of(Path(path), format, options)
+    recording = recording_of(value) if isinstance(value, Project) else None
+    check_outputs(files, (recording,), files if Path(path).exists() else (Path(path),))
     return write_any(value, path, format, **options)

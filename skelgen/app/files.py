@@ -13,6 +13,7 @@ from skelgen_formats.options import Option
 
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.app.project_file.references import source_of
+from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Project, Take
@@ -143,6 +144,8 @@ def convert_file(
     project = open_input(source, from_format, monitor=monitor, **reading)
     remaining = {name: value for name, value in options.items() if name not in known}
     value = project if project.has("labels") else project.take
+    planned = files_of(target, to_format, remaining)
+    check_outputs(planned, (recording_of(project),), planned)
     files = write_any(value, target, to_format, **remaining)
     return (*project.take.notices, *_remarks(value, target, to_format, remaining)), files
 

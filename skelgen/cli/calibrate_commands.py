@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skelgen.cli.options import AsJson, Config, FormatName, Quiet, Seed
+from skelgen.cli.options import AsJson, Config, FormatName, Overwrite, Quiet, Seed
 from skelgen.cli.screen import Screen, show_results
 from skelgen.errors import InputError
 
@@ -37,6 +37,7 @@ def stereo(
     """Calibrate two cameras from pairs of images of a chessboard."""
     from skelgen_formats.capture_settings import read_settings, write_settings
 
+    from skelgen.app.replacing import check_outputs
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
     from skelgen.capture.calibration.table import camera_rows
@@ -45,6 +46,7 @@ def stereo(
     screen = Screen(quiet, as_json)
     what = board_from_text(board, square)
     left, right = split_pairs(images)
+    check_outputs((output,), images, (output,))
     before = read_settings(output) if output.exists() else None  # whose targets, joints and source stay
     with screen.watching() as monitor:
         found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
@@ -168,6 +170,7 @@ def skeleton(
     seed: Seed = None,
     config: Config = None,
     format_name: FormatName = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -175,6 +178,7 @@ def skeleton(
     from skelgen.app.configuration import Settings
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of, write_outputs
+    from skelgen.app.replacing import check_run
     from skelgen.app.several_takes import calibrate_together
 
     screen = Screen(quiet, as_json)
@@ -182,6 +186,9 @@ def skeleton(
     twice = [stem for stem, count in Counter([*stems, STEM]).items() if count > 1]
     if twice:
         raise InputError(f"two results would be called {twice[0]!r}; rename one of the takes")
+    check_run(output, (STEM, ""), [*takes, config], overwrite=overwrite)
+    for stem in stems:
+        check_run(output / stem, (stem, ""), [*takes, config], overwrite=overwrite)
     read = [open_input(take, format_name).take for take in takes]
     for take in read:
         screen.note(take.notices)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from skelgen.cli.measure_commands import RIG, evaluate_rig
-from skelgen.cli.options import AsJson, FormatName, InputFile, Quiet, given
+from skelgen.cli.options import AsJson, FormatName, InputFile, Overwrite, Quiet, given
 from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_take
 from skelgen.errors import InputError, ParameterError
 
@@ -27,13 +27,16 @@ def convert(
     target: OutputFile,
     format_name: FormatName = None,
     to: OutputFormat = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
     """Read a take or a project and write it in another format."""
     from skelgen.app.files import convert_file
+    from skelgen.app.replacing import check_outputs, files_of
 
     screen = Screen(quiet)
+    check_outputs(files_of(target, to, given(values)), (take,), (target,), overwrite=overwrite)
     with screen.watching() as monitor:
         notices, files = convert_file(take, target, format_name, to, given(values), monitor)
     screen.note(notices)
@@ -114,10 +117,12 @@ def config(
 ) -> None:
     """Show all parameters, or write them as config.xml."""
     from skelgen.app.configuration import Settings, parameter_rows, write_defaults
+    from skelgen.app.replacing import check_outputs
 
     screen = Screen(as_json=as_json)
     rows = parameter_rows(Settings(file))
     if write:
+        check_outputs((write,), (file,), (write,))
         write_defaults(write)
         show_files(screen, [write])
     else:
@@ -134,11 +139,13 @@ def report(
 ) -> None:
     """Write the HTML report of a project."""
     from skelgen.app.project_file.archive import find_result, open_project
+    from skelgen.app.replacing import check_outputs, recording_of
     from skelgen.app.report import write_report
 
     source = find_result(result)
-    target = write_report(open_project(source), output or source.with_suffix(".html"))
-    show_files(Screen(), [target])
+    target, project = output or source.with_suffix(".html"), open_project(source)
+    check_outputs((target,), (source, recording_of(project)), (target,))
+    show_files(Screen(), [write_report(project, target)])
 
 
 def fill(
@@ -146,13 +153,18 @@ def fill(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Marker file to write; its suffix tells the format.")
     ],
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
     from skelgen.app.export import fill_project, write_filled
     from skelgen.app.project_file.archive import find_result, open_project
+    from skelgen.app.replacing import check_outputs, files_of, recording_of
 
-    filled = fill_project(open_project(find_result(result)))
+    source = find_result(result)
+    project, planned = open_project(source), files_of(output, None, {"filled": True})
+    check_outputs(planned, (source, recording_of(project)), (output,), overwrite=overwrite)
+    filled = fill_project(project)
     screen = Screen(quiet)
     files, marking = write_filled(filled, output)
     screen.note((filled.sentence, marking))

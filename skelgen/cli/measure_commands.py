@@ -84,8 +84,10 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     """Print the standard deviations of points, bodies and joint angles; draw them if a file is named."""
     from skelgen_formats.capture_settings import read_settings
 
+    from skelgen.app.replacing import check_outputs
     from skelgen.capture.errors_by_distance import errors_by_distance
 
+    check_outputs(() if plot is None else (plot,), (settings,), () if plot is None else (plot,))
     errors = errors_by_distance(read_settings(settings))
     screen.say(
         f"standard deviations for {errors.noise:g} px of noise in the images; distances from the cameras' middle"

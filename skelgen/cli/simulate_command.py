@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import Quiet, given, parameter_options
+from skelgen.cli.options import Overwrite, Quiet, given, parameter_options
 from skelgen.cli.screen import Screen, show_files
 from skelgen.errors import ParameterError
 
@@ -46,17 +46,21 @@ def simulate(
     motion_unit: MotionUnit = None,
     motion_rate: MotionRate = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the motion and of all faults.")] = 0,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
     """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
-    from skelgen.app.face import write
+    from skelgen.app.files import write_any
+    from skelgen.app.replacing import check_outputs
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
 
     if (structure is None) == (motion is None):
         raise ParameterError("give either a STRUCTURE, which moves at random, or --motion FILE")
     options, screen = given(values), Screen(quiet)
+    truth_file = output.with_name(output.stem + TRUTH_SUFFIX)
+    check_outputs((output, truth_file), (motion, motion_skeleton), (output,), overwrite=overwrite)
     stated = {"motion_skeleton": motion_skeleton, "motion_unit": motion_unit, "motion_rate": motion_rate}
     of_bones = [entry.name for entry in BoneParameters.declarations() if entry.name in options]
     bone_options = {name: options.pop(name) for name in of_bones}
@@ -70,9 +74,8 @@ def simulate(
         moved = _recorded(motion, given(stated), bone_options, options.get("rate"))
         screen.note(moved.notices)
     simulated = simulated_take(moved, seed=seed, **options)
-    files = write(simulated.take, output)
-    files.append(write_truth(simulated.truth, output.with_name(output.stem + TRUTH_SUFFIX)))
-    show_files(screen, files)
+    files = write_any(simulated.take, output)
+    show_files(screen, [*files, write_truth(simulated.truth, truth_file)])
 
 
 def simulation_options() -> list[inspect.Parameter]:

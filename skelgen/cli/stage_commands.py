@@ -99,6 +99,7 @@ def run(
     from_stage: FromStage = None,
     until_stage: UntilStage = None,
     format_name: options.FormatName = None,
+    overwrite: options.Overwrite = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
     **reader_values: Any,
@@ -124,24 +125,30 @@ def run(
     else:
         run_options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
         work = _stages_run(from_stage, until_stage, settings, run_options)
-    _run_and_write(screen, project, work, _Target(output or _folder_for(take), stem_of(take)))
+    inputs = (take, identities, hierarchy, skeleton, config)
+    target = _Target(output or _folder_for(take), stem_of(take), inputs=inputs, overwrite=overwrite)
+    _run_and_write(screen, project, work, target)
 
 
 def demo(
     output: options.OutputFolder = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the simulation and the stages.")] = 0,
     jobs: options.Jobs = 1,
+    overwrite: options.Overwrite = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
-    from skelgen.app.demo import run_demo
+    from skelgen.app.demo import STEM, run_demo
+    from skelgen.app.replacing import check_run
     from skelgen.app.tables import project_tables
     from skelgen.evaluation import evaluation_tables
 
     screen = Screen(quiet, as_json)
+    output = output or Path("skelgen-demo")
+    check_run(output, (STEM, ""), (), overwrite=overwrite)
     with screen.watching() as monitor:
-        done = run_demo(output or Path("skelgen-demo"), seed=seed, n_jobs=jobs, monitor=monitor)
+        done = run_demo(output, seed=seed, n_jobs=jobs, monitor=monitor)
     tables = project_tables(done.project)
     show_project(screen, tables)
     show_evaluation(screen, evaluation_tables(done.evaluation)[:_DEMO_TABLES])
@@ -166,6 +173,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         seed: options.Seed = None,
         config: options.Config = None,
         format_name: options.FormatName = None,
+        overwrite: options.Overwrite = False,
         quiet: options.Quiet = False,
         as_json: options.AsJson = False,
         **values: Any,
@@ -179,6 +187,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         settings = Settings(config)
         source, target = (Path(getattr(settings.files, file)) for file in _DEFAULT_FILES[stage])
         take = find_result(take) if take else None
+        inputs = (take or source, values.get("identities"), values.get("hierarchy"), values.get("skeleton"), config)
         wanted = {name: values.pop(name) for name in _OPTION_NAMES[stage]}
         identities, skeleton = wanted.pop("identities", None), wanted.pop("skeleton", None)
         run_options = RunOptions(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
@@ -192,7 +201,8 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         work = _subject_run(skeleton, settings) if skeleton else _stages_run(stage, stage, settings, run_options)
         folder = output or (_folder_for(take) if take else Path())
         result_name = target.name if stage == "skeleton" and not take and not skeleton else ""
-        _run_and_write(screen, project, work, _Target(folder, stem_of(take or target), result_name))
+        where = _Target(folder, stem_of(take or target), result_name, inputs, overwrite)
+        _run_and_write(screen, project, work, where)
 
     command.__doc__ = summary
     return command
@@ -236,11 +246,16 @@ def _folder_for(take: Path) -> Path:
 
 @dataclass(frozen=True)
 class _Target:
-    """Where the files of a run go: folder, beginning of their names, name of the XML file if that is another one."""
+    """Where the files of a run go: folder, beginning of their names, name of the XML file if that is another one.
+
+    None of them replaces an input; of others, those that no earlier run wrote only where `overwrite` says so.
+    """
 
     folder: Path
     stem: str
     result_name: str = ""
+    inputs: tuple[Path | None, ...] = ()
+    overwrite: bool = False
 
 
 _Work = Callable[["Project", "Monitor"], "Project"]
@@ -263,7 +278,10 @@ def _subject_run(skeleton: Path, settings: Settings) -> _Work:
 
 def _run_and_write(screen: Screen, project: Project, work: _Work, target: _Target) -> None:
     from skelgen.app.outputs import write_outputs
+    from skelgen.app.replacing import check_run, recording_of
 
+    inputs = (*target.inputs, recording_of(project))
+    check_run(target.folder, (target.stem, target.result_name), inputs, overwrite=target.overwrite)
     screen.note(project.take.notices)
     with screen.watching() as monitor:
         project = work(project, monitor)

@@ -126,15 +126,15 @@ class TestRunning:
 
     def test_interrupted_run_leaves_what_was_there(self, wave, tmp_path, monkeypatch):
         (tmp_path / "out").mkdir()
-        (tmp_path / "out" / "wave.xml").write_text("precious")
+        (tmp_path / "out" / "wave.skelgen").write_text("precious")
 
         def interrupt(self, target):
             raise KeyboardInterrupt
 
         monkeypatch.setattr(Path, "replace", interrupt)
         assert main(["run", wave, "-o", "out", "-q"]) == 130
-        assert names_in(tmp_path / "out") == ["wave.xml"]
-        assert (tmp_path / "out" / "wave.xml").read_text() == "precious"
+        assert names_in(tmp_path / "out") == ["wave.skelgen"]
+        assert (tmp_path / "out" / "wave.skelgen").read_text() == "precious"
 
     def test_former_names_of_commands_still_work(self, wave, tmp_path, capsys):
         main(["label", wave, "-o", "out", "-q"])
