@@ -16,7 +16,7 @@ from skelgen_formats.registry import COLUMNS as FORMAT_COLUMNS
 from skelgen_formats.registry import formats_table, known_formats
 
 from skelgen.app.configuration import all_parameter_classes
-from skelgen.capture.detection import DetectionParameters
+from skelgen.capture.parameters import DetectionParameters
 from skelgen.parameters import Declaration, StageParameters
 
 PACKAGE = "skelgen"

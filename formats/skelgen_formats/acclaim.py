@@ -45,7 +45,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
-from skelgen.geometry.euler import matrix_from_euler
+from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM

@@ -14,8 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.euler import euler_angles, gimbal_distance
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import (
+    euler_angles,
+    gimbal_distance,
+    matrix_from_vector,
+    transform_from,
+    vector_from_matrix,
+)
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import parent_from_child

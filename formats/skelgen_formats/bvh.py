@@ -36,7 +36,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.files import replacing
-from skelgen.geometry.euler import euler_angles
+from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.euler import euler_angles
+from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress

@@ -15,11 +15,11 @@ import numpy as np
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.markers import misfit_in_space
-from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
@@ -34,7 +34,7 @@ def read_capture_settings(path: Path) -> CaptureSettings:
     """Read settings, the parameters of the detection checked with their lines; errors as `read_settings`."""
     from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
 
-    from skelgen.capture.detection import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
+    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
 
     return read_settings(path, DetectionParameters)
 

@@ -83,7 +83,7 @@ def trajectories_from_poses(poses: Poses, length: float | None = None) -> Trajec
     Trajectories
         Markers ``body:o``, ``body:x``, ``body:-x`` and so on for every body.
     """
-    from skelgen.kinematics.bodies.relative_poses import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
+    from skelgen.kinematics.joints.relative_poses import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
 
     if length is None:
         length = float(np.clip(noise_size(poses) * np.sqrt(len(_BODY_POINTS) / _AXIS_MARKERS), *AXIS_LENGTHS))

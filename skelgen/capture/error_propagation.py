@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.optics.projection import in_image, project, projection_jacobian
+from skelgen.capture.optics import in_image, project, projection_jacobian
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint

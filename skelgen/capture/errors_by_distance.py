@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
-from skelgen.capture.optics.projection import view_centre
+from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats

@@ -49,8 +49,8 @@ def motion_capture(
 ) -> None:
     """Capture live: write poses and joint angles of every pair of images, tab-separated."""
     from skelgen.app.capture import capture, read_capture_settings, source_of
-    from skelgen.capture.camera_windows import Pictures
-    from skelgen.capture.prediction import PredictionParameters
+    from skelgen.capture.bodies.prediction import PredictionParameters
+    from skelgen.capture.live import Pictures
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
 

@@ -1,9 +1,8 @@
 """Scores against ground truth."""
 
-from skelgen.evaluation.evaluation import Evaluation, evaluate
+from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_lines, evaluation_tables
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore
 from skelgen.evaluation.matching import LabelScore, LimbScore, TopologyScore
-from skelgen.evaluation.tables import Table, evaluation_lines, evaluation_tables
 
 __all__ = [
     "Evaluation",

@@ -9,8 +9,7 @@ import numpy as np
 from skelgen.evaluation.joints import JointScore, joint_distances, joint_gaps
 from skelgen.kinematics.calibration.uncertainty import Bound, cramer_rao_bound
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order

@@ -1,12 +1,10 @@
 """Kinematics: the articulated chain, rigid bodies, joints, inverse kinematics, calibration, soft tissue, gap filling.
 
 What is exported here can be used alone, on bodies with orientation (`Poses`) or on a calibrated skeleton. Its rooms are
-`chain`, `bodies`, `joints`, `inverse`, `calibration`, `soft_tissue`, `gap_filling` and `hierarchy`; each imports only
-those before it.
+`rigid_bodies`, `chain`, `joints`, `inverse`, `calibration`, `soft_tissue`, `gap_filling` and `hierarchy`; each imports
+only those before it.
 """
 
-from skelgen.kinematics.bodies.relative_poses import pose_covariance
-from skelgen.kinematics.bodies.rigid_body import RigidBody, calibrate_rigid_body, limb_bodies
 from skelgen.kinematics.hierarchy import Hierarchy, Length, find_hierarchy, without_residual
 from skelgen.kinematics.inverse.inverse_kinematics import LiveSkeleton, Posture, posture_of, solve
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
@@ -20,6 +18,8 @@ from skelgen.kinematics.joints.fit import (
     fit_universal,
 )
 from skelgen.kinematics.joints.joint_type import KindLimits
+from skelgen.kinematics.joints.relative_poses import pose_covariance
+from skelgen.kinematics.rigid_bodies import RigidBody, calibrate_rigid_body, limb_bodies
 
 __all__ = [
     "Hierarchy",

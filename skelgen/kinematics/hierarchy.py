@@ -13,10 +13,10 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.bodies.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
+from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order, parents_from_names, spanning_forest

@@ -14,7 +14,7 @@ from skelgen.evaluation.bound import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.uncertainty import joint_slopes
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import ChainPoses, residuals, seen_weights
+from skelgen.kinematics.chain.chain import ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.chain.normal_equations import (
     constant_gradient,
     frame_blocks,
@@ -22,7 +22,6 @@ from skelgen.kinematics.chain.normal_equations import (
     reduced_information,
     total_information,
 )
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances, weak_prior
 from skelgen.simulation import simulate
 

@@ -30,7 +30,7 @@ from skelgen.capture.calibration.verdict import PairSeen
 from skelgen.capture.health import RigWatch
 from skelgen.capture.images import opencv
 from skelgen.capture.live import PointFinder
-from skelgen.capture.optics.triangulation import triangulate
+from skelgen.capture.optics import triangulate
 from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats

@@ -21,8 +21,8 @@ from skelgen.app.capture_jobs.messages import (
     LiveShot,
     Recorded,
 )
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
-from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings

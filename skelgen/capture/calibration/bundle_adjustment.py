@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.optics.projection import distortion_jacobian
+from skelgen.capture.optics import distortion_jacobian
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats

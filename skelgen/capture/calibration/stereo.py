@@ -18,7 +18,7 @@ from skelgen.capture.calibration.bundle_adjustment import LEAST_VIEWS, N_INTRINS
 from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from skelgen._kernels.rendering import PADDING
 from skelgen.capture.calibration.board import Board, coverage, shortest_side
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.source import due_pairs
 from skelgen.capture.simulated_rig.view import corner_rays

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, NearerBalls, Sensor, draw_ball, expose
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics import in_image, project
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.simulated_rig.scene import Scene
 from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at

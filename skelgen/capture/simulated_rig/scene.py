@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.capture.optics.projection import in_image, project, view_centre
+from skelgen.capture.optics import in_image, project, view_centre
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels.rendering import PADDING
-from skelgen.capture.optics.projection import project, undistort
+from skelgen.capture.optics import project, undistort
 from skelgen.capture.parameters import RenderParameters
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import Camera

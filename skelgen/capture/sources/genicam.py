@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.sources.pairs import Shot
-from skelgen.capture.sources.text import GenicamOptions
+from skelgen.capture.sources.table import GenicamOptions
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.text import FileOptions
+from skelgen.capture.sources.table import FileOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 

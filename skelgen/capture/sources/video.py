@@ -10,7 +10,7 @@ import numpy as np
 
 from skelgen.capture.images import opencv
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.text import VideoOptions
+from skelgen.capture.sources.table import VideoOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 

@@ -20,13 +20,12 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.chain.articulation import Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.inverse.poses import LEAST_NOISE
+from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model.arrays import Floats
 
 FAINT = 1e-4

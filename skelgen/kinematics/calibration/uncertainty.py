@@ -19,9 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, world_arms
 from skelgen.kinematics.chain.normal_equations import frame_blocks, frames_together, total_information
-from skelgen.kinematics.chain.observed_chain import ObservedChain
 from skelgen.kinematics.inverse.poses import weak_prior
 from skelgen.model.arrays import Bools, Floats
 

@@ -16,8 +16,7 @@ from skelgen._kernels.gradient import add_pulls
 from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, world_arms
-from skelgen.kinematics.chain.observed_chain import ObservedChain, rows, writable
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, residuals, rows, world_arms, writable
 from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000

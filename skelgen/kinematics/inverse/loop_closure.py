@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, transform_from
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, world_arms
 from skelgen.kinematics.chain.normal_equations import FrameBlocks, normal_equations
-from skelgen.kinematics.chain.observed_chain import ObservedChain
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats, Ints

@@ -19,11 +19,11 @@ import numpy as np
 
 from skelgen.geometry.orientation import Rotator, fit_transform, moments_about, rotation_by_quaternion
 from skelgen.geometry.rotations import cross_matrix, fill_rotations, fill_vectors
-from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN, PoseCovariances
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
+from skelgen.kinematics.rigid_bodies import FLATNESS, determines_pose
 from skelgen.model.arrays import Bools, Floats
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats, Ints

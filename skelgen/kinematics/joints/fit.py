@@ -12,7 +12,6 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
-from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.chain.schur_complement import effective_frames, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.joint_model import (
@@ -23,6 +22,7 @@ from skelgen.kinematics.joints.joint_model import (
     linearised,
 )
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.joints.rotations import (
     BallRotation,
     HingeRotation,

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.relative_poses import RelativePoses, whitener
 from skelgen.kinematics.chain.schur_complement import (
     BorderedSolution,
     LinearisedProblem,
@@ -31,6 +30,7 @@ from skelgen.kinematics.chain.schur_complement import (
     gain_of_frames,
     gauss_newton,
 )
+from skelgen.kinematics.joints.relative_poses import RelativePoses, whitener
 from skelgen.kinematics.joints.rotations import HingeRotation, JointRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats
 

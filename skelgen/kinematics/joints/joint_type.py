@@ -18,9 +18,9 @@ from scipy.special import fdtri
 from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import Parts, descended, linearised
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.bodies.relative_poses import whitener
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, effective_frames_of_both, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.relative_poses import whitener
 from skelgen.kinematics.joints.rotations import (
     ConstrainedRotation,
     JointRotation,

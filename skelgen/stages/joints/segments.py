@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.shape import LimbShape, distinct_rows, fit_shape
+from skelgen.kinematics.rigid_bodies import LimbShape, distinct_rows, fit_shape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.joints.parameters import JointParameters

@@ -6,16 +6,15 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.chain import variances_across
-from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.calibration.limb_errors import HingeShifts, LimbErrors, limb_errors
 from skelgen.kinematics.calibration.uncertainty import frame_covariances, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, residuals_in_limbs
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
 from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats
 

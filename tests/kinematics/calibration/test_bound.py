@@ -9,9 +9,8 @@ from skelgen.evaluation.bound import true_chain as chain_of_truth
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.calibration.uncertainty import cramer_rao_bound, expected_distance
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import ChainPoses
+from skelgen.kinematics.chain.chain import ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, total_information
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.simulation import simulate
 
 STEP = 1e-6

@@ -7,8 +7,8 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.kinematics import KindLimits, choose_kind
-from skelgen.kinematics.bodies.relative_poses import relative_poses
 from skelgen.kinematics.joints.fit import choose
+from skelgen.kinematics.joints.relative_poses import relative_poses
 
 KINDS = ("ball", "hinge", "universal", "rigid")
 

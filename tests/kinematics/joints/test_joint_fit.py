@@ -8,7 +8,7 @@ import pytest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import fit_ball, fit_hinge, fit_rigid, fit_universal
-from skelgen.kinematics.bodies.relative_poses import relative_poses
+from skelgen.kinematics.joints.relative_poses import relative_poses
 
 FITS = {"ball": fit_ball, "hinge": fit_hinge, "universal": fit_universal, "rigid": fit_rigid}
 EXACT = 1e-6  # mm, rad

@@ -10,11 +10,10 @@ import pytest
 from skelgen.evaluation.joints import joint_distances
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, reduced_information
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
-from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
-from skelgen.kinematics.soft_tissue.normal_equations import soft_tissue_equations
+from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest, soft_tissue_equations
 
 TISSUE = 3.0  # mm, per coordinate; half of its variance follows the flexions
 N_FRAMES = 600
