@@ -93,7 +93,7 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
     Parameters
     ----------
     project : Project
-        From `skelgen_formats.parts.moving_project`.
+        From `skelgen_formats.options.moving_project`.
     joints : str
         A choice of `JOINTS`.
     """

@@ -42,8 +42,7 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_tip, bone_transforms, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, moving_project, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "BVH"

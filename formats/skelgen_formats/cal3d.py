@@ -19,8 +19,7 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
-from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
+from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, moving_project, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "Cal3D"

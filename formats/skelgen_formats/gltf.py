@@ -33,8 +33,7 @@ from skelgen_formats.bones import (
     scaled_poses,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
+from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, moving_project, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "glTF"

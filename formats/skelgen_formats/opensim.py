@@ -30,11 +30,10 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
-from skelgen_formats.parts import moving_project
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable, moving_project
 from skelgen_formats.registry import Format
+from skelgen_formats.text import number_text, write_tree
 from skelgen_formats.trc import write_trc
-from skelgen_formats.xml_files import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
 """Of model, motion, markers and setup."""

@@ -20,8 +20,7 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.motion_csv import write_csv
-from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
-from skelgen_formats.parts import finished_project
+from skelgen_formats.options import AXES, RATE, UNIT, Writable, finished_project, per_mm
 from skelgen_formats.registry import Format
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"

@@ -30,8 +30,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, moving_project, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "USD"

@@ -1,4 +1,6 @@
-"""A stereo capture from settings and a source: run live, recorded while it runs, and used to calibrate.
+"""A stereo capture from settings and a source: run live, recorded, and used to calibrate.
+
+A calibration is written into a settings file beside what stands there.
 
 What was recorded stays, whatever ends the capture: the source, an error, or the user.
 """
@@ -12,6 +14,7 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
+from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
@@ -23,7 +26,7 @@ from skelgen.capture.markers import misfit_in_space
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, TargetJoint
+from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
 RECORDINGS = (".mfml", ".c3d")
@@ -32,8 +35,6 @@ RECORDINGS = (".mfml", ".c3d")
 
 def read_capture_settings(path: Path) -> CaptureSettings:
     """Read settings, the parameters of the detection checked with their lines; errors as `read_settings`."""
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
-
     from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
 
     return read_settings(path, DetectionParameters)
@@ -258,3 +259,88 @@ def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
             places[matched >= 0] = captured.points.points[matched[matched >= 0]]
         parts.append(places)
     return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+_CAMERAS = ("firewire:", "gige:", "gentl:")
+"""Sources that are cameras: the next capture comes from them too."""
+
+
+def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -> int:
+    """Write a calibrated rig into a settings file; return how many bodies and joints were kept.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The calibrated cameras.
+    path : Path
+        The file.
+    before : Path or None
+        A settings file whose bodies, joints and other settings are kept, if it is there.
+    source : str
+        Where the images came from; it is kept if that is cameras.
+    """
+    settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
+    if before is not None and before.exists():
+        settings = replace(read_capture_settings(before), rig=rig)
+    write_settings(settings, path)
+    return len(settings.bodies) + len(settings.joints)
+
+
+def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str, ...]:
+    """Add a target to a settings file, in place of one of the same name; return what the user should know.
+
+    Parameters
+    ----------
+    path : Path
+        The file; if it is not there, it is written with the settings that were used.
+    used : CaptureSettings
+        The settings that were used for the calibration.
+    target : BodyTarget
+        What was calibrated.
+
+    Raises
+    ------
+    SkelgenError
+        If the file cannot be read or written, its cameras are others than those that were used, or the target can be
+        taken for another one.
+    """
+    settings = _stored(path, used)
+    write_settings(with_body(settings, target), path)
+    return outdated(settings, target.name)
+
+
+def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration) -> None:
+    """Add joints to a settings file, in place of those of the same names.
+
+    Parameters
+    ----------
+    path, used
+        As of `add_body`.
+    calibration : JointCalibration
+        What was calibrated.
+
+    Raises
+    ------
+    SkelgenError
+        If the file cannot be read or written, its cameras are others than those that were used, or no joint was found.
+    """
+    write_settings(with_joints(_stored(path, used), calibration), path)
+
+
+def _stored(path: Path, used: CaptureSettings) -> CaptureSettings:
+    """Settings as they are in a file by now; those that were used if there is none."""
+    stored = read_capture_settings(path) if path.exists() else used
+    if not _is_same(stored.rig, used.rig):
+        raise InputError(
+            f"the cameras of {path} are others than those that this was measured with; choose these settings above, "
+            "and take it again"
+        )
+    return stored
+
+
+def _is_same(one: StereoRig, two: StereoRig) -> bool:
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for a, b in ((one.left, two.left), (one.right, two.right))
+        for name in ("size", "matrix", "distortion", "camera_from_world")
+    )

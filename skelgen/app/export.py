@@ -6,8 +6,7 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.markers import trajectories_of
-from skelgen_formats.options import FILLED, Options, Writable
-from skelgen_formats.parts import PARTS, parts_in
+from skelgen_formats.options import FILLED, PARTS, Options, Writable, parts_in
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
@@ -206,33 +205,13 @@ def _contents(project: Project, entry: registry.Format, rate: float) -> str:
     return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")
 
 
-def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
-    """Fill the gaps of a project's markers.
-
-    Parameters
-    ----------
-    project : Project
-        With a skeleton.
-    monitor : Monitor
-        Receives progress; may cancel.
-
-    Raises
-    ------
-    MissingResultError
-        If the project has no skeleton yet.
-    """
-    from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - loads scipy
-
-    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
-
-
 def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
     """Write complete markers in the format of the suffix, and a table with a row per filled position.
 
     Parameters
     ----------
     filled : Filled
-        From `fill_project`.
+        From `skelgen.fill`.
     path : Path
         File for markers, e.g. ``walk.c3d``.
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from skelgen_formats import registry
+from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.options import Option
 
-from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
-from skelgen.app.project_file.references import source_of
+from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.errors import InputError, WriteError
 from skelgen.files import replacing
 from skelgen.model import Identities, PointCloud, Project, Take
@@ -82,19 +82,39 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
     return read_identities(identities) if isinstance(identities, Path | str) else identities
 
 
-def write_any(
+def write(
     value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:
-    """Write any value of the public face in any format that holds it.
+    """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
 
     Parameters
     ----------
-    value, path, format, **options
-        As for `skelgen.write`.
+    value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
+        What to write.
+    path : Path or str
+        The file; its format comes from `format` or the suffix.
+    format : str, optional
+        Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
+    **options
+        Options of the format's writer, e.g. ``unit``, ``axes``, ``rate``.
+
+    Returns
+    -------
+    list of Path
+        The files written: more than one for formats that come in pairs.
+
+    Raises
+    ------
+    WriteError
+        If no format belongs to the suffix, the format cannot hold the value, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
+    [PosixPath('rods.trc')]
     """
     if isinstance(value, CaptureSettings):
-        from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
-
         write_settings(value, Path(path))
         return [Path(path)]
     if isinstance(value, Filled):
@@ -143,7 +163,7 @@ def convert_file(
     project = open_input(source, from_format, monitor=monitor, **reading)
     remaining = {name: value for name, value in options.items() if name not in known}
     value = project if project.has("labels") else project.take
-    files = write_any(value, target, to_format, **remaining)
+    files = write(value, target, to_format, **remaining)
     return (*project.take.notices, *_remarks(value, target, to_format, remaining)), files
 
 

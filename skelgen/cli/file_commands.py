@@ -149,10 +149,10 @@ def fill(
     quiet: Quiet = False,
 ) -> None:
     """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
-    from skelgen.app.export import fill_project, write_filled
-    from skelgen.app.project_file.archive import find_result, open_project
+    from skelgen.app import face
+    from skelgen.app.export import write_filled
 
-    filled = fill_project(open_project(find_result(result)))
+    filled = face.fill(face.load(result))
     screen = Screen(quiet)
     files, marking = write_filled(filled, output)
     screen.note((filled.sentence, marking))

@@ -93,7 +93,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     for curve in errors.curves:
         screen.table(f"{curve.what.capitalize()} [{curve.unit}]", _rows(errors, curve))
     if plot is not None:
-        from skelgen.app.report.rig_errors import write_rig_errors
+        from skelgen.app.report.curves import write_rig_errors
 
         write_rig_errors(errors, plot)
         screen.say(f"written: {plot}")

@@ -50,7 +50,7 @@ def simulate(
     **values: Any,
 ) -> None:
     """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
-    from skelgen.app.face import write
+    from skelgen.app.files import write
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
 

@@ -80,6 +80,9 @@ _RUN_OPTIONS = {
     )
 }
 
+_DEMO_FRAMES = 1000  # ten seconds: every joint bends several times
+_DEMO_NOISE = 0.5  # mm, what a good optical tracker delivers
+_DEMO_DROPOUTS = 0.05  # part of the positions: what a real suit loses
 _DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the tables above and in the report
 
 
@@ -135,18 +138,25 @@ def demo(
     as_json: options.AsJson = False,
 ) -> None:
     """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
-    from skelgen.app.demo import run_demo
+    from skelgen.app.face import reconstruct
+    from skelgen.app.outputs import write_outputs
     from skelgen.app.tables import project_tables
-    from skelgen.evaluation import evaluation_tables
+    from skelgen.evaluation import evaluate, evaluation_tables
+    from skelgen.simulation import TRUTH_SUFFIX, simulate, write_truth
 
-    screen = Screen(quiet, as_json)
+    screen, folder = Screen(quiet, as_json), output or Path("skelgen-demo")
     with screen.watching() as monitor:
-        done = run_demo(output or Path("skelgen-demo"), seed=seed, n_jobs=jobs, monitor=monitor)
-    tables = project_tables(done.project)
+        monitor.begin("simulating")
+        simulated = simulate("human", seed=seed, n_frames=_DEMO_FRAMES, noise=_DEMO_NOISE, dropouts=_DEMO_DROPOUTS)
+        project = reconstruct(simulated.take, seed=seed, monitor=monitor, n_jobs=jobs)
+        evaluation = evaluate(project, simulated.truth)
+        files = write_outputs(project, folder, "demo", monitor=monitor)
+        files.append(write_truth(simulated.truth, folder / f"demo{TRUTH_SUFFIX}"))
+    tables = project_tables(project)
     show_project(screen, tables)
-    show_evaluation(screen, evaluation_tables(done.evaluation)[:_DEMO_TABLES])
-    show_files(screen, done.files)
-    screen.json({**tables, "evaluation": done.evaluation.as_mapping(), "files": [str(file) for file in done.files]})
+    show_evaluation(screen, evaluation_tables(evaluation)[:_DEMO_TABLES])
+    show_files(screen, files)
+    screen.json({**tables, "evaluation": evaluation.as_mapping(), "files": [str(file) for file in files]})
 
 
 def stage_command(stage: str, summary: str) -> Callable[..., None]:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from skelgen_formats.c3d.reader import read_c3d
+from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.mfml import read_mfml
 

@@ -24,8 +24,7 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
-from skelgen_formats.options import Writable
-from skelgen_formats.parts import finished_project
+from skelgen_formats.options import Writable, finished_project
 
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"

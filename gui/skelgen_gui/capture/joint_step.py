@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
+from skelgen_formats.capture_settings import read_settings
 
+from skelgen.app.capture import add_joints
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
 from skelgen.capture.values import JointRequest
 from skelgen.errors import SkelgenError
@@ -98,8 +100,6 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
         """Return what adds the joints to settings."""
 
         def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
-            from skelgen.app.capture_jobs.settings import add_joints  # noqa: PLC0415 - lxml costs 50 ms
-
             add_joints(path, used, found)
             return ()
 
@@ -121,8 +121,6 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
 
 def _targets_in(path: str) -> tuple[str, ...]:
     """Names of the targets in a settings file; none if there is no such file, or it is none. On a thread."""
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
-
     if not Path(path).is_file():
         return ()
     try:

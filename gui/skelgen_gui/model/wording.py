@@ -8,9 +8,9 @@ import numpy as np
 
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.picking import JOINT, MARKER, Pick
+from skelgen_gui.model import translate
 from skelgen_gui.model.scene import Scene, Snapshot, State
-from skelgen_gui.model.translation import translate
+from skelgen_gui.model.selection import JOINT, MARKER, Pick
 
 
 def about(picked: Pick, scene: Scene, snapshot: Snapshot) -> str:

@@ -23,8 +23,8 @@ from PySide6.QtWidgets import (
 from skelgen.errors import SkelgenError
 from skelgen.model.corrections import Correction
 from skelgen_gui.model.selection import Offer, Selection, new_name, offers
+from skelgen_gui.project.context import Runner
 from skelgen_gui.project.document import Document
-from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import column, describe
 from skelgen_gui.widgets.painting import as_rich_text

@@ -19,7 +19,6 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
-from skelgen.app.export import fill_project
 from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
@@ -28,6 +27,7 @@ from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
+from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_KINDS
@@ -186,7 +186,7 @@ def _gaps(project: Project, monitor: Monitor) -> Content:
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
         return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
-    filled = fill_project(project, monitor)
+    filled = fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):

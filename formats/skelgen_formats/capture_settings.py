@@ -1,12 +1,38 @@
-"""Read settings: first every name against a table of what a file may hold, then the values; errors name the line."""
+"""Settings of the stereo capture in one XML file: cameras, noise, bodies, joints, source and detection.
+
+The calibrations write it and ``skelgen motion-capture`` reads it. Lengths are in mm, pixels count from the centre of
+the first one, matrices are written row by row; ``a_from_b`` turns coordinates of b into those of a. The left camera's
+frame is the world unless its ``camera_from_world`` says otherwise::
+
+    <capture version="1" unit="mm">
+      <source>recording/</source>
+      <rig noise="0.1">
+        <left name="left" width="640" height="480">
+          <matrix>...9 numbers...</matrix>
+          <distortion>k1 k2 p1 p2 k3</distortion>
+          <camera_from_world>...16 numbers...</camera_from_world>
+        </left>
+        <right ...>...</right>
+      </rig>
+      <detection><parameter name="..." value="..."/></detection>
+      <body name="upper"><point std="0.1 0.1 0.1">0 0 0</point>...</body>
+      <joint name="elbow" kind="hinge" parent="upper" child="lower">
+        <parent_from_joint>...16 numbers...</parent_from_joint>
+        <child_from_joint>...16 numbers...</child_from_joint>
+      </joint>
+    </capture>
+
+Every name is checked: what is unknown, missing or twice there is refused with file, line and what is allowed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -14,7 +40,12 @@ from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.xml_files import closest_first, read_root
+from skelgen_formats.text import closest_first, read_root, write_lines
+
+__all__ = [
+    "read_settings",
+    "write_settings",
+]
 
 ROOT = "capture"
 VERSION = "1"
@@ -281,3 +312,80 @@ def _holds(name: str, known: Element) -> str:
 
 def _error(path: Path, element: Any, what: str) -> FormatError:
     return FormatError(path, element.sourceline or "", what)
+
+
+_COMMENT = (
+    "lengths in mm, images in px, angles in rad; a_from_b turns coordinates of b into those of a; std as measured"
+)
+
+
+def write_settings(settings: CaptureSettings, path: Path | str) -> None:
+    """Write the settings of a stereo capture; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What to write.
+    path : Path or str
+        The file.
+
+    Raises
+    ------
+    WriteError
+        If a name holds a character that XML forbids, or the file cannot be written.
+    """
+    write_lines(Path(path), [f'<{ROOT} version="{VERSION}" unit="{UNIT}">', *_inside(settings), f"</{ROOT}>"])
+
+
+def _inside(settings: CaptureSettings) -> Iterator[str]:
+    yield f"  <!-- {_COMMENT} -->"
+    if settings.source:
+        yield f"  <source>{escape(settings.source)}</source>"
+    yield f'  <rig noise="{float(settings.rig.noise)!r}">'
+    yield from _camera_lines(LEFT, settings.rig.left)
+    yield from _camera_lines(RIGHT, settings.rig.right)
+    yield "  </rig>"
+    if settings.detection:
+        yield "  <detection>"
+        for name, value in settings.detection.items():
+            yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
+        yield "  </detection>"
+    for body in settings.bodies:
+        yield f"  <body name={quoteattr(body.name)}>"
+        for point, std in zip(body.points, np.asarray(body.std), strict=True):
+            yield f'    <point std="{_text(std)}">{_text(point)}</point>'
+        yield "  </body>"
+    for joint in settings.joints:
+        ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
+        yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
+        for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
+            std = f' std="{_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
+            yield from _matrix("    ", tag, std, getattr(joint, tag))
+        yield "  </joint>"
+
+
+def _parameter(value: ParameterValue) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return repr(float(value))  # NumPy's call themselves by their type
+    return str(value)
+
+
+def _camera_lines(side: str, camera: Camera) -> Iterator[str]:
+    yield f'    <{side} name={quoteattr(camera.name)} width="{camera.width}" height="{camera.height}">'
+    yield from _matrix("      ", "matrix", "", camera.matrix)
+    yield f"      <distortion>{_text(camera.distortion)}</distortion>"
+    yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
+    yield f"    </{side}>"
+
+
+def _matrix(indent: str, tag: str, attributes: str, matrix: Floats) -> Iterator[str]:
+    yield f"{indent}<{tag}{attributes}>"
+    for row in matrix:
+        yield f"{indent}  {_text(row)}"
+    yield f"{indent}</{tag}>"
+
+
+def _text(numbers: Floats) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
