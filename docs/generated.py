@@ -1,7 +1,5 @@
 """Pages that are generated: ``python docs/generated.py`` writes docs/parameters.md, formats.md and licences.md."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Sequence
 from importlib import metadata

@@ -5,8 +5,6 @@ clearly they are hinges; as hinges they would lose centimetres of the motion, so
 the kinds.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

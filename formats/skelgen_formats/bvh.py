@@ -27,8 +27,6 @@ them are written with an OFFSET of zero, where both are the same. Several roots 
 ``world``, since many programs read the first root only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

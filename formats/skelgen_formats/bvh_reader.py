@@ -4,8 +4,6 @@ The layout stands in `skelgen_formats.bvh`. Where a bone's position channels nam
 its OFFSET, as bvhio and Blender have it; in files where they stay nearer to zero than to the OFFSET, they add to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

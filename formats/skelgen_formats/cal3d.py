@@ -7,8 +7,6 @@ top-level elements, HEADER and the content, which makes the files no well-formed
 Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of the usual quaternion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

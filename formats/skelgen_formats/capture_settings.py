@@ -25,8 +25,6 @@ frame is the world unless its ``camera_from_world`` says otherwise::
 Every name is checked: what is unknown, missing or twice there is refused with file, line and what is allowed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

@@ -20,8 +20,6 @@ unit and no names with blanks: numbers are taken as mm, z up, and blanks in name
 numbers have as many digits as give the same float64 back.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -9,8 +9,6 @@ mesh the names of the markers.
 Numbers are single precision, little endian; quaternions are x y z w; matrices are stored column by column.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

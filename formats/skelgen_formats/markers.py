@@ -1,7 +1,5 @@
 """What all marker formats share: units, names, unseen markers, filled positions, and which value a writer can take."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

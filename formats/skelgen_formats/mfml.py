@@ -1,7 +1,5 @@
 """mfml: unlabelled points per frame as an optical tracker records them; layout in `mfml_stream`."""
 
-from __future__ import annotations
-
 import itertools
 import mmap
 from pathlib import Path

@@ -5,8 +5,6 @@ joint for each root, none for a rigid one. The columns of the motion are MuJoCo'
 w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement

@@ -7,8 +7,6 @@ joints ``x``, ``y`` and ``z`` (rotation vector in the parent's axes), rigid ones
 pose. Frames count from 0.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path

@@ -16,8 +16,6 @@ Motive's model puts the markers. Bodies and bones are left out with a notice. Mo
 are. Machines that use decimal commas export with semicolons; both are understood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

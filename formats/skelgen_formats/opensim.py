@@ -7,8 +7,6 @@ angles about x, y and z of the body. The files are in metres, degrees (.mot) and
 mm, as .trc says.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path

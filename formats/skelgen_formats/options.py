@@ -1,7 +1,5 @@
 """What formats declare: options of readers and writers, and which parts of a project a file keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

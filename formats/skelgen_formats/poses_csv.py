@@ -14,8 +14,6 @@ seen in a frame has seven empty cells. The time, in seconds, is for the reader's
 Quaternions may be off unit length by a thousandth and are normalised; q and -q mean the same, qw >= 0 is written.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -7,8 +7,6 @@ number and the time where these were exported. A marker that is unseen has empty
 Decimal commas, as some machines write them, are understood.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ other, and the counts in a C3D header are put right once a second and when the r
 is never overwritten: what was captured cannot be captured again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

@@ -4,8 +4,6 @@ Each format module declares one `Format`; the command line's help, the table of 
 generated from `FORMATS`. A file is recognised by its content first and by its suffix second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 What has not been computed yet is null; so is every number that is not determined (NaN). Keys come in a fixed order.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import json

@@ -4,8 +4,6 @@ Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count
 same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path

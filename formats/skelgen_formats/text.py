@@ -4,8 +4,6 @@ Texts have any line end, a byte order mark, latin-1, empty cells. XML is read wi
 that reaches outside, and written whole.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import difflib

@@ -14,8 +14,6 @@ Lines that begin with ``#`` are comments; three zeros are unseen, too. The names
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -5,8 +5,6 @@ with links without mass between; a root hangs on the link ``world`` by three pri
 frames have the orientation of the world in the reference pose, where every angle is 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -9,8 +9,6 @@ kinds, axes and deviations of the joints on the skeleton, names and limbs of the
 USD transforms rows: its matrices are the transposes of the usual ones.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ Qt's objects must end on the thread that they live on: one that ends on a worker
 window's thread collects garbage.
 """
 
-from __future__ import annotations
-
 import gc
 import signal
 import sys

@@ -4,8 +4,6 @@ A page is built when it is first shown, because stages take long to load; while 
 and pages are built ahead.
 """
 
-from __future__ import annotations
-
 import importlib
 import threading
 

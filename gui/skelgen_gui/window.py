@@ -3,8 +3,6 @@
 It only puts parts together: pages come from their table, commands from theirs, and all follow the session.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Menus, tool bar and keys of the window, and what they do; among it, changing preferences."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from PySide6.QtCore import QObject

@@ -7,8 +7,6 @@ catch, it stops after 65535 frames, and it keeps every array that it is given. T
 package `c3d`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -27,8 +27,6 @@ Frames beyond 65535 do not fit the header's words. Vicon and this writer state t
 ACTUAL_END_FIELD (two u16, low word first), c3d.org in POINT:LONG_FRAMES; without either the data are counted.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping

@@ -7,8 +7,6 @@ as c3d.org proposes; programs that know neither, ezc3d 1.7 among them, show the 
 go on in POINT:LABELS2 and so forth.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from pathlib import Path

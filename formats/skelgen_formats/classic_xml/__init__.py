@@ -29,8 +29,6 @@ mm, times in seconds. All numbers have the digits to give back the same double.
     ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance

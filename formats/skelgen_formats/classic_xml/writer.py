@@ -4,8 +4,6 @@ The text is made from prepared rows rather than element by element: a 10,000-fra
 tests parse every file with a strict XML parser.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

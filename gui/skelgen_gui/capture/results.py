@@ -1,7 +1,5 @@
 """Results of a capture: speed and losses, bodies, joint angles with their deviations, and notices."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 

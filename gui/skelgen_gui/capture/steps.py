@@ -1,7 +1,5 @@
 """What the calibration steps have in common: a job collects images until it is told to stop, then calibrates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path

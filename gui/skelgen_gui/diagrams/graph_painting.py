@@ -1,7 +1,5 @@
 """Paints the graph: every joint that was tried as a faint line, the tree as strong ones, limbs as discs."""
 
-from __future__ import annotations
-
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen

@@ -1,7 +1,5 @@
 """The graph of joint costs, so that it can be seen why the tree is as it is."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

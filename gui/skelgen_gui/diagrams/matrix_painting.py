@@ -1,7 +1,5 @@
 """Paints a matrix of distance deviations with its limbs, names, and bar of colours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The matrix of distance deviations, ordered by limb: where limbs are rigid, blocks on the diagonal glow."""
 
-from __future__ import annotations
-
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget

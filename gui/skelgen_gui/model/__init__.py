@@ -3,8 +3,6 @@
 Texts of the view models pass through `translate`, so that the window can have Qt translate them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 # Returns the translation of a text in a context; as `QCoreApplication.translate` does

@@ -1,7 +1,5 @@
 """As much of cameras as the 3-D view shows: their frustums."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

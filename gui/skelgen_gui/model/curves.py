@@ -1,7 +1,5 @@
 """Curves over the frames of a take: residuals, joint angles, points; any stretch of them is drawn at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The graph of joint costs: descriptions of joints, places of limbs and of words, and what lies under the pointer."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is known of every marker in every frame, as runs of frames, and the picture of these runs."""
 
-from __future__ import annotations
-
 import math
 from operator import attrgetter
 

@@ -1,7 +1,5 @@
 """A frame as it lies in the picture: which parts are shown, their places and depths, trails of markers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What lies under the pointer, what a click selects, and what can be corrected of a selection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

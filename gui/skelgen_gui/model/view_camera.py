@@ -1,7 +1,5 @@
 """What the 3-D view looks at, from where, and above which floor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Descriptions of a marker, a joint or a limb under the pointer in the 3-D view."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which cameras took the recording that is open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

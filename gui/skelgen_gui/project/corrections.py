@@ -1,7 +1,5 @@
 """Corrections by hand: the menu that offers them for a selection, their questions, and the list to take them back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from PySide6.QtCore import QCoreApplication, QObject

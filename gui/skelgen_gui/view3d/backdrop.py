@@ -1,7 +1,5 @@
 """What does not change while a take plays: background, floor grid, axes of the world."""
 
-from __future__ import annotations
-
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPen

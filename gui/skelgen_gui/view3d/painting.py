@@ -1,7 +1,5 @@
 """Paints a frame back to front, on a background with floor grid and the axes of the world."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

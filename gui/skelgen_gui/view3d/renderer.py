@@ -1,7 +1,5 @@
 """Puts a whole picture together, and keeps what stays the same while a take plays."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

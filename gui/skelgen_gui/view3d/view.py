@@ -1,7 +1,5 @@
 """The 3-D view: orbit, pan, zoom; hover, click and rubber band. It paints what the session shows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

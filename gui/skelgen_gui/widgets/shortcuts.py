@@ -5,8 +5,6 @@ buttons: they work only where a view of the recording has the focus (`add_view_a
 context ``Commands`` when the actions are made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

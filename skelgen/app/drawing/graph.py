@@ -1,7 +1,5 @@
 """The graph of joint costs: joints of the tree with their margins, joints that were tried, signs of joint kinds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

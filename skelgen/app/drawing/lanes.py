@@ -1,7 +1,5 @@
 """Whether each marker is seen, filled, doubtful or unseen in every frame: a lane of runs per marker."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

@@ -1,7 +1,5 @@
 """What pictures and tables state of a project, as plain numbers: orders, deviations, lengths, matrices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Every text and attribute is escaped; colours come from the page's style sheet.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

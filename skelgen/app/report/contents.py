@@ -1,7 +1,5 @@
 """What the report says: sentences, tables and drawings for each result that the project holds."""
 
-from __future__ import annotations
-
 import platform
 from collections import Counter
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Above, every track lies in a lane, coloured by the limb of the marker that it we
 the same tracks in a row per marker. Two shades take turns, so that tracks that follow each other look different.
 """
 
-from __future__ import annotations
-
 import heapq
 
 import numpy as np

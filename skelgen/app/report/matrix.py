@@ -1,7 +1,5 @@
 """Matrices as small embedded pictures: distance deviations of markers, joint costs of limbs."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """What pictures over time have in common: a row per marker, a pixel per stretch of frames, an axis in seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

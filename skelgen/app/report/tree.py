@@ -1,7 +1,5 @@
 """The tree drawn from its roots outward: one box per limb, one joint sign per edge, lengths of the limbs between."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
