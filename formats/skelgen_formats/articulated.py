@@ -1,8 +1,8 @@
 """A skeleton as bodies that turn about axes one after the other, which is how programs for robots and muscles pose it.
 
-A joint is written as its kind only if the motion keeps to it. The fit lets joints that wobble turn freely, however
+A joint is written as its type only if the motion keeps to it. The fit lets joints that wobble turn freely, however
 clearly they are hinges; as hinges they would lose centimetres of the motion, so they become balls unless the user wants
-the kinds.
+the types.
 """
 
 import re
@@ -243,7 +243,7 @@ def _on_wobble(project: Project, links: Sequence[Link], joints: str) -> list[str
         return []
     return [
         f"These joints wobble and are written as balls, so that the motion stays as it is: {', '.join(freed)}; with"
-        f" {JOINTS.name}={AS_FOUND} they are of the kinds found."
+        f" {JOINTS.name}={AS_FOUND} they are of the types found."
     ]
 
 

@@ -49,7 +49,7 @@ class Options:
     filled : bool
         Whether gaps are filled, and the filled positions written.
     joints : str
-        Whether joints keep the kinds found (`AS_FOUND`) or move freely where the motion does (`AS_MOVED`).
+        Whether joints keep the types found (`AS_FOUND`) or move freely where the motion does (`AS_MOVED`).
     dropout : str
         How CSM writes an unseen marker: ``word`` or ``zero``.
     id_width : str
@@ -142,7 +142,7 @@ FILLED = Option(
 JOINTS = Option(
     "joints",
     AS_MOVED,
-    "Joints that the motion does not hold to their kinds: free as they moved, or of the kinds found, poses changed.",
+    "Joints that the motion does not hold to their types: free as they moved, or of the types found, poses changed.",
     (AS_MOVED, AS_FOUND),
     reading=False,
 )
@@ -189,7 +189,7 @@ PARTS: tuple[Part, ...] = (
     Part("limbs", "which marker is on which limb", lambda project: project.has("limbs")),
     Part("joints", "the positions of the joints", lambda project: project.has("skeleton"), True),
     Part("angles", "the angles of the joints with their deviations", lambda project: project.has("skeleton"), True),
-    Part("kinds", "kinds and axes of the joints", lambda project: project.has("skeleton")),
+    Part("kinds", "types and axes of the joints", lambda project: project.has("skeleton")),
     Part("uncertainty", "how sure the joints are", lambda project: project.has("skeleton")),
     Part("motion", "how the limbs turn", lambda project: project.has("skeleton"), True),
 )

@@ -162,9 +162,9 @@ def _about_joints(project: Project) -> Iterator[str]:
 
 
 def _about_skeleton(project: Project) -> Iterator[str]:
-    kinds = [joint.kind for joint in project.skeleton.joints]
-    listed_kinds = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-    yield f"{counted(len(kinds), 'joint')}: {listed_kinds}." if kinds else "One limb without joints."
+    types = [joint.kind for joint in project.skeleton.joints]
+    listed_types = ", ".join(f"{types.count(kind)} {kind}" for kind in dict.fromkeys(types))
+    yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

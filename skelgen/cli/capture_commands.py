@@ -137,7 +137,7 @@ def calibrate_joints(
             "--joint",
             metavar="NAME=PARENT:CHILD[:KIND]",
             help="A joint between two targets, a ball or a hinge; may be repeated.",
-            show_default="joints and kinds are found",
+            show_default="joints and types are found",
         ),
     ] = None,
     source: Source = None,

@@ -79,21 +79,21 @@ def true_chain(truth: Truth) -> tuple[Chain, Articulation, ChainPoses]:
 
 def _articulation(truth: Truth, chain: Chain, rotations: Floats) -> Articulation:
     free = Articulation.free(chain.n_limbs)
-    kinds = ("ball", *truth.joint_kinds)
+    types = ("ball", *truth.joint_kinds)
     in_parent, in_child, between = free.in_parent.copy(), free.in_child.copy(), np.zeros(chain.n_limbs)
     for limb in range(1, chain.n_limbs):
-        if kinds[limb] not in {"hinge", "universal"}:
+        if types[limb] not in {"hinge", "universal"}:
             continue
         parent = rotations[:, chain.parents[limb]]
         relative = parent.swapaxes(1, 2) @ rotations[:, limb]
         in_parent[limb] = parent[0].T @ truth.joint_axes[0, limb - 1]
         in_child[limb] = relative[0].T @ in_parent[limb]
-        if kinds[limb] == "universal":
+        if types[limb] == "universal":
             # The axis in the child about which the first one goes round in a cone.
             seen = np.einsum("fji,j->fi", relative, in_parent[limb])
             in_child[limb] = np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][2]
             between[limb] = np.arccos(np.clip(in_parent[limb] @ relative[0] @ in_child[limb], -1.0, 1.0))
-    return Articulation(kinds, in_parent, in_child, between)
+    return Articulation(types, in_parent, in_child, between)
 
 
 def with_limits(

@@ -153,15 +153,15 @@ def _with_motion_scores(
     raw_of_joint = match_joints(project.topology.edges, true_of_limb, truth)
     raw = project.topology.raw_joint_positions
     if not project.has("skeleton"):
-        joints = score_joints(raw_of_joint, truth, raw=raw, fitted=None, kinds=())
+        joints = score_joints(raw_of_joint, truth, raw=raw, fitted=None, types=())
         return dataclasses.replace(found, joints=joints)
     skeleton, motion = project.skeleton, project.motion
     edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
     true_of_joint = match_joints(edges, true_of_limb, truth)
     same_joints = np.array_equal(true_of_joint, raw_of_joint)
-    kinds = tuple(joint.kind for joint in skeleton.joints)
+    types = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions
-    joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds)
+    joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, types=types)
     joints = with_limits(joints, project, true_of_joint, true_of_marker, truth)
     lengths = score_lengths(skeleton, fitted, true_of_joint, truth)
     markers = score_markers(project.trajectories, motion, true_of_marker, truth)

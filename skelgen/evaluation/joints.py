@@ -27,7 +27,7 @@ class JointScore:
     name : str
         The true joint.
     kind_true, kind_found : str
-        Kind of joint; nothing is found before the skeleton is fitted.
+        Type of joint; nothing is found before the skeleton is fitted.
     mean, median, maximum : float or None, mm
         Distance over all frames, for a hinge across its axis; None before the skeleton is fitted.
     raw_mean : float or None, mm
@@ -119,7 +119,7 @@ def _hinge_axes(truth: Truth) -> Floats:
 
 
 def score_joints(
-    true_of_joint: Ints, truth: Truth, *, raw: Floats | None, fitted: Floats | None, kinds: tuple[str, ...]
+    true_of_joint: Ints, truth: Truth, *, raw: Floats | None, fitted: Floats | None, types: tuple[str, ...]
 ) -> tuple[JointScore, ...]:
     """Score every joint that is true, in the order of the truth.
 
@@ -131,7 +131,7 @@ def score_joints(
         The true joints.
     raw, fitted : ndarray, shape (n_frames, n_joints, 3), mm, or None
         Joints before and after the fit of rigid limbs.
-    kinds : tuple of str, length n_joints
+    types : tuple of str, length n_joints
         Kinds found; empty before the fit.
     """
     shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
@@ -144,7 +144,7 @@ def score_joints(
         JointScore(
             name=truth.joint_names[true_joint],
             kind_true=truth.joint_kinds[true_joint],
-            kind_found=kinds[joint] if kinds else "",
+            kind_found=types[joint] if types else "",
             mean=None if after is None else float(after[:, column].mean()),
             median=None if after is None else float(np.median(after[:, column])),
             maximum=None if after is None else float(after[:, column].max()),

@@ -17,7 +17,7 @@ from skelgen.kinematics.joints.fit import (
     fit_rigid,
     fit_universal,
 )
-from skelgen.kinematics.joints.joint_type import KindLimits
+from skelgen.kinematics.joints.joint_type import TypeLimits
 from skelgen.kinematics.joints.relative_poses import pose_covariance
 from skelgen.kinematics.rigid_bodies import RigidBody, calibrate_rigid_body, limb_bodies
 
@@ -25,11 +25,11 @@ __all__ = [
     "Hierarchy",
     "JointFit",
     "KindChoice",
-    "KindLimits",
     "Length",
     "LiveSkeleton",
     "Posture",
     "RigidBody",
+    "TypeLimits",
     "angle_names",
     "calibrate_rigid_body",
     "choose_kind",

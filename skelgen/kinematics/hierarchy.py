@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
@@ -134,7 +134,7 @@ def find_hierarchy(
     covariances: Floats | None = None,
     size: float | None = None,
     *,
-    kinds: Mapping[str, str] | None = None,
+    types: Mapping[str, str] | None = None,
     loops: Sequence[tuple[str, str]] | None = None,
 ) -> Hierarchy:
     """Find the hierarchy of bodies and fit its joints.
@@ -148,7 +148,7 @@ def find_hierarchy(
         name; by default the body with most joints.
     covariances, size
         As for `fit_ball`.
-    kinds : mapping of str to str, optional
+    types : mapping of str to str, optional
         Types of joints that are stated, by the child's name.
     loops : sequence of pairs of str, optional
         Bodies that are joined beyond the tree, such as clasped hands; found if left out.
@@ -163,10 +163,12 @@ def find_hierarchy(
         parents = parents_from_names(poses.names, tree)
     else:
         parents = spanning_forest(gaps, root=None if tree is None else body_index(poses, tree))
-    for name, kind in (kinds or {}).items():
-        if name not in poses.names or kind not in KNOWN_KINDS:
-            raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
-    wanted = {poses.names.index(name): kind for name, kind in (kinds or {}).items()}
+    for name, kind in (types or {}).items():
+        if name not in poses.names or kind not in DETERMINED_TYPES:
+            raise InputError(
+                f"types: {name}={kind} names no body or no type of joint; types are {', '.join(DETERMINED_TYPES)}"
+            )
+    wanted = {poses.names.index(name): kind for name, kind in (types or {}).items()}
     size = noise_size(poses) if size is None else size
 
     def relate(parent: int, child: int) -> RelativePoses:

@@ -35,7 +35,7 @@ class Rule:
     least, most : int
         How many markers it names; `most` 0 means any number from `least` on.
     needs_value : bool
-        Whether it needs a value: a name, a number, a kind of joint.
+        Whether it needs a value: a name, a number, a type of joint.
     has_frames : bool
         Whether it may hold for some frames only.
     """
@@ -63,7 +63,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
         "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),
         "root": Rule("joints", "the limb of {first} is the root"),
-        "kind": Rule("skeleton", "the joint between the limbs of {names} is of the kind {value}", 2, 2, True),
+        "kind": Rule("skeleton", "the joint between the limbs of {names} is of the type {value}", 2, 2, True),
     }
 )
 """Kinds of corrections."""
@@ -105,7 +105,7 @@ class Correction:
     first_frame, last_frame : int or None
         Frames for which it holds, both included; None: from the first, to the last.
     value : str
-        The new name, the number or the kind of joint.
+        The new name, the number or the type of joint.
     places : tuple of Place
         A position of each named marker in one frame; empty if only the names are known.
     """

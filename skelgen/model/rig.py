@@ -20,7 +20,7 @@ N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
 """Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
 
-JOINT_KINDS = ("ball", "hinge")
+JOINT_TYPES = ("ball", "hinge")
 
 ParameterValue = float | bool | str
 """What a parameter of the detection may be set to."""
@@ -160,9 +160,9 @@ class TargetJoint:
 
     def __post_init__(self) -> None:
         check_names([self.name], 1, "joint")
-        if self.kind not in JOINT_KINDS:
-            kinds = ", ".join(JOINT_KINDS)
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; it must be one of {kinds}")
+        if self.kind not in JOINT_TYPES:
+            types = ", ".join(JOINT_TYPES)
+            raise InputError(f"joint {self.name!r} is of type {self.kind!r}; it must be one of {types}")
         if self.parent == self.child:
             raise InputError(f"joint {self.name!r} connects body {self.parent!r} with itself")
         for attribute in ("parent_from_joint", "child_from_joint"):

@@ -1,4 +1,4 @@
-"""How often the kind of a joint is right, and whether stated deviations hold: ``python tests/benchmarks/joints.py``."""
+"""How often the type of a joint is right, and whether stated deviations hold: ``python tests/benchmarks/joints.py``."""
 
 from __future__ import annotations
 

@@ -35,12 +35,12 @@ def case(request):
     """A tree of balls, hinges, universal and one rigid joint, seen from not quite the true poses."""
     simulated = simulate("tree:30", n_frames=N_FRAMES, noise=NOISE, dropouts=0.2)
     chain, articulation, poses = true_chain(simulated.truth)
-    kinds = ("ball", "rigid", *articulation.kinds[2:])
-    articulation = replace(articulation, kinds=kinds).at_rest(chain.parents, poses.rotations)
+    types = ("ball", "rigid", *articulation.types[2:])
+    articulation = replace(articulation, types=types).at_rest(chain.parents, poses.rotations)
     if request.param == "free":
         articulation = Articulation.free(chain.n_limbs)
     else:
-        assert set(kinds) == {"ball", "hinge", "universal", "rigid"}
+        assert set(types) == {"ball", "hinge", "universal", "rigid"}
         poses = replace(poses, rotations=articulation.projected(chain.parents, poses.rotations))
     return chain, articulation, poses, simulated.take.positions
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.model.corrections import Correction
@@ -135,7 +135,7 @@ def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -
     if selection.joint is not None and project.has("skeleton"):
         joint = project.skeleton.joints[selection.joint]
         ends = (_name_of_limb(project, joint.parent), _name_of_limb(project, joint.child))
-        found += [Offer("part", ends), *(Offer("kind", ends, kind) for kind in KNOWN_KINDS)]
+        found += [Offer("part", ends), *(Offer("kind", ends, kind) for kind in DETERMINED_TYPES)]
     if selection.limb is not None:
         found.append(Offer("root", (_name_of_limb(project, selection.limb),)))
     return found

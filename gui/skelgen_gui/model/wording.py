@@ -73,7 +73,7 @@ def _kind(kind: str) -> str:
         "universal": _tr("universal joint"),
         "hinge": _tr("hinge"),
         "rigid": _tr("rigid"),
-        "undetermined": _tr("turns too little to tell its kind"),
+        "undetermined": _tr("turns too little to tell its type"),
     }[kind]
 
 

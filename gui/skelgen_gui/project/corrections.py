@@ -62,7 +62,7 @@ class CorrectionActions(QObject):
         menu.clear()
         session = self._document.session
         # Kinds of which there are many: each has a menu of its own
-        titles = {"move": self.tr("Move to the limb of"), "kind": self.tr("Kind of the joint")}
+        titles = {"move": self.tr("Move to the limb of"), "kind": self.tr("Type of the joint")}
         submenus: dict[str, QMenu] = {}
         for offer in offers(session.project, selection or session.selection):
             target = menu

@@ -28,7 +28,7 @@ from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
-from skelgen.model.skeleton import JOINT_KINDS
+from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import SILENT, Monitor
 
 Content = dict[str, Any]
@@ -127,8 +127,8 @@ def _length_in_time(project: Project) -> str:
 def _tree_sentence(project: Project) -> str:
     topology = project.topology
     roots = listed(f"limb {root}" for root in topology.roots)
-    kinds = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
-    named = listed(f"{kinds[kind]} {kind}" for kind in JOINT_KINDS if kinds[kind])
+    types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
+    named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
     return f"{joints} connect them to {shape} with {roots} as root."
@@ -239,7 +239,7 @@ def _limbs(project: Project) -> Content:
 def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
     signs = []
-    for kind in (kind for kind in JOINT_KINDS if kind in used):
+    for kind in (kind for kind in JOINT_TYPES if kind in used):
         sign, label = sign_figure(kind, _SIGN_SIDE / 2, _SIGN_SIDE / 2), f"sign of a {kind} joint"
         signs.append((kind, svg.drawing(_SIGN_SIDE, _SIGN_SIDE, label, sign, least=_SIGN_SIDE)))
     return {

@@ -21,7 +21,7 @@ from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vec
 from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import JOINT_KINDS, TargetJoint
+from skelgen.model.rig import JOINT_TYPES, TargetJoint
 
 MIN_FRAMES = 20
 """Frames that show all targets of a chain at once, below which its joints are not fitted together."""
@@ -107,7 +107,7 @@ def calibrate_joints(
     ------
     InputError
         If a request names a target that is not there, two targets are not seen together, or their motion does not tell
-        the kind of a joint that a request leaves open.
+        the type of a joint that a request leaves open.
     """
     world, own = _pose_tables(frames, bodies)
     poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
@@ -156,8 +156,8 @@ def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> KindChoi
         return choice
     if choice.kind == "universal":
         return choose_kind(poses, request.parent, request.child, own, wanted="ball")
-    if choice.kind not in JOINT_KINDS:
-        raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its kind")
+    if choice.kind not in JOINT_TYPES:
+        raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its type")
     return choice
 
 

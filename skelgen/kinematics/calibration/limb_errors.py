@@ -128,7 +128,7 @@ class LimbErrors:
 
     def _change_of_shift(self, child: int, limb: int, turn: Floats) -> Floats:
         """How a joint that was shifted along its axis follows the errors of the axis [mm], shape (3, n)."""
-        if self.articulation.kinds[child] != "hinge":
+        if self.articulation.types[child] != "hinge":
             return np.zeros_like(turn)
         moved = -turn if limb == child else self.tilt(child) - turn
         return np.asarray(-cross_matrix(self._shift(child, limb)) @ moved)
@@ -315,9 +315,9 @@ def limb_errors(
 
 def _without_frames(errors: LimbErrors) -> Floats:
     """Root of errors without those that only rotate the limbs' frames, shape (n_constants, n_open)."""
-    chain, kinds = errors.chain, errors.articulation.kinds
+    chain, types = errors.chain, errors.articulation.types
     size = max(float(np.sqrt((chain.offsets**2).sum(axis=1).mean())), 1.0)
-    rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
+    rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(types) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
         rows.append(points.against(points.rigid_motion).reshape(-1, errors.root.shape[1]))

@@ -274,7 +274,7 @@ def chain_table(chain: Chain, articulation: Articulation) -> ChainTable:
     markers = np.argsort(chain.limb_of_marker, kind="stable").astype(np.intp)
     limbs = np.zeros((chain.n_limbs + 1, 3), dtype=np.intp)
     limbs[:-1, PARENT] = chain.parents
-    limbs[:-1, FREEDOMS] = [FREEDOMS_OF_TYPE[kind] for kind in articulation.kinds]
+    limbs[:-1, FREEDOMS] = [FREEDOMS_OF_TYPE[kind] for kind in articulation.types]
     limbs[:, START] = np.searchsorted(chain.limb_of_marker[markers], np.arange(chain.n_limbs + 1))
     joints = np.concatenate([articulation.in_parent, articulation.in_child, chain.joints], axis=1)
     return ChainTable(limbs, writable(joints), markers, writable(chain.offsets[markers]))

@@ -217,7 +217,7 @@ def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]
     limbs[:, ORDER] = order
     limbs[order, FIRST] = np.cumsum(sizes[order]) - sizes[order]
     limbs[:, LAST] = limbs[:, FIRST] + below @ sizes
-    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.kinds]
+    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.types]
     directions = np.zeros((n_limbs, 2, 3))
     for limb in np.flatnonzero(limbs[:, N_TILTS]).tolist():
         directions[limb] = across(articulation.in_parent[limb]).T

@@ -283,10 +283,10 @@ def _inertia(arms: Floats) -> Floats:
 def _allowed_turns(articulation: Articulation, limb: int, parent: Floats, child: Floats) -> Floats:
     """Projectors on the turns that a joint allows, shape (n_frames, 3, 3)."""
     every = np.broadcast_to(np.eye(3), parent.shape)
-    if FREEDOMS[articulation.kinds[limb]] in {0, 3}:
-        return every if FREEDOMS[articulation.kinds[limb]] else np.zeros_like(every)
+    if FREEDOMS[articulation.types[limb]] in {0, 3}:
+        return every if FREEDOMS[articulation.types[limb]] else np.zeros_like(every)
     first = parent @ articulation.in_parent[limb]
-    if articulation.kinds[limb] == "hinge":
+    if articulation.types[limb] == "hinge":
         return np.asarray(first[:, :, np.newaxis] * first[:, np.newaxis])
     normal = np.cross(first, child @ articulation.in_child[limb])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(np.float64).tiny)

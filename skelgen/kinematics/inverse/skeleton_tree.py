@@ -109,7 +109,7 @@ def noise_of_markers(skeleton: Skeleton, noise: float | None) -> Floats:
 def _articulation(joints: list[Joint | None]) -> Articulation:
     free = Articulation.free(len(joints))
     in_parent, in_child, between = free.in_parent.copy(), free.in_child.copy(), free.between.copy()
-    kinds = ["ball"] * len(joints)
+    types = ["ball"] * len(joints)
     for index, joint in enumerate(joints):
         if joint is None:
             continue
@@ -118,5 +118,5 @@ def _articulation(joints: list[Joint | None]) -> Articulation:
         if joint.second_axis is not None and joint.axis is not None:
             in_child[index] = joint.second_axis
             between[index] = np.arccos(np.clip(joint.axis @ joint.second_axis, -1.0, 1.0))
-        kinds[index] = joint.kind if joint.axis is not None or FREEDOMS[joint.kind] in {0, 3} else "ball"
-    return Articulation(tuple(kinds), in_parent, in_child, between, np.tile(np.eye(3), (len(joints), 1, 1)))
+        types[index] = joint.kind if joint.axis is not None or FREEDOMS[joint.kind] in {0, 3} else "ball"
+    return Articulation(tuple(types), in_parent, in_child, between, np.tile(np.eye(3), (len(joints), 1, 1)))

@@ -21,7 +21,7 @@ from skelgen.kinematics.joints.joint_model import (
     fit_joint_model,
     linearised,
 )
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES, ROUNDING, JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.joints.rotations import (
     BallRotation,
@@ -282,13 +282,13 @@ class KindChoice:
         ``ball``, ``hinge``, ``universal``, ``rigid``, or ``undetermined``.
     fit : JointFit
         Fit of that type; of an undetermined joint, of the simplest type that explains what is seen.
-    evidence : JointKind
+    evidence : JointType
         How well each type that was tried explains the rotations.
     """
 
     kind: str
     fit: JointFit
-    evidence: JointKind
+    evidence: JointType
 
     @property
     def sentence(self) -> str:
@@ -297,7 +297,7 @@ class KindChoice:
         if self.kind == "undetermined":
             last = list(self.evidence.type_fits.values())[-1]
             hidden = f"noise could hide {np.rad2deg(last.hidden):.2g} deg"
-            return f"not enough motion to tell the kind of joint: it {turn}, and {hidden}"
+            return f"not enough motion to tell the type of joint: it {turn}, and {hidden}"
         values = " ".join(f"{value:.2g}" for value in self.fit.singular_values)
         tried = ", ".join(
             f"{name} leaves {left.ratio:.3g} times the noise (limit {left.limit:.3g})"
@@ -337,12 +337,12 @@ def choose_kind(
     >>> choose_kind(poses, "left thigh", "left shank").kind
     'hinge'
     """
-    if wanted is not None and wanted not in KNOWN_KINDS:
-        raise InputError(f"there is no joint of kind {wanted!r}; kinds are {', '.join(KNOWN_KINDS)}")
+    if wanted is not None and wanted not in DETERMINED_TYPES:
+        raise InputError(f"there is no joint of type {wanted!r}; types are {', '.join(DETERMINED_TYPES)}")
     return choose(relative_poses(poses, parent, child, covariances, size), wanted)
 
 
-def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimits | None = None) -> KindChoice:
+def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None) -> KindChoice:
     """Find the type of the joint behind relative poses, and fit it.
 
     Parameters
@@ -350,10 +350,10 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimit
     measured : RelativePoses
         From `relative_poses`.
     wanted, limits
-        As for `find_kind`.
+        As for `find_joint_type`.
     """
     rotations, covariances = _refined_rotations(measured)
-    evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
+    evidence = find_joint_type(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
     return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
 

@@ -211,7 +211,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     """Joint above each limb but the root, by the child's index in the take."""
     found = {}
     for limb in range(1, one.chain.n_limbs):
-        parent, kind = int(one.chain.parents[limb]), one.kinds[limb - 1]
+        parent, kind = int(one.chain.parents[limb]), one.types[limb - 1]
         size = limb_size(one.chain, limb)
         changes = [one.chain_from_errors[where] @ one.errors.joint(limb, where) for where in (parent, limb)]
         covariance, in_child = (_below(change @ change.T, size) for change in changes)
@@ -264,10 +264,10 @@ def _root(covariance: Floats) -> Floats:
 
 def _axis_std(one: FittedBody, limb: int, where: int) -> Floats | None:
     """Standard deviations of an axis in one of its limbs: from the chain, or from the joint type where that is free."""
-    kind = one.kinds[limb - 1]
+    kind = one.types[limb - 1]
     if kind.kind not in {"hinge", "universal"}:
         return None
-    if one.errors.articulation.kinds[limb] == kind.kind:
+    if one.errors.articulation.types[limb] == kind.kind:
         return np.asarray(np.minimum(deviations(one.chain_from_errors[where] @ one.errors.axis(limb, where)), 1.0))
     own = slice(3, 6) if where == limb else slice(0, 3)
     return _root(kind.axis_covariance[own, own])

@@ -52,7 +52,7 @@ def test_joints_are_nearer_to_the_truth_without_the_displacements(tissue):
         settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration
         before.append(joint_errors(case, last).mean())
         after.append(joint_errors(case, settled).mean())
-    assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all kinds free
+    assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all types free
 
 
 def test_information_of_joints_is_less_where_markers_may_slide(tissue):

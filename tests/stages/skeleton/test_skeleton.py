@@ -369,7 +369,7 @@ def test_known_kinds_are_obeyed(simulated, reconstructed, kinds):
     parameters = SkeletonParameters(kinds=kinds)
     skeleton, _ = fit_skeleton(project.trajectories, project.limbs, project.topology, parameters)
     for joint in skeleton.joints:
-        wanted = parameters.stated_kind(joint.child)
+        wanted = parameters.stated_type(joint.child)
         assert wanted is None or joint.kind == wanted
 
 
