@@ -10,7 +10,7 @@ from skelgen.kinematics.inverse.inverse_kinematics import LiveSkeleton, Posture,
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.kinematics.joints.fit import (
     JointFit,
-    KindChoice,
+    TypeChoice,
     choose_kind,
     fit_ball,
     fit_hinge,
@@ -24,11 +24,11 @@ from skelgen.kinematics.rigid_bodies import RigidBody, calibrate_rigid_body, lim
 __all__ = [
     "Hierarchy",
     "JointFit",
-    "KindChoice",
     "Length",
     "LiveSkeleton",
     "Posture",
     "RigidBody",
+    "TypeChoice",
     "TypeLimits",
     "angle_names",
     "calibrate_rigid_body",

@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
-from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
+from skelgen.kinematics.joints.fit import TypeChoice, choose, fit_joint_type
 from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
@@ -71,20 +71,20 @@ class Hierarchy:
     gaps : ndarray, shape (n_bodies, n_bodies), mm
         Root mean square distance of the two images of the best joint between each two bodies; NaN where they are never
         seen together.
-    joints : dict of int to KindChoice
+    joints : dict of int to TypeChoice
         The joint above each body that is no root.
     loops : tuple of pairs of int
         Bodies that are joined beyond the tree, as found or as stated.
-    loop_joints : tuple of KindChoice
+    loop_joints : tuple of TypeChoice
         Their joints, in this order: the first body is the parent.
     """
 
     names: tuple[str, ...]
     parents: Ints
     gaps: Floats
-    joints: dict[int, KindChoice]
+    joints: dict[int, TypeChoice]
     loops: tuple[tuple[int, int], ...]
-    loop_joints: tuple[KindChoice, ...] = ()
+    loop_joints: tuple[TypeChoice, ...] = ()
 
     @property
     def lengths(self) -> tuple[Length, ...]:
@@ -233,7 +233,7 @@ def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) ->
         between = set(_to_root(parents, first)) ^ set(_to_root(parents, second))
         if in_tree or not gaps[first, second] <= gap or any(one.get(body, False) for body in between):
             continue
-        if gaps[first, second] <= _EXACT_GAP or fit_kind("ball", relate(first, second)).noise <= noise:
+        if gaps[first, second] <= _EXACT_GAP or fit_joint_type("ball", relate(first, second)).noise <= noise:
             pairs.append((first, second))
     return tuple(pairs)
 

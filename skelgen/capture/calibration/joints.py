@@ -18,7 +18,7 @@ from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
-from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
+from skelgen.kinematics import JointFit, TypeChoice, choose_kind, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_TYPES, TargetJoint
@@ -150,7 +150,7 @@ def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -
     return world, own
 
 
-def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
+def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoice:
     choice = choose_kind(poses, request.parent, request.child, own, wanted=request.kind or None)
     if request.kind:
         return choice
@@ -161,7 +161,7 @@ def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> KindChoi
     return choice
 
 
-def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, KindChoice]]:
+def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, TypeChoice]]:
     """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
     hierarchy = find_hierarchy(poses, covariances=own)
     order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]

@@ -146,31 +146,31 @@ def fit_ball(
     InputError
         If there is no such body, or too few frames show both.
     """
-    return fit_kind("ball", relative_poses(poses, parent, child, covariances, size))
+    return fit_joint_type("ball", relative_poses(poses, parent, child, covariances, size))
 
 
 def fit_hinge(
     poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a hinge: axis, position and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
-    return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
+    return fit_joint_type("hinge", relative_poses(poses, parent, child, covariances, size))
 
 
 def fit_universal(
     poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
-    return fit_kind("universal", relative_poses(poses, parent, child, covariances, size))
+    return fit_joint_type("universal", relative_poses(poses, parent, child, covariances, size))
 
 
 def fit_rigid(
     poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
-    return fit_kind("rigid", relative_poses(poses, parent, child, covariances, size))
+    return fit_joint_type("rigid", relative_poses(poses, parent, child, covariances, size))
 
 
-def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
+def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
     """Fit a joint of one type to relative poses.
 
     Parameters
@@ -273,7 +273,7 @@ def _frame(joint: JointModel, where: str) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class KindChoice:
+class TypeChoice:
     """The type of a joint, and the evidence for it.
 
     Attributes
@@ -314,7 +314,7 @@ def choose_kind(
     size: float | None = None,
     *,
     wanted: str | None = None,
-) -> KindChoice:
+) -> TypeChoice:
     """Find the type of the joint between two bodies, and fit it.
 
     Parameters
@@ -342,7 +342,7 @@ def choose_kind(
     return choose(relative_poses(poses, parent, child, covariances, size), wanted)
 
 
-def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None) -> KindChoice:
+def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None) -> TypeChoice:
     """Find the type of the joint behind relative poses, and fit it.
 
     Parameters
@@ -355,7 +355,7 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimit
     rotations, covariances = _refined_rotations(measured)
     evidence = find_joint_type(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
-    return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
+    return TypeChoice(evidence.kind, fit_joint_type(simplest, measured), evidence)
 
 
 def _refined_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
