@@ -75,7 +75,7 @@ def undistort(distorted: Floats, numbers: Floats) -> Floats:
     return rays
 
 
-@array_part
+@kernel
 def rays_of_pixels(pixels: Floats, std: Floats, numbers: Floats) -> tuple[Floats, Floats]:
     """Return the rays that pixels look along, and how their noise spreads them.
 

@@ -242,10 +242,10 @@ def triangulate(rig: StereoRig, left: Floats, right: Floats, std: float | None =
     noise = np.full(len(left), rig.noise if std is None else std)
     both = np.arange(len(left))
     views = view_of(rig.left, left, noise), view_of(rig.right, right, noise)
-    return triangulate_pairs(rig, *views, np.stack([both, both], axis=1))
+    return triangulate_pairs(rig, *views, geometry_of(rig), np.stack([both, both], axis=1))
 
 
-def triangulate_pairs(rig: StereoRig, left: View, right: View, pairs: Ints) -> Triangulated:
+def triangulate_pairs(rig: StereoRig, left: View, right: View, geometry: Geometry, pairs: Ints) -> Triangulated:
     """Return the most likely points of pairs of pixels.
 
     Parameters
@@ -254,10 +254,12 @@ def triangulate_pairs(rig: StereoRig, left: View, right: View, pairs: Ints) -> T
         Both cameras.
     left, right : View
         What they see; see `view_of`.
+    geometry : Geometry
+        From `geometry_of`.
     pairs : ndarray of intp, shape (n, 2)
         The left and the right pixel of each.
     """
-    found = stereo_matching.triangulate(left, right, geometry_of(rig), pairs)
+    found = stereo_matching.triangulate(left, right, geometry, pairs)
     camera_from_world = rig.left.camera_from_world
     back = camera_from_world[:3, :3].T
     points = (found.points - camera_from_world[:3, 3]) @ back.T
@@ -276,20 +278,19 @@ def view_of(camera: Camera, pixels: Floats, std: Floats) -> View:
     std : ndarray, shape (n,), px
         Standard deviation of each along one axis.
     """
-    return View(np.array(pixels, dtype=np.float64, order="C"), np.array(std, dtype=np.float64), camera_numbers(camera))
+    numbers = camera_numbers(camera)
+    return View(
+        *_kernels_camera.rays_of_pixels(
+            np.array(pixels, dtype=np.float64, order="C"), np.array(std, dtype=np.float64), numbers
+        )
+    )
 
 
 def geometry_of(rig: StereoRig) -> Geometry:
     """Return where the right camera is, seen from the left one, as kernels take it."""
     right_from_left = rig.right_from_left
     rotation, shift = np.array(right_from_left[:3, :3], order="C"), np.array(right_from_left[:3, 3])
-    return Geometry(rotation, shift, essential_matrix(rig))
-
-
-def essential_matrix(rig: StereoRig) -> Floats:
-    """Return E with x'^T E x = 0 for normalised coordinates x of the left, x' of the right camera, shape (3, 3)."""
-    right_from_left = rig.right_from_left
-    return np.asarray(cross_matrix(right_from_left[:3, 3]) @ right_from_left[:3, :3])
+    return Geometry(rotation, shift, cross_matrix(shift) @ rotation)
 
 
 def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float = GATE) -> StereoPoints:
@@ -309,17 +310,14 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
     StereoPoints
         In the order of the left balls, then of the right ones; only points in front of both cameras.
     """
-    in_left, in_right = (
-        view_of(camera, balls.centres, np.fmax(balls.std, rig.noise))
-        for camera, balls in ((rig.left, left), (rig.right, right))
-    )
-    pairs = find_pairs(in_left, in_right, geometry_of(rig), gate)
-    found = triangulate_pairs(rig, in_left, in_right, pairs)
-    is_point = np.isfinite(found.points[:, 0]) & np.isfinite(found.covariance[:, 0, 0])
+    left_std, right_std = np.fmax(left.std, rig.noise), np.fmax(right.std, rig.noise)
+    views = view_of(rig.left, left.centres, left_std), view_of(rig.right, right.centres, right_std)
+    geometry = geometry_of(rig)
+    pairs = find_pairs(*views, geometry, gate)
+    found = triangulate_pairs(rig, *views, geometry, pairs)
+    is_point = np.isfinite(found.covariance[:, 0, 0])
     first, second = pairs[is_point].T
-    distance = np.hypot(
-        found.shifts[is_point, 0] * in_left.std[first], found.shifts[is_point, 1] * in_right.std[second]
-    )
+    distance = np.hypot(found.shifts[is_point, 0] * left_std[first], found.shifts[is_point, 1] * right_std[second])
     shared = _is_shared(first, len(left)) | _is_shared(second, len(right))
     return StereoPoints(found.points[is_point], found.covariance[is_point], first, second, distance, shared)
 

@@ -11,6 +11,7 @@ in the xy plane, from a QR decomposition. The other 3 n - 6 numbers have a covar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class LimbShape:
     points: Floats
     world_from_limb: Floats
 
-    @property
+    @cached_property
     def posed(self) -> Bools:
         """Frames with a pose, shape (n_frames,)."""
         return np.asarray(~np.isnan(self.world_from_limb[:, 0, 0]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -92,7 +93,7 @@ class StereoRig:
         if self.baseline == 0.0:
             raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
 
-    @property
+    @cached_property
     def right_from_left(self) -> Floats:
         """Pose of the left camera's frame in the right one's, shape (4, 4)."""
         return np.asarray(self.right.camera_from_world @ np.linalg.inv(self.left.camera_from_world))

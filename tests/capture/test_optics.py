@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import (
-    essential_matrix,
     folding_radius,
+    geometry_of,
     in_image,
     match_and_triangulate,
     pixels_from_normalised,
@@ -137,7 +137,7 @@ def test_rays_to_one_point_lie_in_one_plane_with_both_cameras(rng):
     rig = reference_rig()
     points = visible_points(rig, rng, 50)
     left, right = (undistort(eye, project(eye, points)) for eye in (rig.left, rig.right))
-    residuals = (homogeneous(right) * (homogeneous(left) @ essential_matrix(rig).T)).sum(axis=1)
+    residuals = (homogeneous(right) * (homogeneous(left) @ geometry_of(rig).essential.T)).sum(axis=1)
     assert np.abs(residuals).max() < 1e-9 * rig.baseline
 
 
@@ -156,7 +156,7 @@ def test_corrected_rays_meet_and_no_other_pair_of_rays_that_meet_is_nearer(rng):
     points = visible_points(rig, rng, 100)
     noise = 2.0 * rng.normal(size=(2, len(points), 2))
     found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
-    meets = (homogeneous(found.rays[:, 1]) * (homogeneous(found.rays[:, 0]) @ essential_matrix(rig).T)).sum(axis=1)
+    meets = (homogeneous(found.rays[:, 1]) * (homogeneous(found.rays[:, 0]) @ geometry_of(rig).essential.T)).sum(axis=1)
     assert np.abs(meets).max() < 1e-9 * rig.baseline
     cost = (found.shifts**2).sum(axis=1)
     for move in 0.3 * rng.normal(size=(20, 1, 3)):  # rays of points near by meet as well

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -116,12 +117,12 @@ class Segment:
         """World positions of the markers [mm], shape (n_frames, n_markers, 3)."""
         return self.points[:, : self.n_markers]
 
-    @property
+    @cached_property
     def centre(self) -> Floats:
         """Centroid of the markers in the limb's frame [mm]; undetermined joints are drawn there."""
         return np.asarray(self.shape.points[: self.n_markers].mean(axis=0))
 
-    @property
+    @cached_property
     def lacks_poses(self) -> bool:
         """Whether too few frames determine its pose for more than a start."""
         return int(self.shape.posed.sum()) < min(ENOUGH_FRAMES, int(self.is_seen.sum()))
@@ -132,7 +133,7 @@ class Segment:
         posed = self.shape.posed
         return posed if posed.any() else self.is_seen
 
-    @property
+    @cached_property
     def is_seen(self) -> Bools:
         """Frames that show any of its points, shape (n_frames,)."""
         return np.asarray(~np.isnan(self.points[:, :, 0]).all(axis=1))
