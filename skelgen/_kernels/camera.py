@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import kernel, kernel_part
 from skelgen.model.arrays import Floats
 
 MAX_NEWTON_STEPS = 30

@@ -179,7 +179,7 @@ def euler_angles(axes: str, rotations: Floats) -> Floats:
         return np.empty((0, 3))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # at the gimbal position the third angle becomes 0, as good as any
-        angles = Rotation.from_matrix(rotations).as_euler(axes)
+        angles = Rotation.from_quat(np.roll(quaternion_from_matrix(rotations), -1, axis=-1)).as_euler(axes)
     other = angles * [1.0, -1.0, 1.0] + np.pi
     crossing = _distances(angles[:-1], other[1:]) < _distances(angles[:-1], angles[1:])
     # Two frames that both take their other set are as far apart as before: each crossing changes sets from there on.
