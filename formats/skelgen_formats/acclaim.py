@@ -183,7 +183,7 @@ def _places(bone: AsfBone, values: Floats, asf: Asf, index_of: dict[str, int]) -
 
 
 ROOT = "root"
-MM_PER_INCH = 25.4
+_MM_PER_INCH = 25.4
 _DEGREES_OF_FREEDOM = ("tx", "ty", "tz", "rx", "ry", "rz", "l")
 _ANGLES = {"deg": np.pi / 180, "rad": 1.0}
 _MOST_BONES = 1000
@@ -348,7 +348,7 @@ class _Reader:
             self._children.append(name)
 
     def _finished(self) -> Asf:
-        scale = MM_PER_INCH / self._length
+        scale = _MM_PER_INCH / self._length
         for name, (angles, order) in self._axes_of.items():
             # the first letter is applied first, so that it is the rightmost factor
             turns = np.array(angles)[["xyz".index(letter) for letter in order[::-1]]] * self._radians

@@ -49,14 +49,14 @@ ROOT = "capture"
 VERSION = "1"
 UNIT = "mm"
 FILE_NAME = "settings.xml"
-LARGEST_FILE = 1 << 22
+_LARGEST_FILE = 1 << 22
 """Bytes; a hundred bodies of ten points take 100 kB."""
 
 LEFT, RIGHT = "left", "right"
 
-ONE = "exactly one"
-AT_MOST_ONE = "at most one"
-ANY = "any number"
+_ONE = "exactly one"
+_AT_MOST_ONE = "at most one"
+_ANY = "any number"
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Element:
     required, optional : tuple of str
         Names of attributes.
     children : mapping of str to str
-        Names of elements, and how many of them: `ONE`, `AT_MOST_ONE` or `ANY`.
+        Names of elements, and how many of them: `_ONE`, `_AT_MOST_ONE` or `_ANY`.
     numbers : int
         Numbers that its text holds; 0 for elements whose text is not of numbers.
     """
@@ -82,29 +82,29 @@ class Element:
 _CAMERA = Element(
     required=("width", "height"),
     optional=("name",),
-    children={"matrix": ONE, "distortion": ONE, "camera_from_world": ONE},
+    children={"matrix": _ONE, "distortion": _ONE, "camera_from_world": _ONE},
 )
 _POSE = Element(numbers=16)
 _PLACED = Element(optional=("std", "axis_std"), numbers=16)
 
-LAYOUT: Mapping[str, Element] = {
+_LAYOUT: Mapping[str, Element] = {
     ROOT: Element(
         required=("version", "unit"),
-        children={"source": AT_MOST_ONE, "rig": ONE, "detection": AT_MOST_ONE, "body": ANY, "joint": ANY},
+        children={"source": _AT_MOST_ONE, "rig": _ONE, "detection": _AT_MOST_ONE, "body": _ANY, "joint": _ANY},
     ),
     "source": Element(),
-    "rig": Element(required=("noise",), children={LEFT: ONE, RIGHT: ONE}),
+    "rig": Element(required=("noise",), children={LEFT: _ONE, RIGHT: _ONE}),
     LEFT: _CAMERA,
     RIGHT: _CAMERA,
     "matrix": Element(numbers=9),
     "distortion": Element(numbers=5),
     "camera_from_world": _POSE,
-    "detection": Element(children={"parameter": ANY}),
+    "detection": Element(children={"parameter": _ANY}),
     "parameter": Element(required=("name", "value")),
-    "body": Element(required=("name",), children={"point": ANY}),
+    "body": Element(required=("name",), children={"point": _ANY}),
     "point": Element(optional=("std",), numbers=3),
     "joint": Element(
-        required=("name", "kind", "parent", "child"), children={"parent_from_joint": ONE, "child_from_joint": ONE}
+        required=("name", "kind", "parent", "child"), children={"parent_from_joint": _ONE, "child_from_joint": _ONE}
     ),
     "parent_from_joint": _PLACED,
     "child_from_joint": _PLACED,
@@ -137,7 +137,7 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
         value is not what it must be; the sentence says file, line and what is allowed.
     """
     path = Path(path)
-    root = read_root(path, ROOT, FILE_NAME, LARGEST_FILE)
+    root = read_root(path, ROOT, FILE_NAME, _LARGEST_FILE)
     _check_names(path, root)
     for name, wanted in (("version", VERSION), ("unit", UNIT)):
         if root.get(name) != wanted:
@@ -155,7 +155,7 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
 
 def _check_names(path: Path, element: Any) -> None:
     """Refuse attributes, elements and text that the layout does not know, and miss those that it demands."""
-    known = LAYOUT[element.tag]
+    known = _LAYOUT[element.tag]
     allowed = (*known.required, *known.optional)
     for name in element.attrib:
         if name not in allowed:
@@ -176,9 +176,9 @@ def _check_counts(path: Path, element: Any, known: Element) -> None:
         raise _error(path, element, f"<{element.tag}> holds text between its elements; {_holds('', known)}")
     for name, count in known.children.items():
         found = element.findall(name)
-        if count == ONE and not found:
+        if count == _ONE and not found:
             raise _error(path, element, f"<{element.tag}> lacks <{name}>; {_holds(name, known)}")
-        if count != ANY and len(found) > 1:
+        if count != _ANY and len(found) > 1:
             line = found[0].sourceline
             raise _error(path, found[1], f"a second <{name}> in <{element.tag}>, the first is in line {line}; keep one")
 
@@ -200,7 +200,7 @@ def _body(path: Path, element: Any) -> BodyTarget:
 
 
 def _joint(path: Path, element: Any, bodies: list[str]) -> TargetJoint:
-    name, kind, parent, child = (element.get(key) for key in LAYOUT["joint"].required)
+    name, kind, parent, child = (element.get(key) for key in _LAYOUT["joint"].required)
     for role, body in (("parent", parent), ("child", child)):
         if body not in bodies:
             known = ", ".join(closest_first(body, bodies)) or "none"
@@ -250,7 +250,7 @@ def _distinct(path: Path, elements: Iterable[Any]) -> list[Any]:
 
 
 def _numbers(path: Path, element: Any) -> Floats:
-    return _parsed(path, element, f"<{element.tag}>", element.text or "", LAYOUT[element.tag].numbers)
+    return _parsed(path, element, f"<{element.tag}>", element.text or "", _LAYOUT[element.tag].numbers)
 
 
 def _attribute_numbers(path: Path, element: Any, name: str, count: int) -> Floats:

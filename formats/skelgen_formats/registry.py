@@ -262,7 +262,17 @@ def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = Fa
 
 
 def checked_options(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> dict[str, Any]:
-    """Return what the user gave in the declared types; parameters and errors as `options_of`."""
+    """Return what the user gave in the declared types; errors as `options_of`.
+
+    Parameters
+    ----------
+    entry : Format
+        The format.
+    given : mapping of str to value
+        Options that the user gave.
+    reading : bool
+        Whether for reading or for writing.
+    """
     declared = {option.name: option for option in entry.options if option.reading or not reading}
     for name in given:
         if name not in declared:

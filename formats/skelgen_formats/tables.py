@@ -58,7 +58,19 @@ def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Mon
 
 
 def write_parquet_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the three tables as Parquet; parameters and errors as `write_csv_tables`, and an error without pyarrow."""
+    """Write the three tables as Parquet; errors as `write_csv_tables`, and an error without pyarrow.
+
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        Name that the files' names begin with.
+    unit : str
+        Of lengths.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     _check_parquet(value)
     return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
 

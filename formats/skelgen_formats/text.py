@@ -121,7 +121,19 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
 
 
 def count_in(path: Path, place: str | int, text: str, what: str) -> int:
-    """Return a whole number of at least 0 that a header states, or raise `FormatError`; parameters as `number_in`."""
+    """Return a whole number of at least 0 that a header states, or raise `FormatError`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    text : str
+        What stands there.
+    what : str
+        What it is, for errors.
+    """
     value = number_in(path, place, text, what)
     if value < 0 or value != int(value):
         raise FormatError(path, place, f"{what} is {_shown(text)}; a whole number from 0 up belongs there")
@@ -129,7 +141,19 @@ def count_in(path: Path, place: str | int, text: str, what: str) -> int:
 
 
 def rate_in(path: Path, place: str | int, text: str, what: str) -> float:
-    """Return a frame rate above 0 [Hz] that a header states, or raise `FormatError`; parameters as `number_in`."""
+    """Return a frame rate above 0 [Hz] that a header states, or raise `FormatError`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    text : str
+        What stands there.
+    what : str
+        What it is, for errors.
+    """
     value = number_in(path, place, text, what)
     if value <= 0:
         raise FormatError(path, place, f"{what} is {value:g} Hz; it must be above 0")
@@ -294,7 +318,15 @@ def number_text(numbers: Iterable[float]) -> str:
 
 
 def write_tree(path: Path, root: Element) -> None:
-    """Write an element with all it holds as an indented document; see `write_lines`."""
+    """Write an element with all it holds as an indented document; see `write_lines`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    root : Element
+        Its root element.
+    """
     indent(root)
     write_lines(path, tostring(root, encoding="unicode").split("\n"))
 

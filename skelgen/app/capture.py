@@ -43,6 +43,13 @@ def read_capture_settings(path: Path) -> CaptureSettings:
 def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource:
     """Return the source that a text names, or else the one of the settings.
 
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    text : str, optional
+        Where images come from, as docs/capture/sources.md has it.
+
     Raises
     ------
     InputError
@@ -88,7 +95,7 @@ def capture(
         was recorded until then is kept.
     """
     for path in record:
-        check_recording(path, settings)
+        _check_recording(path, settings)
     with ExitStack() as stack:
         live = stack.enter_context(MotionCapture(settings, bodies, prediction))
         pairs = stack.enter_context(source)
@@ -107,14 +114,30 @@ def calibrate_body_of(
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[CaptureSettings, BodyCalibration]:
-    """Calibrate a target from a source; return the settings with it, in place of one of the same name."""
+    """Calibrate a target from a source; return the settings with it, in place of one of the same name.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    source : FrameSource
+        Pairs of images of the target that is turned.
+    name : str
+        What the target is called.
+    n_balls : int, optional
+        Its number of balls; found if left out.
+    n_frames : int, optional
+        Pairs at most; all if left out.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     frames = _points_of(settings, source, n_frames, monitor)
     others = [body for body in settings.bodies if body.name != name]
     done = calibrate_body(frames, name, n_balls, others, monitor=monitor)
-    return with_body(settings, done.target), replace(done, notices=(*done.notices, *outdated(settings, name)))
+    return _with_body(settings, done.target), replace(done, notices=(*done.notices, *_outdated(settings, name)))
 
 
-def with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
+def _with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
     """Return settings with a target, in place of one of the same name.
 
     Raises
@@ -129,7 +152,7 @@ def with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
     return replace(settings, bodies=bodies)
 
 
-def outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
+def _outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
     """Return a notice of the joints of settings that were measured in a target that is calibrated anew; or none."""
     joints = [joint.name for joint in settings.joints if name in (joint.parent, joint.child)]
     if not joints:
@@ -144,7 +167,21 @@ def calibrate_joints_of(
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[CaptureSettings, JointCalibration]:
-    """Calibrate joints from a source; return the settings with them, in place of those of the same names."""
+    """Calibrate joints from a source; return the settings with them, in place of those of the same names.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    source : FrameSource
+        Pairs of images of the joints that are moved.
+    requests : sequence of JointRequest
+        Joints that are stated; all are found if there are none.
+    n_frames : int, optional
+        Pairs at most; all if left out.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     if len(settings.bodies) < 2:
         raise InputError("joints are between two targets; calibrate them first: skelgen calibrate body")
     frames = _points_of(settings, source, n_frames, monitor)
@@ -157,6 +194,13 @@ def calibrate_joints_of(
 
 def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSettings:
     """Return settings with joints, in place of those of the same names.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    done : JointCalibration
+        What was calibrated.
 
     Raises
     ------
@@ -182,7 +226,7 @@ def _points_of(
         return [finder.find(pair)[2] for pair in with_progress(islice(pairs, n_frames), total, monitor)]
 
 
-def check_recording(path: Path, settings: CaptureSettings) -> None:
+def _check_recording(path: Path, settings: CaptureSettings) -> None:
     """Check that a capture can be recorded into a file of this name, or raise `InputError`."""
     suffix = path.suffix.lower()
     if suffix not in RECORDINGS:
@@ -210,13 +254,13 @@ class Recording:
     """
 
     def __init__(self, path: Path, settings: CaptureSettings, rate: float | None) -> None:
-        check_recording(path, settings)
+        _check_recording(path, settings)
         self.path, self._settings = path, settings
         self._recorder: MfmlRecorder | C3dRecorder
         if path.suffix.lower() == ".mfml":
             self._recorder = MfmlRecorder(path)
         else:
-            self._recorder = C3dRecorder(path, ball_names(settings.bodies), rate)
+            self._recorder = C3dRecorder(path, _ball_names(settings.bodies), rate)
 
     def __enter__(self) -> Self:
         """Return itself: the file is open."""
@@ -244,13 +288,21 @@ class Recording:
         self._recorder.add(captured.pair.time, places, errors)
 
 
-def ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
+def _ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
     """Return the names of all balls of all targets: ``upper:1``, ``upper:2`` and so on."""
     return [f"{body.name}:{ball + 1}" for body in bodies for ball in range(len(body.points))]
 
 
 def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
-    """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not."""
+    """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not.
+
+    Parameters
+    ----------
+    bodies : sequence of BodyTarget
+        The targets.
+    captured : Captured
+        One pair of images with what was found.
+    """
     parts = []
     for body in bodies:
         places = np.full(body.points.shape, np.nan)
@@ -305,8 +357,8 @@ def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str
         taken for another one.
     """
     settings = _stored(path, used)
-    write_settings(with_body(settings, target), path)
-    return outdated(settings, target.name)
+    write_settings(_with_body(settings, target), path)
+    return _outdated(settings, target.name)
 
 
 def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration) -> None:

@@ -70,7 +70,7 @@ def open_input(
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
     if is_stereo(path, format):
-        taken = read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
+        taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
     take = registry.read_take(path, format, **options)
     source = source_of(Path(path), format or registry.recognise(Path(path)).name, options)
@@ -217,7 +217,7 @@ def _option_names(format_name: str) -> set[str]:
 _ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<capture[\s>/]", re.DOTALL)
 
 
-def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
+def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
     """Turn all images of a stereo recording into unlabelled points.
 
     Parameters
@@ -281,7 +281,7 @@ STEREO = registry.Format(
     suffixes=(".xml",),
     holds="points",
     sniff=_sniff,
-    read=lambda path, options: read_stereo(path),
+    read=lambda path, options: _read_stereo(path),
     options=(
         Option("source", "", "where images come from; empty takes what the settings say"),
         Option("frames", 0, "pairs of images at most; 0 takes all", low=0),

@@ -53,6 +53,13 @@ def peak_gigabytes() -> float:
 def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
     """Return what a function of a module returns in a fresh process: a process never forgets its peak of memory.
 
+    Parameters
+    ----------
+    work : callable
+        A function of a module.
+    *given
+        Its arguments; those and what it returns must be picklable.
+
     Raises
     ------
     SkelgenError

@@ -42,7 +42,21 @@ def benchmark(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page."""
+    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page.
+
+    Parameters
+    ----------
+    output : Path
+        The page.
+    suites : list of str, optional
+        What is measured; everything if left out.
+    quick : bool
+        Whether fewer seeds and frames are used.
+    resume : bool
+        Whether suites that are finished in the page are kept.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     from skelgen.benchmark import run_benchmark, write_benchmark_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence
@@ -81,7 +95,17 @@ RIG = "rig"
 
 
 def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
-    """Print the standard deviations of points, bodies and joint angles; draw them if a file is named."""
+    """Print the standard deviations of points, bodies and joint angles; draw them if a file is named.
+
+    Parameters
+    ----------
+    settings : Path
+        Settings of the capture.
+    plot : Path or None
+        SVG file that shows the errors.
+    screen : Screen
+        Shows the tables.
+    """
     from skelgen_formats.capture_settings import read_settings
 
     from skelgen.capture.errors_by_distance import errors_by_distance

@@ -11,7 +11,7 @@ from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.kinematics.joints.fit import (
     JointFit,
     TypeChoice,
-    choose_kind,
+    choose_joint_type,
     fit_ball,
     fit_hinge,
     fit_rigid,
@@ -32,7 +32,7 @@ __all__ = [
     "TypeLimits",
     "angle_names",
     "calibrate_rigid_body",
-    "choose_kind",
+    "choose_joint_type",
     "find_hierarchy",
     "fit_ball",
     "fit_hinge",

@@ -10,7 +10,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import choose_kind, find_hierarchy, fit_ball, fit_hinge, fit_universal, pose_covariance
+from skelgen.kinematics import choose_joint_type, find_hierarchy, fit_ball, fit_hinge, fit_universal, pose_covariance
 from skelgen.model import Limbs, Poses
 from skelgen.simulation import Truth, simulate
 from skelgen.stages.joints import find_joints
@@ -139,7 +139,7 @@ def show_little_motion() -> None:
             found: Counter[str] = Counter()
             for seed in range(20):
                 poses, covariances, _ = tracked(kind, seed, degrees, noise=1.0)
-                found[choose_kind(poses, 0, 1, covariances).kind] += 1
+                found[choose_joint_type(poses, 0, 1, covariances).kind] += 1
             rows.append((f"{degrees:g}", kind, ", ".join(f"{name} {count}" for name, count in found.most_common())))
     columns = ("swing [deg]", "true kind", "found, of 20 takes")
     show("Less and less motion, 1 mm noise, 4 + 4 markers, 200 frames", columns, rows)

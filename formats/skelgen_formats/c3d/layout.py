@@ -101,7 +101,13 @@ class C3dLayout:
         return 4 if self.scale < 0 else 2
 
     def texts(self, group: str, name: str) -> list[str]:
-        """Return a text parameter as stripped strings; the numbered continuations (``LABELS2``) follow."""
+        """Return a text parameter as stripped strings; the numbered continuations (``LABELS2``) follow.
+
+        Parameters
+        ----------
+        group, name : str
+            Of the parameter.
+        """
         found: list[str] = []
         number = 1
         while (group, name if number == 1 else f"{name}{number}") in self.parameters:

@@ -39,7 +39,7 @@ from skelgen.progress import Monitor
 
 _Progress = TypeVar("_Progress")
 
-MOTION_INTERVAL = 0.25
+_MOTION_INTERVAL = 0.25
 """s between two looks at all motion so far, which take 10 ms with many targets."""
 
 
@@ -323,7 +323,7 @@ class JointCollector(TargetCollector[JointProgress]):
     @property
     def _recent_progress(self) -> JointProgress:
         now = time.monotonic()
-        if self._taking is not None and now - self._looked_at >= MOTION_INTERVAL:
+        if self._taking is not None and now - self._looked_at >= _MOTION_INTERVAL:
             self._last_progress, self._looked_at = self._progress, now
         return self._last_progress
 

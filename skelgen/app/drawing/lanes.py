@@ -53,7 +53,13 @@ class Lanes:
         return len(self.markers)
 
     def state(self, lane: int, frame: int) -> State:
-        """Return the state in a frame."""
+        """Return the state in a frame.
+
+        Parameters
+        ----------
+        lane, frame : int
+            Indices.
+        """
         return State(int(self.states[self._run(np.array([lane * self.n_frames + frame]))[0]]))
 
     def shares(self, lanes: Ints, edges: Floats) -> Floats:

@@ -19,7 +19,17 @@ _ATTRIBUTE_NAMES = {"cls": "class", "href": "href"}
 
 
 def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup:
-    """Return one element; underscores in attribute names become hyphens, ``cls`` becomes ``class``."""
+    """Return one element; underscores in attribute names become hyphens, ``cls`` becomes ``class``.
+
+    Parameters
+    ----------
+    name : str
+        Of the element.
+    *children : Markup or str
+        What is in it; texts are escaped.
+    **attributes : str or float
+        Values; numbers are rounded.
+    """
     pairs = [(_ATTRIBUTE_NAMES.get(key, key.replace("_", "-")), number(value)) for key, value in attributes.items()]
     head = name + "".join(f' {key}="{escape(value)}"' for key, value in pairs)
     if not children:
@@ -28,7 +38,15 @@ def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup
 
 
 def group(*children: Markup, **attributes: str | float) -> Markup:
-    """Return a group of elements."""
+    """Return a group of elements.
+
+    Parameters
+    ----------
+    *children : Markup
+        What is in it.
+    **attributes : str or float
+        See `tag`.
+    """
     return tag("g", Markup("").join(children), **attributes)
 
 
@@ -195,7 +213,13 @@ class Axes:
         return self.height - self.bottom - (self.height - self.bottom - TOP) * share
 
     def frame(self, y_title: str, x_title: str = "") -> Markup:
-        """Draw grid, tick labels and titles; without a title the x axis has no ticks."""
+        """Draw grid, tick labels and titles; without a title the x axis has no ticks.
+
+        Parameters
+        ----------
+        y_title, x_title : str
+            With units.
+        """
         right, floor = self.width - RIGHT, self.height - self.bottom
         parts = [text(4, 12, y_title, "small")]
         for value in ticks(self.first_y, self.last_y, 4):

@@ -244,7 +244,7 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -
     }
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
     structure["take"] = packed(project.take, "take", arrays) if embed else None
-    structure["source"] = None if embed else packed(reference_to(project), "source", arrays)
+    structure["source"] = None if embed else packed(_reference_to(project), "source", arrays)
     structure["identities"] = packed(project.identities, "identities", arrays)
     structure["corrections"] = packed(project.corrections, "corrections", arrays)
     structure["view"] = dict(project.view)
@@ -303,7 +303,7 @@ def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Sourc
     return Source(str(path.absolute()), format_name, dict(options), facts.st_size, facts.st_mtime_ns)
 
 
-def reference_to(project: Project) -> Source:
+def _reference_to(project: Project) -> Source:
     """Return what a project file says of the recording that it refers to.
 
     Raises

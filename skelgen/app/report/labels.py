@@ -51,8 +51,8 @@ def labels_content(project: Project) -> dict[str, object]:
         "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),
         "more": len(labelling.doubts) - len(shown),
         "confidence": confidence_figure(project),
-        "tracks": tracks_figure(project, drawn) if drawn else "",
-        "marker_tracks": marker_tracks_figure(project, drawn) if drawn else "",
+        "tracks": _tracks_figure(project, drawn) if drawn else "",
+        "marker_tracks": _marker_tracks_figure(project, drawn) if drawn else "",
         "classic": _comparison(project, labelling),
     }
 
@@ -127,7 +127,7 @@ _LIGHTER = 0.55  # of the way to white: the second shade
 _WHITE = 255
 
 
-def tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
+def _tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
     """Draw the tracks as points were followed.
 
     Parameters
@@ -146,7 +146,7 @@ def tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
     return svg.drawing(WIDTH, height + BOTTOM, "Tracks as points were followed", picture, axis, least=LEAST_WIDTH)
 
 
-def marker_tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
+def _marker_tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
     """Draw the same tracks in the rows of the markers that they went to, with the number of parts at the right.
 
     Parameters

@@ -18,7 +18,7 @@ from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
-from skelgen.kinematics import JointFit, TypeChoice, choose_kind, find_hierarchy
+from skelgen.kinematics import JointFit, TypeChoice, choose_joint_type, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_TYPES, TargetJoint
@@ -151,11 +151,11 @@ def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -
 
 
 def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoice:
-    choice = choose_kind(poses, request.parent, request.child, own, wanted=request.kind or None)
+    choice = choose_joint_type(poses, request.parent, request.child, own, wanted=request.kind or None)
     if request.kind:
         return choice
     if choice.kind == "universal":
-        return choose_kind(poses, request.parent, request.child, own, wanted="ball")
+        return choose_joint_type(poses, request.parent, request.child, own, wanted="ball")
     if choice.kind not in JOINT_TYPES:
         raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its type")
     return choice

@@ -306,7 +306,7 @@ class TypeChoice:
         return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "") + f"; singular values {values}"
 
 
-def choose_kind(
+def choose_joint_type(
     poses: Poses,
     parent: int | str,
     child: int | str,
@@ -334,7 +334,7 @@ def choose_kind(
     >>> import skelgen
     >>> truth = skelgen.simulate("human", n_frames=200).truth
     >>> poses = skelgen.Poses(truth.world_from_limb, truth.limb_names, truth.rate)
-    >>> choose_kind(poses, "left thigh", "left shank").kind
+    >>> choose_joint_type(poses, "left thigh", "left shank").kind
     'hinge'
     """
     if wanted is not None and wanted not in DETERMINED_TYPES:
