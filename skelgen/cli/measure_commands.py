@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,6 @@ from skelgen.cli.options import AsJson, Quiet
 from skelgen.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from skelgen.benchmark import Section
     from skelgen.capture.errors_by_distance import Curve, RigErrors
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
@@ -57,29 +55,13 @@ def benchmark(
     quiet, as_json : bool
         Whether neither progress nor notes are shown, and one JSON object stands for everything else.
     """
-    from skelgen.benchmark import run_benchmark, write_benchmark_page
+    from skelgen.benchmark import measure_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence
-    from skelgen.benchmark.suites import chosen, load_state, save_state
 
     screen = Screen(quiet, as_json)
-    words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
-    known, before = load_state(output, quick=quick) if resume else ([], 0.0)
-    started = time.monotonic() - before
-
-    def measured() -> str:
-        return f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
-
-    def write(sections: list[Section]) -> None:
-        names = {section.name for section in sections}
-        missing = [name for name in chosen(suites or ()) if name not in names]
-        save_state(sections, output, quick=quick, seconds=time.monotonic() - started)
-        write_benchmark_page(sections, output, measured=measured(), command=" ".join(words), missing=missing)
-
-    write(known)  # a page that cannot be written shall not cost the whole benchmark
     with screen.watching(counted=True) as monitor:
-        sections = run_benchmark(suites or (), quick=quick, known=known, arrived=write, monitor=monitor)
-    write(sections)
+        sections, measured = measure_page(output, suites or (), quick=quick, resume=resume, monitor=monitor)
     for section in sections:
         for table in section.tables:
             names = [*table.columns[:-1], "verdict"]
@@ -87,7 +69,7 @@ def benchmark(
             screen.table(f"{section.title}: {table.title}", rows)
     screen.say(f"{counts_sentence(sections)}; written: {output}")
     tables = {section.name: [vars(table) for table in section.tables] for section in sections}
-    screen.json({"machine": machine_line(), "measured": measured(), "sections": tables, "file": str(output)})
+    screen.json({"machine": machine_line(), "measured": measured, "sections": tables, "file": str(output)})
 
 
 RIG = "rig"
