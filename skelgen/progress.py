@@ -1,7 +1,5 @@
 """Progress, notices and cancelling: a `Monitor` is the last argument of every long function, silent by default."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Protocol, TypeVar
 

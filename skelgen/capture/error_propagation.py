@@ -4,8 +4,6 @@ A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation
 :math:`\delta` of the bodies about the world's axes rotate it by :math:`R_p^T (\delta_c - \delta_p)`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.capture.optics import in_image, project, projection_jacobian

@@ -1,7 +1,5 @@
 """Errors of a rig against the distance from it, as in Gaschler (2011), figures 6.1 to 6.4."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

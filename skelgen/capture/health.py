@@ -1,7 +1,5 @@
 """What goes wrong while capturing, in words: lost pairs, dark or glaring images, cameras unlike the settings."""
 
-from __future__ import annotations
-
 from collections import deque
 
 from skelgen.capture.optics import match_and_triangulate

@@ -5,8 +5,6 @@ Before cameras run, a trial pair of images loads all kernels. `Pictures` shows t
 own, with the balls that were found.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterable, Iterator

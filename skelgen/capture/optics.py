@@ -9,8 +9,6 @@ keeps them all: which of them are real is decided by what is known beside one pa
 time before.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """What the steps of the capture hand on: pairs of images and their source, balls, points in space, bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import TracebackType

@@ -1,7 +1,5 @@
 """Joint errors of a simulated take beside its Cramer-Rao bound and beside the deviations that the result predicts."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scores of a result whose truth is known, and their tables for the command line, the report and the eye."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

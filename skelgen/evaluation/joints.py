@@ -5,8 +5,6 @@ lies along the true axis, frame by frame, is left out. The same holds for a leng
 and the true vector between the joints are projected across the axes of the hinges at its ends before they are compared.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

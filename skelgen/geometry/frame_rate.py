@@ -5,8 +5,6 @@ limb's turn against its parent, so that joints neither open nor leave their axes
 frames is not seen between them. Nothing is smoothed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 

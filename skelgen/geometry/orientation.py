@@ -5,8 +5,6 @@ Two closed forms of the same least squares problem: the unit quaternion as the e
 singular value decomposition (Umeyama 1991). Neither ever returns a reflection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -5,8 +5,6 @@ a quarter turn, the first and the third axis are one and only a + c or a - c is 
 it, a and c change fast while the rotation hardly does.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -3,8 +3,6 @@
 Turns are by a quarter about the x axis: coordinates change places and signs, and no digit is lost.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -4,8 +4,6 @@ A joint is tried between every two bodies; how far its two images are apart is t
 spanning tree of the weights is the hierarchy, unless it is given (O'Brien, Bodenheimer, Brostow and Hodgins 2000).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

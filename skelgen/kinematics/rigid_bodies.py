@@ -8,8 +8,6 @@ body is a choice: its normal form has the first point at the origin, the second 
 in the xy plane, from a QR decomposition. The other 3 n - 6 numbers have a covariance of full rank.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

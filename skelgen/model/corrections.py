@@ -1,7 +1,5 @@
 """What the user states: corrections of markers, limbs and joints, and identities of points; every later run obeys."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

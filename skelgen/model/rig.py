@@ -5,8 +5,6 @@ x points right and y down in the image; a camera looks along its own +z. The wor
 rig says otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

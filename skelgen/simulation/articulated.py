@@ -4,8 +4,6 @@ At rest all limb frames have the orientation of the world (x forward, y left, z 
 joint to its parent, so that a joint's position in the child's frame is always zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The structures that can be simulated, found by name: rods, humans, a quadruped, random trees; all lengths in mm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

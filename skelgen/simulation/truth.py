@@ -1,7 +1,5 @@
 """What is true of a simulated take, and the file that keeps it (a compressed .npz without pickled objects)."""
 
-from __future__ import annotations
-
 import dataclasses
 import struct
 import zipfile

@@ -5,8 +5,6 @@ the normal matrix gives the standard deviations of all parameters, with the nois
 Views that do not fit are left out: those that are blurred, moved between exposures, or have mistaken corners.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Calibration of one camera from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Each camera is guessed alone, the second is placed by the pair that most others 
 adjusted together: lenses, the cameras' places, the poses of the board.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The numbers of calibrations as rows of texts, for the command line and the window alike."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

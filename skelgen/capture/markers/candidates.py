@@ -5,8 +5,6 @@ and need not be long: where a second ball is nearly as near, a track ends and an
 little memory until the recording ends.
 """
 
-from __future__ import annotations
-
 from array import array
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ that share a ball are then weighed again by the rigid triangles that they make w
 of known targets count, too.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A chessboard before the simulated rig, held here and there as one does to calibrate cameras, with its truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

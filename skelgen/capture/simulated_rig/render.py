@@ -1,7 +1,5 @@
 """Images of balls as the two cameras of a rig take them, with their truth; or their noisy centres without rendering."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What moves before the simulated rig: a simulated structure, or rigid targets on paths of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """What one camera of the simulated rig sees before its sensor: where balls are, how bright, and what else shines."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

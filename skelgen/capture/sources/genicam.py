@@ -1,7 +1,5 @@
 """What GigE Vision and GenTL cameras have in common: a clock of their own, a count of frames, formats of pixels."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, Protocol
 

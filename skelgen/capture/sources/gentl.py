@@ -1,7 +1,5 @@
 """Cameras of a GenTL producer (a maker's .cti file: GigE, USB3, CoaXPress), by harvesters."""
 
-from __future__ import annotations
-
 import contextlib
 import time as clock
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """GigE Vision cameras, by viva-genicam."""
 
-from __future__ import annotations
-
 import contextlib
 import time as clock
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A frame source of image files, which belong together by their names in a folder or by a list."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass

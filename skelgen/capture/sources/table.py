@@ -1,7 +1,5 @@
 """The frame sources: ``kind:places?option=value&option=value`` in one line of text, its options, and who opens it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

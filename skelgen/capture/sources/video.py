@@ -1,7 +1,5 @@
 """Pairs from two video files that were recorded together."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self

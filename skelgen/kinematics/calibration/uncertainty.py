@@ -12,8 +12,6 @@ limbs, a hinge along its axis) are left out.
 The Cramer-Rao bound is the same at the truth: no unbiased method can locate the joints better.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -6,8 +6,6 @@ joint's parent. So all blocks are sums of rotations and of arms, and no Jacobian
 the poses of a frame and the constants is called their coupling.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

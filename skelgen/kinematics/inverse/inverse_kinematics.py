@@ -4,8 +4,6 @@ Limbs are posed from the root outward in closed form (Schönauer 2007, 3.8.2). T
 markers at once, and joints rotate only as their types allow. Every joint's angles come with standard deviations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 They are maximum likelihood for Gaussian noise (Gaschler 2011, 5.3).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ the markers at arms a, the limb's rotation errs by
 where P projects on the rotations that the joint allows. Covariances are carried outward with the poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

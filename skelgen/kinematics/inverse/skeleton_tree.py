@@ -1,7 +1,5 @@
 """One tree of a calibrated skeleton as a chain, with covariances of its joints and the noise of its markers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation

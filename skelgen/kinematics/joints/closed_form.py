@@ -24,8 +24,6 @@ a time, as a generalised eigenvalue problem of size 3, from directions all over 
 both axes are taken to meet in one point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

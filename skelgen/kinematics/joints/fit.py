@@ -3,8 +3,6 @@
 A closed form gives the first estimate, maximum likelihood refines it, and every estimate has a covariance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

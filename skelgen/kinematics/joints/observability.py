@@ -1,7 +1,5 @@
 """What the motion of a joint does not determine of its position, in plain sentences."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ may be an error of the pose. Where the deformation follows the flexions of a joi
 nothing shows, does so too by all experience.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -7,8 +7,6 @@ most likely: how clusters deform, and how their joints fail to meet. The common 
 may be off by displacements that nothing shows.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The IEEE 1394 bus: which cameras are on it, what both can do, and both started on one frame."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
