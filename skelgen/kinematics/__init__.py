@@ -12,10 +12,7 @@ from skelgen.kinematics.joints.fit import (
     JointFit,
     TypeChoice,
     choose_joint_type,
-    fit_ball,
-    fit_hinge,
-    fit_rigid,
-    fit_universal,
+    fit_joint,
 )
 from skelgen.kinematics.joints.joint_type import TypeLimits
 from skelgen.kinematics.joints.relative_poses import pose_covariance
@@ -34,10 +31,7 @@ __all__ = [
     "calibrate_rigid_body",
     "choose_joint_type",
     "find_hierarchy",
-    "fit_ball",
-    "fit_hinge",
-    "fit_rigid",
-    "fit_universal",
+    "fit_joint",
     "joint_angles",
     "limb_bodies",
     "pose_covariance",

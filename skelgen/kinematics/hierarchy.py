@@ -145,7 +145,7 @@ def find_hierarchy(
         The parent of every body by name, None or empty for a root. Or the root of a tree that is found, by index or
         name; by default the body with most joints.
     covariances, size
-        As for `fit_ball`.
+        As for `fit_joint`.
     types : mapping of str to str, optional
         Types of joints that are stated, by the child's name.
     loops : sequence of pairs of str, optional

@@ -10,7 +10,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import choose_joint_type, find_hierarchy, fit_ball, fit_hinge, fit_universal, pose_covariance
+from skelgen.kinematics import choose_joint_type, find_hierarchy, fit_joint, pose_covariance
 from skelgen.model import Limbs, Poses
 from skelgen.simulation import Truth, simulate
 from skelgen.stages.joints import find_joints
@@ -80,12 +80,12 @@ def right_of(found: Counter[tuple[str, str]]) -> tuple[str, str, str]:
 def show_joints() -> None:
     """Joints between two limbs with 4 + 4 markers: error against stated deviation."""
     rows = []
-    for kind, fit in (("ball", fit_ball), ("hinge", fit_hinge), ("universal", fit_universal)):
+    for kind in ("ball", "hinge", "universal"):
         for is_known in (True, False):
             squares, stated, inside = [], [], []
             for seed in range(N_TAKES):
                 poses, covariances, across = tracked(kind, seed, degrees=10.0, noise=1.0)
-                joint = fit(poses, 0, 1, covariances if is_known else None)
+                joint = fit_joint(kind, poses, 0, 1, covariances if is_known else None)
                 error = across @ (np.concatenate([joint.in_parent, joint.in_child]) - AT.ravel())
                 std = np.sqrt(np.diag(across @ joint.covariance @ across))
                 squares.append(error[:3] @ error[:3])

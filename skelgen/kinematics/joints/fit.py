@@ -34,7 +34,6 @@ from skelgen.model.arrays import Floats, Ints
 UNKNOWN = 1000.0
 """mm; standard deviation of a position along directions that no frame determines: longer than any limb."""
 
-KINDS = ("ball", "hinge", "universal", "rigid")
 
 FREEDOMS_OF_GAP = 3.0
 """Per frame: poses alone show their noise only by the gap between a ball joint's two images."""
@@ -119,16 +118,25 @@ class JointFit:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(2, 3)
 
 
-def fit_ball(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+def fit_joint(
+    kind: str,
+    poses: Poses,
+    parent: int | str,
+    child: int | str,
+    covariances: Floats | None = None,
+    size: float | None = None,
 ) -> JointFit:
-    """Fit a ball joint: the point that is fixed in two bodies.
+    """Fit a joint of one type between two bodies.
 
-    Linear least squares by singular value decomposition (O'Brien 2000, eq. 8-13), then maximum likelihood with a free
-    rotation in every frame (Gaschler 2011, eq. 5.5).
+    A ball joint is the point that is fixed in both: linear least squares by singular value decomposition (O'Brien 2000,
+    eq. 8-13), then maximum likelihood with a free rotation in every frame (Gaschler 2011, eq. 5.5). A hinge has an axis
+    and angles beside, from the solution of rank 5 and the null vector; a universal joint two axes that meet, one fixed
+    in each body; a rigid connection one relative pose for all frames.
 
     Parameters
     ----------
+    kind : str
+        ``ball``, ``hinge``, ``universal`` or ``rigid``.
     poses : Poses
         Bodies with orientation.
     parent, child : int or str
@@ -142,30 +150,15 @@ def fit_ball(
     Raises
     ------
     InputError
-        If there is no such body, or too few frames show both.
+        If there is no such type or body, or too few frames show both.
     """
-    return fit_joint_type("ball", relative_poses(poses, parent, child, covariances, size))
+    _check_type(kind)
+    return fit_joint_type(kind, relative_poses(poses, parent, child, covariances, size))
 
 
-def fit_hinge(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a hinge: axis, position and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
-    return fit_joint_type("hinge", relative_poses(poses, parent, child, covariances, size))
-
-
-def fit_universal(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
-    return fit_joint_type("universal", relative_poses(poses, parent, child, covariances, size))
-
-
-def fit_rigid(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
-    return fit_joint_type("rigid", relative_poses(poses, parent, child, covariances, size))
+def _check_type(kind: str) -> None:
+    if kind not in DETERMINED_TYPES:
+        raise InputError(f"there is no joint of type {kind!r}; types are {', '.join(DETERMINED_TYPES)}")
 
 
 def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
@@ -174,7 +167,7 @@ def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `JOINT_TYPES`.
     measured : RelativePoses
         From `relative_poses`.
     """
@@ -318,14 +311,14 @@ def choose_joint_type(
     Parameters
     ----------
     poses, parent, child, covariances, size
-        As for `fit_ball`.
+        As for `fit_joint`.
     wanted : str, optional
         A type that is stated; it is fitted without question.
 
     Raises
     ------
     InputError
-        If `wanted` is no kind, there is no such body, or too few frames show both.
+        If `wanted` is no type, there is no such body, or too few frames show both.
 
     Examples
     --------
@@ -335,8 +328,8 @@ def choose_joint_type(
     >>> choose_joint_type(poses, "left thigh", "left shank").kind
     'hinge'
     """
-    if wanted is not None and wanted not in DETERMINED_TYPES:
-        raise InputError(f"there is no joint of type {wanted!r}; types are {', '.join(DETERMINED_TYPES)}")
+    if wanted is not None:
+        _check_type(wanted)
     return choose(relative_poses(poses, parent, child, covariances, size), wanted)
 
 

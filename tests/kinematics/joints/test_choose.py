@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError
-from skelgen.kinematics import TypeLimits, choose_joint_type
+from skelgen.kinematics import TypeLimits, choose_joint_type, fit_joint
 from skelgen.kinematics.joints.fit import choose
 from skelgen.kinematics.joints.relative_poses import relative_poses
 
@@ -60,6 +60,8 @@ def test_sentences_say_what_speaks_for_the_kind(tracked_joint):
 def test_an_unknown_kind_is_refused(tracked_joint):
     with pytest.raises(InputError, match="rigid, hinge, universal, ball"):
         choose_joint_type(tracked_joint("hinge").poses, 0, 1, wanted="slider")
+    with pytest.raises(InputError, match="rigid, hinge, universal, ball"):
+        fit_joint("slider", tracked_joint("hinge").poses, 0, 1)
 
 
 def test_singular_values_of_the_mean_rotation_are_reported(tracked_joint):
