@@ -190,7 +190,7 @@ SUFFIX = ".json"
 _FORMAT = "skelgen benchmark"
 
 
-def state_file(page: Path) -> Path:
+def _state_file(page: Path) -> Path:
     """Return the file beside a page that keeps what it shows."""
     return page.with_suffix(SUFFIX)
 
@@ -215,9 +215,9 @@ def save_state(sections: Sequence[Section], page: Path, *, quick: bool, seconds:
         If it cannot be written.
     """
     state = _key(quick) | {"seconds": seconds, "sections": [_packed(section) for section in sections]}
-    with replacing(state_file(page)) as temporary:
+    with replacing(_state_file(page)) as temporary:
         temporary.write_text(json.dumps(state, indent=1, ensure_ascii=False), encoding="utf-8")
-    return state_file(page)
+    return _state_file(page)
 
 
 def load_state(page: Path, *, quick: bool) -> tuple[list[Section], float]:
@@ -233,7 +233,7 @@ def load_state(page: Path, *, quick: bool) -> tuple[list[Section], float]:
         Whether fewer seeds and frames are measured.
     """
     try:
-        state = json.loads(state_file(page).read_text(encoding="utf-8"))
+        state = json.loads(_state_file(page).read_text(encoding="utf-8"))
         if {name: state[name] for name in _key(quick)} != _key(quick):
             return [], 0.0
         return [_unpacked(section) for section in state["sections"]], float(state["seconds"])

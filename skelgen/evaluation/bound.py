@@ -23,7 +23,7 @@ DISTANCE_OF_STD = np.sqrt(8 / np.pi) / np.sqrt(3)
 """Mean length of normal vectors whose deviation is 1 / sqrt 3 along each of three axes."""
 
 
-def bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth) -> tuple[Bound, float, Ints] | None:
+def _bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth) -> tuple[Bound, float, Ints] | None:
     """Return the bound of a take's joints, in the order of the truth's.
 
     Parameters
@@ -113,7 +113,7 @@ def with_limits(
     motion = project.motion
     shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
     true_joints = true_of_joint[shared]
-    limit = bound_of_take(project.trajectories, true_of_marker, truth)
+    limit = _bound_of_take(project.trajectories, true_of_marker, truth)
     result = []
     for score, joint, true_joint in zip(scores, shared, true_joints, strict=True):
         full, found = score, motion.joint_positions[:, [joint]]

@@ -146,13 +146,13 @@ def score_joints(
             mean=None if after is None else float(after[:, column].mean()),
             median=None if after is None else float(np.median(after[:, column])),
             maximum=None if after is None else float(after[:, column].max()),
-            raw_mean=None if before is None else mean_or_none(before[:, column]),
+            raw_mean=None if before is None else _mean_or_none(before[:, column]),
         )
         for column, (joint, true_joint) in enumerate(zip(shared, true_joints, strict=True))
     )
 
 
-def mean_or_none(values: Floats) -> float | None:
+def _mean_or_none(values: Floats) -> float | None:
     """Return the mean of what is not NaN, or None if nothing is left."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else None
@@ -256,6 +256,6 @@ def score_markers(
     scores = []
     for marker in np.lexsort((true_of_marker, limb)):
         if is_carried[marker]:
-            distances = mean_or_none(from_tracked[:, marker]), mean_or_none(from_true[:, marker])
+            distances = _mean_or_none(from_tracked[:, marker]), _mean_or_none(from_true[:, marker])
             scores.append(MarkerScore(names[limb[marker]], trajectories.names[marker], *distances))
     return tuple(scores)

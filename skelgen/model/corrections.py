@@ -276,9 +276,3 @@ class Identities:
         if self.source and entry.line:
             return FormatError(self.source, entry.line, f"{entry.name}: {what}")
         return InputError(f"identity of {entry.name} in frame {entry.frame}: {what}")
-
-
-def identities_of(named: Sequence[tuple[str, int, Sequence[float]]]) -> Identities:
-    """Make identities from (name, frame, position [mm]), for programs."""
-    entries = (Identity(name, frame, (float(at[0]), float(at[1]), float(at[2]))) for name, frame, at in named)
-    return Identities(tuple(entries))

@@ -161,7 +161,7 @@ def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
     The pairs that agree are the second value.
     """
     (left, left_poses), (right, right_poses) = (guess_camera(side, board, size) for side in corners)
-    pairing = pair_cameras(right, left_poses, right_poses, corners[1], board)
+    pairing = _pair_cameras(right, left_poses, right_poses, corners[1], board)
     ordered = np.take_along_axis(corners[1], pairing.orders[..., np.newaxis], axis=1)
     right = replace(right, camera_from_world=pairing.right_from_left)
     agrees = pairing.error <= DISAGREEMENT * np.median(pairing.error)
@@ -246,7 +246,7 @@ class Pairing(NamedTuple):
     error: Floats
 
 
-def pair_cameras(
+def _pair_cameras(
     right: Camera, left_poses: Floats, right_poses: Floats, right_corners: Floats, board: Board
 ) -> Pairing:
     """Return where the right camera stands.

@@ -140,7 +140,7 @@ class SimulatedBoard:
 
     def _image(self, camera: Camera, pose: Floats, noise_of: tuple[int, int]) -> Image:
         light = np.full((camera.height, camera.width), _ROOM)
-        draw_board(light, camera, self.board, pose)
+        _draw_board(light, camera, self.board, pose)
         light = gaussian_filter(light, _BLUR)
         noise = np.random.default_rng([self._seed, *noise_of]).normal(0.0, _NOISE, light.shape)
         image: Image = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
@@ -148,7 +148,7 @@ class SimulatedBoard:
         return image
 
 
-def draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> None:
+def _draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> None:
     """Draw a chessboard with its white border into an image.
 
     Parameters

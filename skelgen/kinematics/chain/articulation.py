@@ -189,7 +189,15 @@ class Articulation:
         return np.asarray(np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :])
 
     def projected(self, parents: Ints, rotations: Floats) -> Floats:
-        """Return the nearest rotations that the joints allow, from the root outward; parameters as `hinge_axes`."""
+        """Return the nearest rotations that the joints allow, from the root outward.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        """
         new = rotations.copy()
         for limb, kind in enumerate(self.types):
             if FREEDOMS[kind] < 3:
@@ -239,7 +247,15 @@ class Articulation:
         return np.asarray(parent @ turn @ relative)
 
     def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
-        """Return the joints with rigid ones fixed as they are in the first frame; parameters as `hinge_axes`."""
+        """Return the joints with rigid ones fixed as they are in the first frame.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        """
         relative = rotations[0, np.maximum(parents, 0)].swapaxes(1, 2) @ rotations[0]
         return replace(self, rest=relative)
 

@@ -59,7 +59,15 @@ class Chain:
         return len(self.limb_of_marker)
 
     def moved(self, joints: Floats, offsets: Floats) -> Chain:
-        """Return the chain with other joints, shape (n_limbs, 3), and offsets, shape (n_markers, 3), mm."""
+        """Return the chain with other joints and offsets.
+
+        Parameters
+        ----------
+        joints : ndarray, shape (n_limbs, 3), mm
+            In the parents' frames.
+        offsets : ndarray, shape (n_markers, 3), mm
+            In the frames of the markers' limbs.
+        """
         return replace(self, joints=joints, offsets=offsets)
 
     def ancestry(self) -> Bools:
@@ -148,7 +156,17 @@ def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
 
 
 def residuals_in_limbs(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
-    """Return residuals in the limbs' frames [mm], in which soft tissue lasts; parameters as for `residuals`."""
+    """Return residuals in the limbs' frames [mm], in which soft tissue lasts, shape as of `residuals`.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    poses : ChainPoses
+        Their poses.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    """
     turned = contiguous(poses.rotations, chain.limb_of_marker, residuals(chain, poses, positions))
     return np.asarray(turned_back(*turned))
 
@@ -281,7 +299,15 @@ def chain_table(chain: Chain, articulation: Articulation) -> ChainTable:
 
 
 def rows(values: Floats, length: int) -> Floats:
-    """Return values of all frames one below the other, in rows of some length: a copy that may be written to."""
+    """Return values of all frames one below the other, in rows of some length: a copy that may be written to.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_frames, ...)
+        Of all frames.
+    length : int
+        Of a row.
+    """
     return writable(values).reshape(-1, length)
 
 

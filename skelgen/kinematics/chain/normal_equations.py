@@ -79,10 +79,10 @@ def frame_blocks(observed: ObservedChain, *, poses_only: bool = False) -> FrameB
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
         coupling = turns.swapaxes(1, 2) @ coupling
-    return FrameBlocks(with_ridge(hessian), coupling, turns, tilts, constants)
+    return FrameBlocks(_with_ridge(hessian), coupling, turns, tilts, constants)
 
 
-def with_ridge(own: Floats) -> Floats:
+def _with_ridge(own: Floats) -> Floats:
     """Return frames' normal matrices, made regular in directions that no marker determines."""
     diagonal = np.einsum("fqq->fq", own)
     level = np.empty_like(diagonal)
@@ -160,7 +160,7 @@ def total_information(observed: ObservedChain) -> Floats:
     observed : ObservedChain
         Where to linearise. Of the measured markers only the weights count.
     """
-    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros((len(order), len(order)))
     for part in observed.in_parts(CHUNK_FRAMES):
         found = np.zeros_like(total)
@@ -180,7 +180,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     observed : ObservedChain
         Where to linearise.
     """
-    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros(len(order))
     for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
@@ -190,7 +190,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     return total
 
 
-def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
     """Return where kernels keep the constants of each limb, and which constant each of their columns is.
 
     Parameters

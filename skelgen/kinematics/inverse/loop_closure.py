@@ -90,11 +90,26 @@ class KinematicLoops:
         return np.asarray(placed[:, :, 0] - placed[:, :, 1])
 
     def gap(self, chain: Chain, poses: ChainPoses) -> Floats:
-        """Return the root mean square gap of each loop [mm], shape (n_loops,); parameters as for `gaps`."""
+        """Return the root mean square gap of each loop [mm], shape (n_loops,).
+
+        Parameters
+        ----------
+        chain : Chain
+            The limbs.
+        poses : ChainPoses
+            Their poses.
+        """
         return np.asarray(np.sqrt((self.gaps(chain, poses) ** 2).sum(axis=2).mean(axis=0)))
 
     def slopes(self, chain: Chain, poses: ChainPoses) -> tuple[Floats, Floats]:
-        """Return the derivatives of the gaps; parameters as for `gaps`.
+        """Return the derivatives of the gaps.
+
+        Parameters
+        ----------
+        chain : Chain
+            The limbs.
+        poses : ChainPoses
+            Their poses.
 
         Returns
         -------

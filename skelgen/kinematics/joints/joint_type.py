@@ -129,7 +129,13 @@ class JointType:
     axis_covariance: Floats
 
     def with_frames(self, parent: Floats, child: Floats) -> JointType:
-        """Return the type for limbs whose frames were rotated: `parent` and `child` are new from old, shape (3, 3)."""
+        """Return the type for limbs whose frames were rotated.
+
+        Parameters
+        ----------
+        parent, child : ndarray, shape (3, 3)
+            New frame from old frame of both limbs.
+        """
         turn = np.zeros((6, 6))
         turn[:3, :3], turn[3:, 3:] = parent, child
         first, second = parent @ self.axis_in_parent, child @ self.axis_in_child

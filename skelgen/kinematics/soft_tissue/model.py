@@ -74,7 +74,15 @@ class SoftTissue:
         return np.asarray(np.einsum("fbi,bi->fb", turns[:, self.joints], self.gains))
 
     def displacements(self, chain: Chain, poses: ChainPoses) -> Floats:
-        """Return every marker's displacement in the world [mm], shape (n_frames, n_markers, 3); see `flexions`."""
+        """Return every marker's displacement in the world [mm], shape (n_frames, n_markers, 3).
+
+        Parameters
+        ----------
+        chain : Chain
+            The limbs.
+        poses : ChainPoses
+            Their poses.
+        """
         flexions = self.flexions(chain, poses)
         local = flexions @ self.slopes.reshape(3 * chain.n_markers, -1).T
         turned = poses.rotations[:, chain.limb_of_marker] @ local.reshape(len(flexions), -1, 3, 1)

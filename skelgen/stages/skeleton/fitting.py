@@ -122,7 +122,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         closed = None if closed is None else closed.shifted(types, shifts)
         held = ConstrainedChain(chain, last.articulation, None if closed is None else closed.joints)
         poses = held.fit_in_time(poses, found.inliers, seen)
-    errors = body_joints.errors_of_limbs(last, types, shifts, freedom, found.correlated, parameters.rank_tolerance)
+    errors = body_joints.errors_of_limbs(last, types, shifts, freedom, found.correlated)
     if closed is not None and isinstance(last, ClosedCalibration):
         closed = closed.with_errors(errors, last, last.noise * np.sqrt(found.correlated))
     shared = evenly_spread(found.used, ROTATION_FRAMES)

@@ -209,7 +209,6 @@ def errors_of_limbs(
     shifts: dict[int, float],
     freedom: Floats,
     correlation_time: float,
-    tolerance: float,
 ) -> LimbErrors:
     """Return the errors of a chain whose hinges were moved along their axes.
 
@@ -221,15 +220,13 @@ def errors_of_limbs(
         The types of its joints, and how hinges were moved.
     correlation_time : float
         Frames of residuals that are worth one independent frame.
-    tolerance : float
-        Information below this part of the largest is none.
     """
     chain = last.chain
     axes, distances = np.zeros((2, chain.n_limbs, 3)), np.zeros(chain.n_limbs)
     for limb, shift in shifts.items():
         axes[:, limb], distances[limb] = (types[limb - 1].axis_in_parent, types[limb - 1].axis_in_child), shift
     along = HingeShifts(axes, distances, _along_hinges(chain, types, freedom))
-    return limb_errors(last, along, growth=correlation_time, tolerance=tolerance)
+    return limb_errors(last, along, correlation_time)
 
 
 def _along_hinges(chain: Chain, types: list[JointType], freedom: Floats) -> Floats:

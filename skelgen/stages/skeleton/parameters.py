@@ -16,7 +16,7 @@ class SkeletonParameters(StageParameters):
 
     stage: ClassVar[str] = "skeleton"
     config_section: ClassVar[str] = "SkeletonFitter"
-    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI"}
+    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI", "rank_tolerance": "JointFinder/POLYEPS"}
 
     rotation: str = declare(
         "horn",
@@ -85,13 +85,6 @@ class SkeletonParameters(StageParameters):
         unit="rad",
         within=(0.0, 1.0),
         config_name="TINYEPS",
-        config_section="JointFinder",
-    )
-    rank_tolerance: float = declare(
-        1e-8,
-        "directions of the skeleton's constants whose information is below this part of the largest are not determined",
-        within=(1e-15, 1e-2),
-        config_name="POLYEPS",
         config_section="JointFinder",
     )
     kind_doubt: float = declare(
