@@ -240,7 +240,7 @@ def triangulate(rig: StereoRig, left: Floats, right: Floats, std: float | None =
     noise = np.full(len(left), rig.noise if std is None else std)
     both = np.arange(len(left))
     views = view_of(rig.left, left, noise), view_of(rig.right, right, noise)
-    return _triangulate_pairs(rig, *views, _geometry_of(rig), np.stack([both, both], axis=1))
+    return _triangulate_pairs(rig, *views, geometry_of(rig), np.stack([both, both], axis=1))
 
 
 def _triangulate_pairs(rig: StereoRig, left: View, right: View, geometry: Geometry, pairs: Ints) -> Triangulated:
@@ -253,7 +253,7 @@ def _triangulate_pairs(rig: StereoRig, left: View, right: View, geometry: Geomet
     left, right : View
         What they see; see `view_of`.
     geometry : Geometry
-        From `_geometry_of`.
+        From `geometry_of`.
     pairs : ndarray of intp, shape (n, 2)
         The left and the right pixel of each.
     """
@@ -284,7 +284,7 @@ def view_of(camera: Camera, pixels: Floats, std: Floats) -> View:
     )
 
 
-def _geometry_of(rig: StereoRig) -> Geometry:
+def geometry_of(rig: StereoRig) -> Geometry:
     """Return where the right camera is, seen from the left one, as kernels take it."""
     right_from_left = rig.right_from_left
     rotation, shift = np.array(right_from_left[:3, :3], order="C"), np.array(right_from_left[:3, 3])
@@ -310,7 +310,7 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
     """
     left_std, right_std = np.fmax(left.std, rig.noise), np.fmax(right.std, rig.noise)
     views = view_of(rig.left, left.centres, left_std), view_of(rig.right, right.centres, right_std)
-    geometry = _geometry_of(rig)
+    geometry = geometry_of(rig)
     pairs = find_pairs(*views, geometry, gate)
     found = _triangulate_pairs(rig, *views, geometry, pairs)
     is_point = np.isfinite(found.covariance[:, 0, 0])
