@@ -22,10 +22,10 @@ def machine_line() -> str:
     """Return processor, cores, system, and versions of what computes."""
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     system = f"{platform.system()} {platform.machine()}"
-    return f"{processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
+    return f"{_processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
 
 
-def processor_name() -> str:
+def _processor_name() -> str:
     """Return the processor's name as the system tells it."""
     with contextlib.suppress(OSError):
         for line in _lines(_CPU_FACTS):
