@@ -1,4 +1,7 @@
-"""Scores against ground truth."""
+"""Scores against ground truth.
+
+May change with every version; scripts import what they need from `skelgen`.
+"""
 
 from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_lines, evaluation_tables
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore

@@ -1,8 +1,8 @@
 """Kinematics: the articulated chain, rigid bodies, joints, inverse kinematics, calibration, soft tissue, gap filling.
 
-What is exported here can be used alone, on bodies with orientation (`Poses`) or on a calibrated skeleton. Its rooms are
-`rigid_bodies`, `chain`, `joints`, `inverse`, `calibration`, `soft_tissue`, `gap_filling` and `hierarchy`; each imports
-only those before it.
+What is exported here can be used alone, on bodies with orientation (`Poses`) or on a calibrated skeleton; unlike what
+scripts import from `skelgen`, it may change with every version. Its rooms are `rigid_bodies`, `chain`, `joints`,
+`inverse`, `calibration`, `soft_tissue`, `gap_filling` and `hierarchy`; each imports only those before it.
 """
 
 from skelgen.kinematics.hierarchy import Hierarchy, Length, find_hierarchy, without_residual
