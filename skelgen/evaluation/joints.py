@@ -130,7 +130,7 @@ def score_joints(
     raw, fitted : ndarray, shape (n_frames, n_joints, 3), mm, or None
         Joints before and after the fit of rigid limbs.
     types : tuple of str, length n_joints
-        Kinds found; empty before the fit.
+        Types of the joints found; empty before the fit.
     """
     shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
     true_joints = true_of_joint[shared]
