@@ -49,8 +49,7 @@ from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM
-from skelgen_formats.options import AUTO
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AUTO, Format
 from skelgen_formats.text import number_in, read_lines
 
 RATE = 120.0

@@ -40,8 +40,7 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_tip, bone_transforms, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, moving_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "BVH"
 _WORLD = "world"

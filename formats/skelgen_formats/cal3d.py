@@ -17,8 +17,7 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
-from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, moving_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"

@@ -42,8 +42,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, Options, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"

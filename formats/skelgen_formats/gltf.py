@@ -31,8 +31,7 @@ from skelgen_formats.bones import (
     scaled_poses,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, moving_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Option, Options, Writable, moving_project, per_mm
 
 _TITLE = "glTF"
 _METRES = Option(UNIT.name, "m", "Unit of the lengths in the file.", UNIT.choices, reading=False)

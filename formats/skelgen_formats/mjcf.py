@@ -18,8 +18,7 @@ from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import M_PER_MM, Link, bones_of, links_of, markers_on, remarks_on_joints
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable, moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".mjcf.xml", ".qpos.csv"

@@ -17,8 +17,7 @@ from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Writable, finished_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Writable, finished_project, per_mm
 
 _JOINTS_TITLE, _ANGLES_TITLE = "Joint positions, CSV", "Joint angles, CSV"
 _DECIMALS = 6  # of mm and of degrees

@@ -23,7 +23,7 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import check_frames, mm_per_unit, scaled, take_from_markers
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 _FIRST_CELL = "Format Version"

@@ -28,8 +28,7 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable, moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
 from skelgen_formats.trc import write_trc
 

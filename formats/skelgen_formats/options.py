@@ -1,14 +1,17 @@
-"""What formats declare: options of readers and writers, and which parts of a project a file keeps."""
+"""What formats declare: themselves, options of readers and writers, and which parts of a project a file keeps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
+from skelgen.model.takes import BoneMotion
 from skelgen.parameters import Declaration
+from skelgen.progress import Monitor
 
 _UNITS = {
     1.0: ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
@@ -241,3 +244,58 @@ def moving_project(value: Writable, title: str) -> Project:
     if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
         raise WriteError(f"{title} needs at least one limb and one frame")
     return project
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes
+    ----------
+    name : str
+        Short name for the command line, e.g. ``c3d``.
+    title : str
+        Name for people.
+    suffixes : tuple of str
+        File endings, lower case with the dot, the usual one first.
+    sniff : callable (head, path) -> bool
+        Whether the first `registry.SNIFF_BYTES` bytes look like this format; must not read the file.
+    read : callable (path, options) -> Take, or None
+        Reader.
+    write : callable (value, path, options, monitor) -> list of Path, or None
+        Writer. Writes atomically and returns the files written.
+    check : callable (value, options)
+        Raises `WriteError` or `MissingResultError` if the writer cannot take the value. Quick.
+    files : callable (path, options) -> tuple of Path
+        The files that the writer will make of a path.
+    keeps : tuple of str
+        Names of the `PARTS` that a written file holds; all else is lost.
+    remarks : callable (project, options) -> tuple of str
+        Sentences on what becomes of this project beyond the parts that are lost.
+    holds : str
+        What it holds, for the table: ``points``, ``markers``, ``poses``, ``skeleton``, ``joints``, ``summary``.
+    options : tuple of Option
+        What the user can choose of reader and writer.
+    note : str
+        One sentence for the docs table.
+    read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
+        Reader of bones in motion, which are no take; see `registry.read_motion`.
+    filled_mark : str
+        How filled positions differ from measured ones in the file; empty where the format cannot mark them.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    holds: str
+    sniff: Callable[[bytes, Path], bool] = lambda head, path: False
+    read: Callable[[Path, Options], Take] | None = None
+    write: Callable[[Writable, Path, Options, Monitor], list[Path]] | None = None
+    options: tuple[Option, ...] = ()
+    note: str = ""
+    check: Callable[[Writable, Options], object] = lambda value, options: None
+    files: Callable[[Path, Options], tuple[Path, ...]] = lambda path, options: (path,)
+    keeps: tuple[str, ...] = ()
+    remarks: Callable[[Project, Options], tuple[str, ...]] = lambda project, options: ()
+    read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
+    filled_mark: str = ""

@@ -27,8 +27,7 @@ from skelgen.model import Poses, Project
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
-from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 _MAGIC = "skelgen-poses"

@@ -14,7 +14,7 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")

@@ -19,8 +19,7 @@ from skelgen.model.arrays import Ints
 from skelgen.model.tables import axis_columns, head_columns
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.motion_csv import write_csv
-from skelgen_formats.options import AXES, RATE, UNIT, Writable, finished_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, finished_project, per_mm
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
 

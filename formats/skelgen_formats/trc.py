@@ -36,8 +36,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"

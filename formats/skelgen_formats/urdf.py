@@ -28,8 +28,7 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable, moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".urdf", ".urdf.csv"

@@ -28,8 +28,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, moving_project, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "USD"
 _UP = {AS_RECORDED: "Z", "z-to-y": "Y", "y-to-z": "Z"}

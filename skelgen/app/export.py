@@ -6,7 +6,7 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.markers import trajectories_of
-from skelgen_formats.options import FILLED, PARTS, Options, Writable, parts_in
+from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, parts_in
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
@@ -24,7 +24,7 @@ def _write_report(value: Writable, path: Path, options: Options, monitor: Monito
     return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
 
 
-REPORT = registry.Format(
+REPORT = Format(
     name="report",
     title="Report, HTML",
     suffixes=(".html",),
@@ -74,12 +74,12 @@ class Preview:
     obstacle: str = ""
 
 
-def export_formats() -> tuple[registry.Format, ...]:
+def export_formats() -> tuple[Format, ...]:
     """Return every format that can be written, and the report."""
     return (*(entry for entry in registry.known_formats() if entry.write is not None), REPORT)
 
 
-def obstacle_to(project: Project, entry: registry.Format, options: Mapping[str, object]) -> str:
+def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) -> str:
     """Return one sentence on why a project cannot be written in a format; empty if it can.
 
     Parameters
@@ -94,7 +94,7 @@ def obstacle_to(project: Project, entry: registry.Format, options: Mapping[str, 
     return ""
 
 
-def export_path(folder: Path, name: str, entry: registry.Format) -> Path:
+def export_path(folder: Path, name: str, entry: Format) -> Path:
     """Return the path of an export, from which the format makes the names of its files.
 
     Parameters
@@ -116,7 +116,7 @@ def export_path(folder: Path, name: str, entry: registry.Format) -> Path:
     return folder / (name + entry.suffixes[0])
 
 
-def preview_export(project: Project, entry: registry.Format, path: Path, options: Mapping[str, object]) -> Preview:
+def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, object]) -> Preview:
     """Tell what `export_project` will do, without doing it.
 
     Parameters
@@ -138,7 +138,7 @@ def preview_export(project: Project, entry: registry.Format, path: Path, options
     return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
 
 
-def remarks_on(project: Project, entry: registry.Format, path: Path, options: Options) -> tuple[str, ...]:
+def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:
     """Return sentences on what a format cannot hold of a project, and on what becomes of the rest.
 
     Parameters
@@ -153,7 +153,7 @@ def remarks_on(project: Project, entry: registry.Format, path: Path, options: Op
 
 
 def export_project(
-    project: Project, entry: registry.Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
+    project: Project, entry: Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write a project; all files of the format arrive together, or none.
 
@@ -185,7 +185,7 @@ def export_project(
     return [path.parent / file.name for file in files]
 
 
-def _contents(project: Project, entry: registry.Format, rate: float) -> str:
+def _contents(project: Project, entry: Format, rate: float) -> str:
     kept = [part for part in parts_in(project) if part.name in entry.keeps]
     names = {part.name for part in kept}
     take = project.take

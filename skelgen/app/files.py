@@ -10,7 +10,7 @@ from typing import Any
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
-from skelgen_formats.options import Option
+from skelgen_formats.options import Format, Option
 
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.errors import InputError, WriteError
@@ -184,7 +184,7 @@ def name_of_format(path: Path) -> str:
     return STEREO.name if is_stereo(path) else registry.recognise(path).name
 
 
-def readable_formats() -> tuple[registry.Format, ...]:
+def readable_formats() -> tuple[Format, ...]:
     """Return all formats that takes are read from: those of files, and the stereo recording."""
     return (*(entry for entry in registry.known_formats() if entry.read is not None), STEREO)
 
@@ -275,7 +275,7 @@ def _sniff(head: bytes, path: Path) -> bool:
     return _ROOT.match(head) is not None
 
 
-STEREO = registry.Format(
+STEREO = Format(
     name="stereo",
     title="stereo recording",
     suffixes=(".xml",),

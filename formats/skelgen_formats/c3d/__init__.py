@@ -30,8 +30,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Options, Writable, finished_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Options, Writable, finished_project
 
 __all__ = [
     "C3D",

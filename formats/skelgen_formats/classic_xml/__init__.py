@@ -33,8 +33,7 @@ from pathlib import Path
 
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
 from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
-from skelgen_formats.options import AXES, RATE, finished_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, Format, finished_project
 
 
 def read_classic_xml(path: Path | str) -> ClassicXml:
