@@ -95,7 +95,7 @@ def evaluate(
         Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote; or a rig's settings.")
     ],
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG).", show_default=False)
+        Path | None, typer.Option("--plot", metavar="FILE.svg", help="Of a rig: draw the errors.", show_default=False)
     ] = None,
     as_json: AsJson = False,
 ) -> None:
