@@ -3,8 +3,6 @@
 sphinx-build -W --keep-going docs out/site
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages that are generated: ``python docs/generated.py`` writes docs/parameters.md, formats.md and licences.md."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Sequence
 from importlib import metadata
@@ -10,13 +8,12 @@ from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
-from skelgen_formats.options import Option
-from skelgen_formats.parts import PARTS
+from skelgen_formats.options import PARTS, Option
 from skelgen_formats.registry import COLUMNS as FORMAT_COLUMNS
 from skelgen_formats.registry import formats_table, known_formats
 
 from skelgen.app.configuration import all_parameter_classes
-from skelgen.capture.detection import DetectionParameters
+from skelgen.capture.parameters import DetectionParameters
 from skelgen.parameters import Declaration, StageParameters
 
 PACKAGE = "skelgen"

@@ -4,8 +4,6 @@ Without a display: ``QT_QPA_PLATFORM=offscreen python docs/make_pictures.py``. T
 default, so that anybody gets the same pictures.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

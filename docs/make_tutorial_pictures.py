@@ -3,8 +3,6 @@
 What a frame of the recording holds, the skeleton that is found in it, and the BVH file as an importer poses it.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

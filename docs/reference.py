@@ -1,7 +1,5 @@
 """Writes the pages of the reference: the public face first, then one page for each package, from the docstrings."""
 
-from __future__ import annotations
-
 import pkgutil
 from collections.abc import Iterator
 from importlib import util

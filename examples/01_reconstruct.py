@@ -6,8 +6,6 @@ The take is simulated; any recording in a known format can stand in its place. F
 out/examples).
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -5,8 +5,6 @@
 Here two ways to find the limbs are compared, and two ways to fit the skeleton to the same limbs and joints.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import skelgen

@@ -5,8 +5,6 @@
 Lengths are in mm and unseen markers are NaN inside, whatever unit and sign for "unseen" the file has.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -5,8 +5,6 @@
 The simulation knows which point is which marker: `evaluate` compares.
 """
 
-from __future__ import annotations
-
 import skelgen
 
 

@@ -5,8 +5,6 @@
 Sensors sit anywhere on the limbs of a simulated human, off by 2 mm and half a degree. Nothing else is known.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -6,8 +6,6 @@ Hands and forearms of this human hardly move against each other, so that they ar
 markers do not share a limb, and of which type a joint is; the stages from there on run again.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

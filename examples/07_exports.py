@@ -5,8 +5,6 @@
 `skelgen formats` lists all formats; `skelgen convert` does the same from the command line.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

@@ -6,8 +6,6 @@ First without any knowledge: the tracker learns which points move rigidly togeth
 with the skeleton of an earlier take of the same body, whose marker numbers it gives.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import skelgen

@@ -6,8 +6,6 @@
 `pip install 'skelgen[capture]'`.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

@@ -5,8 +5,6 @@
 `skelgen batch recordings -o results --jobs 4` does the same.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skelgen.app.batch.work import Job as Job
     from skelgen.app.constraints import RunOptions as RunOptions
-    from skelgen.app.face import apply_subject as apply_subject
     from skelgen.app.face import calibrate_together as calibrate_together
     from skelgen.app.face import correct as correct
     from skelgen.app.face import evaluate as evaluate
@@ -27,7 +26,8 @@ if TYPE_CHECKING:
     from skelgen.app.face import read as read
     from skelgen.app.face import reconstruct as reconstruct
     from skelgen.app.face import run_batch as run_batch
-    from skelgen.app.face import write as write
+    from skelgen.app.files import write as write
+    from skelgen.app.subject import apply_subject as apply_subject
     from skelgen.capture.live import MotionCapture as MotionCapture
     from skelgen.capture.simulated_rig import simulated_rig as simulated_rig
     from skelgen.errors import *  # noqa: F403 - all of them, and nothing else
@@ -55,7 +55,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _NAMES = {
-    "skelgen.app.face": "read load write reconstruct apply_subject calibrate_together correct fill evaluate run_batch",
+    "skelgen.app.face": "read load reconstruct calibrate_together correct fill evaluate run_batch",
+    "skelgen.app.files": "write",
+    "skelgen.app.subject": "apply_subject",
     "skelgen.simulation": "simulate",
     "skelgen.app.constraints": "RunOptions",
     "skelgen.app.batch.work": "Job",

@@ -1,7 +1,5 @@
 """The errors that skelgen raises on purpose: one root, one sentence each, always with what to do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """Files appear whole or not at all: write beside, flush, rename."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

@@ -4,8 +4,6 @@ A stage declares a frozen dataclass that derives from `StageParameters`, with on
 the command line, ``config.xml``, the tables of the docs and the forms of the window are generated from that.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Progress, notices and cancelling: a `Monitor` is the last argument of every long function, silent by default."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Protocol, TypeVar
 
@@ -19,7 +17,15 @@ class Monitor(Protocol):
         """Report that the work called `name` starts."""
 
     def advance(self, done: float, total: float) -> None:
-        """Report that `done` of `total` units of the current work are finished; raise `Cancelled` to stop it."""
+        """Report how much of the current work is finished; raise `Cancelled` to stop it.
+
+        Parameters
+        ----------
+        done : float
+            Units of the current work that are finished.
+        total : float
+            Units of the work.
+        """
 
     def notice(self, sentence: str) -> None:
         """Report something that the user should know but that stops nothing."""
@@ -32,7 +38,15 @@ class SilentMonitor:
         """Ignore the start."""
 
     def advance(self, done: float, total: float) -> None:
-        """Ignore the progress."""
+        """Ignore the progress.
+
+        Parameters
+        ----------
+        done : float
+            Units of the current work that are finished.
+        total : float
+            Units of the work.
+        """
 
     def notice(self, sentence: str) -> None:
         """Ignore the notice."""

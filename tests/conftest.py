@@ -69,7 +69,7 @@ def make_project():
         tracked[::7, 0] = np.nan
         order = outward_order(parents)
         children = order[parents[order] >= 0]
-        kinds = np.resize(["hinge", "ball"], len(children))
+        types = np.resize(["hinge", "ball"], len(children))
         joints = tuple(
             Joint(
                 parent=int(parents[child]),
@@ -85,7 +85,7 @@ def make_project():
                 second_axis_std=np.array([0.03, 0.0, 0.01]) if kind == "hinge" else None,
                 turn_covariance=np.diag([1e-6, 4e-6, 9e-6]),
             )
-            for child, kind in zip(children, kinds, strict=True)
+            for child, kind in zip(children, types, strict=True)
         )
         spread = rng.random(len(limb_of_marker))
         skeleton = Skeleton(parents, joints, limb_of_marker, marker_offsets, spread, reference)

@@ -45,12 +45,11 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
-from skelgen.geometry.euler import matrix_from_euler
+from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM
-from skelgen_formats.options import AUTO
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AUTO, Format
 from skelgen_formats.text import number_in, read_lines
 
 RATE = 120.0
@@ -183,7 +182,7 @@ def _places(bone: AsfBone, values: Floats, asf: Asf, index_of: dict[str, int]) -
 
 
 ROOT = "root"
-MM_PER_INCH = 25.4
+_MM_PER_INCH = 25.4
 _DEGREES_OF_FREEDOM = ("tx", "ty", "tz", "rx", "ry", "rz", "l")
 _ANGLES = {"deg": np.pi / 180, "rad": 1.0}
 _MOST_BONES = 1000
@@ -350,7 +349,7 @@ class _Reader:
             self._children.append(name)
 
     def _finished(self) -> Asf:
-        scale = MM_PER_INCH / self._length
+        scale = _MM_PER_INCH / self._length
         for name, (angles, order) in self._axes_of.items():
             # the first letter is applied first, so that it is the rightmost factor
             turns = np.array(angles)[["xyz".index(letter) for letter in order[::-1]]] * self._radians

@@ -1,11 +1,9 @@
 """A skeleton as bodies that turn about axes one after the other, which is how programs for robots and muscles pose it.
 
-A joint is written as its kind only if the motion keeps to it. The fit lets joints that wobble turn freely, however
+A joint is written as its type only if the motion keeps to it. The fit lets joints that wobble turn freely, however
 clearly they are hinges; as hinges they would lose centimetres of the motion, so they become balls unless the user wants
-the kinds.
+the types.
 """
-
-from __future__ import annotations
 
 import re
 from collections import Counter
@@ -14,8 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.euler import euler_angles, gimbal_distance
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import (
+    euler_angles,
+    gimbal_distance,
+    matrix_from_vector,
+    transform_from,
+    vector_from_matrix,
+)
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import parent_from_child
@@ -88,7 +91,7 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
     Parameters
     ----------
     project : Project
-        From `skelgen_formats.parts.moving_project`.
+        From `skelgen_formats.options.moving_project`.
     joints : str
         A choice of `JOINTS`.
     """
@@ -240,7 +243,7 @@ def _on_wobble(project: Project, links: Sequence[Link], joints: str) -> list[str
         return []
     return [
         f"These joints wobble and are written as balls, so that the motion stays as it is: {', '.join(freed)}; with"
-        f" {JOINTS.name}={AS_FOUND} they are of the kinds found."
+        f" {JOINTS.name}={AS_FOUND} they are of the types found."
     ]
 
 

@@ -4,8 +4,6 @@ Quaternions are x y z w, as most files store them; they rotate actively, v' = q 
 the same rotation, and either may be in a file.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path

@@ -27,8 +27,6 @@ them are written with an OFFSET of zero, where both are the same. Several roots 
 ``world``, since many programs read the first root only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,15 +34,13 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.files import replacing
-from skelgen.geometry.euler import euler_angles
+from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_tip, bone_transforms, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "BVH"
 _WORLD = "world"

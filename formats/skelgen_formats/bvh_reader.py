@@ -4,8 +4,6 @@ The layout stands in `skelgen_formats.bvh`. Where a bone's position channels nam
 its OFFSET, as bvhio and Blender have it; in files where they stay nearer to zero than to the OFFSET, they add to it.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, ParameterError
-from skelgen.geometry.euler import matrix_from_euler
+from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM, bone_unit, distinct_names

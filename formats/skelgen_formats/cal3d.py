@@ -7,8 +7,6 @@ top-level elements, HEADER and the content, which makes the files no well-formed
 Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of the usual quaternion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,9 +17,7 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_name, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
-from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"

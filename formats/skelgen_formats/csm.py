@@ -20,8 +20,6 @@ unit and no names with blanks: numbers are taken as mm, z up, and blanks in name
 numbers have as many digits as give the same float64 back.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -44,8 +42,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, Options, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"

@@ -3,13 +3,11 @@
 Every limb is a node, below its parent's; all roots hang on the node ``skeleton``. At rest nodes stand as in the
 skeleton's reference pose. The animation has a rotation for every limb and a translation for every root, linear between
 keys. Each marker is a point that its limb carries with weight 1: it lies where the skeleton has it, not where it was
-measured. What glTF has no field for stands in ``extras``: of a node the kind, axis and deviation of its joint, of the
+measured. What glTF has no field for stands in ``extras``: of a node the type, axis and deviation of its joint, of the
 mesh the names of the markers.
 
 Numbers are single precision, little endian; quaternions are x y z w; matrices are stored column by column.
 """
-
-from __future__ import annotations
 
 import json
 import struct
@@ -33,9 +31,7 @@ from skelgen_formats.bones import (
     scaled_poses,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Option, Options, Writable, moving_project, per_mm
 
 _TITLE = "glTF"
 _METRES = Option(UNIT.name, "m", "Unit of the lengths in the file.", UNIT.choices, reading=False)

@@ -13,8 +13,6 @@ Columns are ``name`` (``nobody`` for a point that is no marker); ``frame``, or `
 empty. It is no take and therefore none of the registered formats: `read_identities` reads it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What all marker formats share: units, names, unseen markers, filled positions, and which value a writer can take."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re
@@ -267,7 +265,17 @@ TABLE_SUFFIX = ".filled.csv"
 
 
 def check_markers(value: Writable, title: str, filled: bool) -> None:
-    """Raise if a writer of markers cannot take a value; parameters and errors as `markers_to_write`."""
+    """Raise if a writer of markers cannot take a value; errors as `markers_to_write`.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    title : str
+        Of the format, for errors.
+    filled : bool
+        Whether filled positions are wanted.
+    """
     if not filled or isinstance(value, Filled):
         trajectories_of(value, title)
     elif not isinstance(value, Project):

@@ -1,7 +1,5 @@
 """mfml: unlabelled points per frame as an optical tracker records them; layout in `mfml_stream`."""
 
-from __future__ import annotations
-
 import itertools
 import mmap
 from pathlib import Path
@@ -26,8 +24,7 @@ from skelgen_formats.mfml_stream import (
     iterate_mfml,
     write_frames,
 )
-from skelgen_formats.options import Option, Writable
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format, Option, Writable
 
 _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
 _EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must

@@ -5,8 +5,6 @@ joint for each root, none for a rigid one. The columns of the motion are MuJoCo'
 w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -20,10 +18,8 @@ from skelgen.model.arrays import Bools, Floats, displayable
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import M_PER_MM, Link, bones_of, links_of, markers_on, remarks_on_joints
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
-from skelgen_formats.xml_files import number_text, write_tree
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".mjcf.xml", ".qpos.csv"
 

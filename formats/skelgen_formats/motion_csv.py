@@ -7,8 +7,6 @@ joints ``x``, ``y`` and ``z`` (rotation vector in the parent's axes), rigid ones
 pose. Frames count from 0.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -19,9 +17,7 @@ from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Writable, per_mm
-from skelgen_formats.parts import finished_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Writable, finished_project, per_mm
 
 _JOINTS_TITLE, _ANGLES_TITLE = "Joint positions, CSV", "Joint angles, CSV"
 _DECIMALS = 6  # of mm and of degrees

@@ -16,8 +16,6 @@ Motive's model puts the markers. Bodies and bones are left out with a notice. Mo
 are. Machines that use decimal commas export with semicolons; both are understood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +23,7 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import check_frames, mm_per_unit, scaled, take_from_markers
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 _FIRST_CELL = "Format Version"

@@ -7,8 +7,6 @@ angles about x, y and z of the body. The files are in metres, degrees (.mot) and
 mm, as .trc says.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.euler import euler_angles
+from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
@@ -30,11 +28,9 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.text import number_text, write_tree
 from skelgen_formats.trc import write_trc
-from skelgen_formats.xml_files import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
 """Of model, motion, markers and setup."""

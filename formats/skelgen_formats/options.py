@@ -1,14 +1,17 @@
-"""Options of readers and writers, and those that many formats share: axes, unit, frame rate, filled positions."""
+"""What formats declare: themselves, options of readers and writers, and which parts of a project a file keeps."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
-from skelgen.model import Project, Take
+from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
+from skelgen.model.takes import BoneMotion
 from skelgen.parameters import Declaration
+from skelgen.progress import Monitor
 
 _UNITS = {
     1.0: ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
@@ -49,7 +52,7 @@ class Options:
     filled : bool
         Whether gaps are filled, and the filled positions written.
     joints : str
-        Whether joints keep the kinds found (`AS_FOUND`) or move freely where the motion does (`AS_MOVED`).
+        Whether joints keep the types found (`AS_FOUND`) or move freely where the motion does (`AS_MOVED`).
     dropout : str
         How CSM writes an unseen marker: ``word`` or ``zero``.
     id_width : str
@@ -142,7 +145,7 @@ FILLED = Option(
 JOINTS = Option(
     "joints",
     AS_MOVED,
-    "Joints that the motion does not hold to their kinds: free as they moved, or of the kinds found, poses changed.",
+    "Joints that the motion does not hold to their types: free as they moved, or of the types found, poses changed.",
     (AS_MOVED, AS_FOUND),
     reading=False,
 )
@@ -152,3 +155,147 @@ JOINTS = Option(
 def per_mm(unit: str) -> float:
     """Return how many of the unit a millimetre has, for one of `UNIT.choices`."""
     return 1.0 / MM_PER_UNIT[unit]
+
+
+@dataclass(frozen=True)
+class Part:
+    """One kind of thing that a project holds.
+
+    Attributes
+    ----------
+    name : str
+        What formats declare in `Format.keeps`.
+    title : str
+        How a sentence names it.
+    is_in : callable (project) -> bool
+        Whether a project has it.
+    in_every_frame : bool
+        Whether it has a value in every frame.
+    """
+
+    name: str
+    title: str
+    is_in: Callable[[Project], bool]
+    in_every_frame: bool = False
+
+
+def _has_markers(project: Project) -> bool:
+    return project.has("labels") or isinstance(project.take, Trajectories)
+
+
+PARTS: tuple[Part, ...] = (
+    Part("points", "the points of the recording", lambda project: isinstance(project.take, PointCloud), True),
+    Part("bodies", "the bodies with their orientations", lambda project: isinstance(project.take, Poses), True),
+    Part("markers", "the positions of the markers", _has_markers, True),
+    Part("names", "the names of the markers", _has_markers),
+    Part("confidence", "how sure the labels are", lambda project: project.has_labelling),
+    Part("limbs", "which marker is on which limb", lambda project: project.has("limbs")),
+    Part("joints", "the positions of the joints", lambda project: project.has("skeleton"), True),
+    Part("angles", "the angles of the joints with their deviations", lambda project: project.has("skeleton"), True),
+    Part("kinds", "types and axes of the joints", lambda project: project.has("skeleton")),
+    Part("uncertainty", "how sure the joints are", lambda project: project.has("skeleton")),
+    Part("motion", "how the limbs turn", lambda project: project.has("skeleton"), True),
+)
+"""All parts, in the order in which the stages find them."""
+
+
+def parts_in(project: Project) -> tuple[Part, ...]:
+    """Return the parts that a project has."""
+    return tuple(part for part in PARTS if part.is_in(project))
+
+
+def finished_project(value: Writable, title: str) -> Project:
+    """Return a project that has its skeleton and its motion.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    title : str
+        Of the format, for errors.
+
+    Raises
+    ------
+    WriteError
+        If it is no project.
+    MissingResultError
+        If a stage has not run.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(
+            f"{title} holds what is found of a skeleton, not a take; run the four stages first, or choose a format for"
+            " takes"
+        )
+    _ = value.motion  # says which stage is missing
+    return value
+
+
+def moving_project(value: Writable, title: str) -> Project:
+    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    title : str
+        Of the format, for errors.
+    """
+    project = finished_project(value, title)
+    if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
+        raise WriteError(f"{title} needs at least one limb and one frame")
+    return project
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes
+    ----------
+    name : str
+        Short name for the command line, e.g. ``c3d``.
+    title : str
+        Name for people.
+    suffixes : tuple of str
+        File endings, lower case with the dot, the usual one first.
+    sniff : callable (head, path) -> bool
+        Whether the first `registry.SNIFF_BYTES` bytes look like this format; must not read the file.
+    read : callable (path, options) -> Take, or None
+        Reader.
+    write : callable (value, path, options, monitor) -> list of Path, or None
+        Writer. Writes atomically and returns the files written.
+    check : callable (value, options)
+        Raises `WriteError` or `MissingResultError` if the writer cannot take the value. Quick.
+    files : callable (path, options) -> tuple of Path
+        The files that the writer will make of a path.
+    keeps : tuple of str
+        Names of the `PARTS` that a written file holds; all else is lost.
+    remarks : callable (project, options) -> tuple of str
+        Sentences on what becomes of this project beyond the parts that are lost.
+    holds : str
+        What it holds, for the table: ``points``, ``markers``, ``poses``, ``skeleton``, ``joints``, ``summary``.
+    options : tuple of Option
+        What the user can choose of reader and writer.
+    note : str
+        One sentence for the docs table.
+    read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
+        Reader of bones in motion, which are no take; see `registry.read_motion`.
+    filled_mark : str
+        How filled positions differ from measured ones in the file; empty where the format cannot mark them.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    holds: str
+    sniff: Callable[[bytes, Path], bool] = lambda head, path: False
+    read: Callable[[Path, Options], Take] | None = None
+    write: Callable[[Writable, Path, Options, Monitor], list[Path]] | None = None
+    options: tuple[Option, ...] = ()
+    note: str = ""
+    check: Callable[[Writable, Options], object] = lambda value, options: None
+    files: Callable[[Path, Options], tuple[Path, ...]] = lambda path, options: (path,)
+    keeps: tuple[str, ...] = ()
+    remarks: Callable[[Project, Options], tuple[str, ...]] = lambda project, options: ()
+    read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
+    filled_mark: str = ""

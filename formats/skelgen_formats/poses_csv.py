@@ -14,8 +14,6 @@ seen in a frame has seven empty cells. The time, in seconds, is for the reader's
 Quaternions may be off unit length by a thousandth and are normalised; q and -q mean the same, qw >= 0 is written.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,8 +27,7 @@ from skelgen.model import Poses, Project
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
-from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
 _MAGIC = "skelgen-poses"

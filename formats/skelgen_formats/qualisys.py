@@ -7,8 +7,6 @@ number and the time where these were exported. A marker that is unseen has empty
 Decimal commas, as some machines write them, are understood.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +14,7 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")

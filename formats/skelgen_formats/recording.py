@@ -5,8 +5,6 @@ other, and the counts in a C3D header are put right once a second and when the r
 is never overwritten: what was captured cannot be captured again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +18,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.c3d.writer import C3dStream, check_point_names, point_words
 from skelgen_formats.mfml_stream import MARKER_DTYPES, frame_bytes
 
-SYNC_FRAMES = 60
+_SYNC_FRAMES = 60
 """Frames after which what was recorded is handed to the disk: a second of cameras at 60 Hz."""
 
 N_BLOBS = 2
@@ -74,7 +72,7 @@ class Recorder:
 
     def _count(self) -> None:
         self.n_frames += 1
-        if self.n_frames % SYNC_FRAMES == 0:
+        if self.n_frames % _SYNC_FRAMES == 0:
             with self._explained():
                 self._finish()
 

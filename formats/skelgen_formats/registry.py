@@ -4,10 +4,8 @@ Each format module declares one `Format`; the command line's help, the table of 
 generated from `FORMATS`. A file is recognised by its content first and by its suffix second.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +13,33 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.files import read_content
 from skelgen.geometry.frame_rate import with_rate
 from skelgen.geometry.up_axis import with_up_axis
-from skelgen.model import Project, Take
+from skelgen.model import Take
 from skelgen.model.arrays import check_rate
 from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor
+from skelgen_formats import (
+    acclaim,
+    bvh,
+    c3d,
+    cal3d,
+    classic_xml,
+    csm,
+    gltf,
+    mfml,
+    mjcf,
+    motion_csv,
+    motive,
+    opensim,
+    poses_csv,
+    qualisys,
+    summary_json,
+    tables,
+    trc,
+    urdf,
+    usd,
+)
 from skelgen_formats.markers import table_of
-from skelgen_formats.options import AUTO, Option, Options, OptionValue, Writable
+from skelgen_formats.options import AUTO, Format, Options, OptionValue, Writable
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -28,65 +47,17 @@ SNIFF_BYTES = 4096
 _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which scripts may still use
 
 
-@dataclass(frozen=True)
-class Format:
-    """One file format.
-
-    Attributes
-    ----------
-    name : str
-        Short name for the command line, e.g. ``c3d``.
-    title : str
-        Name for people.
-    suffixes : tuple of str
-        File endings, lower case with the dot, the usual one first.
-    sniff : callable (head, path) -> bool
-        Whether the first `SNIFF_BYTES` bytes look like this format; must not read the file.
-    read : callable (path, options) -> Take, or None
-        Reader.
-    write : callable (value, path, options, monitor) -> list of Path, or None
-        Writer. Writes atomically and returns the files written.
-    check : callable (value, options)
-        Raises `WriteError` or `MissingResultError` if the writer cannot take the value. Quick.
-    files : callable (path, options) -> tuple of Path
-        The files that the writer will make of a path.
-    keeps : tuple of str
-        Names of the `parts.PARTS` that a written file holds; all else is lost.
-    remarks : callable (project, options) -> tuple of str
-        Sentences on what becomes of this project beyond the parts that are lost.
-    holds : str
-        What it holds, for the table: ``points``, ``markers``, ``poses``, ``skeleton``, ``joints``, ``summary``.
-    options : tuple of Option
-        What the user can choose of reader and writer.
-    note : str
-        One sentence for the docs table.
-    read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
-        Reader of bones in motion, which are no take; see `read_motion`.
-    filled_mark : str
-        How filled positions differ from measured ones in the file; empty where the format cannot mark them.
-    """
-
-    name: str
-    title: str
-    suffixes: tuple[str, ...]
-    holds: str
-    sniff: Callable[[bytes, Path], bool] = lambda head, path: False
-    read: Callable[[Path, Options], Take] | None = None
-    write: Callable[[Writable, Path, Options, Monitor], list[Path]] | None = None
-    options: tuple[Option, ...] = ()
-    note: str = ""
-    check: Callable[[Writable, Options], object] = lambda value, options: None
-    files: Callable[[Path, Options], tuple[Path, ...]] = lambda path, options: (path,)
-    keeps: tuple[str, ...] = ()
-    remarks: Callable[[Project, Options], tuple[str, ...]] = lambda project, options: ()
-    read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
-    filled_mark: str = ""
+FORMATS: tuple[Format, ...] = (
+    *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT),
+    *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
+    *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
+    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, mfml.FORMAT),
+)
+"""All formats, in the order in which they are sniffed: the most particular content first."""
 
 
 def known_formats() -> tuple[Format, ...]:
     """Return all formats in the order in which they are sniffed."""
-    from skelgen_formats import FORMATS  # noqa: PLC0415 - the table imports this module
-
     return FORMATS
 
 
@@ -261,7 +232,17 @@ def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = Fa
 
 
 def checked_options(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> dict[str, Any]:
-    """Return what the user gave in the declared types; parameters and errors as `options_of`."""
+    """Return what the user gave in the declared types; errors as `options_of`.
+
+    Parameters
+    ----------
+    entry : Format
+        The format.
+    given : mapping of str to value
+        Options that the user gave.
+    reading : bool
+        Whether for reading or for writing.
+    """
     declared = {option.name: option for option in entry.options if option.reading or not reading}
     for name in given:
         if name not in declared:

@@ -3,8 +3,6 @@
 What has not been computed yet is null; so is every number that is not determined (NaN). Keys come in a fixed order.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import json
@@ -21,8 +19,7 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.options import Writable
-from skelgen_formats.registry import Format
+from skelgen_formats.options import Format, Writable
 
 SCHEMA = "skelgen-summary-1"
 _PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "numba")

@@ -4,8 +4,6 @@ Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count
 same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
@@ -17,12 +15,11 @@ from numpy.typing import NDArray
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together, replacing
 from skelgen.model import Project
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Ints
+from skelgen.model.tables import axis_columns, head_columns
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.motion_csv import write_csv
-from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
-from skelgen_formats.parts import finished_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, finished_project, per_mm
 from skelgen_formats.text import defused
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
@@ -62,7 +59,19 @@ def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Mon
 
 
 def write_parquet_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the three tables as Parquet; parameters and errors as `write_csv_tables`, and an error without pyarrow."""
+    """Write the three tables as Parquet; errors as `write_csv_tables`, and an error without pyarrow.
+
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        Name that the files' names begin with.
+    unit : str
+        Of lengths.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     _check_parquet(value)
     return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
 
@@ -100,9 +109,9 @@ def _markers(project: Project, frames: Ints, unit: str) -> Columns:
     items = {"marker": markers.names, "limb": tuple(limbs)}
     scale = per_mm(unit)
     return {
-        **_head(motion.times, frames, items),
-        **_axes("{}_" + unit, markers.positions[frames] * scale),
-        **_axes("model_{}_" + unit, motion.marker_positions[frames] * scale),
+        **head_columns(motion.times, frames, items),
+        **axis_columns("{}_" + unit, markers.positions[frames] * scale),
+        **axis_columns("model_{}_" + unit, motion.marker_positions[frames] * scale),
         f"residual_{unit}": motion.residuals[frames].ravel() * scale,
     }
 
@@ -111,9 +120,9 @@ def _joints(project: Project, frames: Ints, unit: str) -> Columns:
     motion = project.motion
     std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
     return {
-        **_head(motion.times, frames, {"joint": project.skeleton.joint_names}),
-        **_axes("{}_" + unit, motion.joint_positions[frames] * per_mm(unit)),
-        **_axes("std_{}_" + unit, std[frames] * per_mm(unit)),
+        **head_columns(motion.times, frames, {"joint": project.skeleton.joint_names}),
+        **axis_columns("{}_" + unit, motion.joint_positions[frames] * per_mm(unit)),
+        **axis_columns("std_{}_" + unit, std[frames] * per_mm(unit)),
     }
 
 
@@ -128,21 +137,10 @@ def _angles(project: Project, frames: Ints, unit: str) -> Columns:
     items = {"joint": tuple(name for name, _ in pairs), "angle": tuple(angle for _, angle in pairs)}
     none = np.zeros((len(frames), 0))
     return {
-        **_head(project.motion.times, frames, items),
+        **head_columns(project.motion.times, frames, items),
         "value_deg": np.rad2deg(np.concatenate([none, *posture.angles], axis=1)).ravel(),
         "std_deg": np.rad2deg(np.concatenate([none, *posture.angle_std], axis=1)).ravel(),
     }
-
-
-def _head(times: Floats, frames: Ints, items: Mapping[str, tuple[str, ...]]) -> Columns:
-    """Frame and time of every row, and what it is about."""
-    n_items = len(next(iter(items.values())))
-    texts = {name: np.tile(np.array(values, dtype=np.str_), len(frames)) for name, values in items.items()}
-    return {"frame": np.repeat(frames, n_items), "time_s": np.repeat(times[frames], n_items), **texts}
-
-
-def _axes(pattern: str, vectors: Floats) -> Columns:
-    return {pattern.format(axis): vectors[..., index].ravel() for index, axis in enumerate("xyz")}
 
 
 def _write_csv(path: Path, chunks: Iterator[Columns]) -> None:

@@ -14,8 +14,6 @@ Lines that begin with ``#`` are comments; three zeros are unseen, too. The names
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,8 +36,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Writable, per_mm
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"

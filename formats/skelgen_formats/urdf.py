@@ -5,8 +5,6 @@ with links without mass between; a root hangs on the link ``world`` by three pri
 frames have the orientation of the world in the reference pose, where every angle is 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.euler import euler_angles
+from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
@@ -30,10 +28,8 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
-from skelgen_formats.xml_files import number_text, write_tree
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".urdf", ".urdf.csv"
 

@@ -9,8 +9,6 @@ kinds, axes and deviations of the joints on the skeleton, names and limbs of the
 USD transforms rows: its matrices are the transposes of the usual ones.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -30,9 +28,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
-from skelgen_formats.parts import moving_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "USD"
 _UP = {AS_RECORDED: "Z", "z-to-y": "Y", "y-to-z": "Z"}

@@ -5,8 +5,6 @@ Qt's objects must end on the thread that they live on: one that ends on a worker
 window's thread collects garbage.
 """
 
-from __future__ import annotations
-
 import gc
 import signal
 import sys
@@ -22,7 +20,7 @@ from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
-ORGANISATION = APPLICATION = "skelgen"
+_ORGANISATION = APPLICATION = "skelgen"
 ICON = Path(__file__).with_name("skelgen.svg")
 
 # Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question
@@ -54,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_high_dpi()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     app = QApplication([APPLICATION])
-    app.setOrganizationName(ORGANISATION)
+    app.setOrganizationName(_ORGANISATION)
     app.setApplicationName(APPLICATION)
     app.setDesktopFileName(APPLICATION)  # so that Wayland's taskbar finds the installed entry
     app.setWindowIcon(QIcon(str(ICON)))

@@ -1,14 +1,18 @@
 """The list of pages, and the pages.
 
-A page is built when it is first shown, because stages take long to load.
+A page is built when it is first shown, because stages take long to load; while the window is idle, stages are loaded
+and pages are built ahead.
 """
 
-from __future__ import annotations
+import importlib
+import threading
 
-from PySide6.QtCore import QCoreApplication, QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QPointF, QRectF, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPolygonF
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
+from skelgen.app.configuration import parameters_class
+from skelgen.model.project import STAGES
 from skelgen_gui.pages import HOME, Context, PageEntry
 from skelgen_gui.widgets.layouts import column
 from skelgen_gui.widgets.painting import drawn_pixmap
@@ -155,3 +159,59 @@ def _paint(painter: QPainter, is_done: bool, palette: QPalette) -> None:
     else:
         painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
         painter.drawEllipse(_RING)
+
+
+_INTERVAL = 50  # ms between two looks, and between two pages
+
+
+class Preloading(QObject):
+    """Loads stages on a thread of its own; then builds one page after the other.
+
+    Parameters
+    ----------
+    pages : PageStack
+        Whose pages are built.
+    parent : QObject, optional
+        Owner.
+
+    Signals
+    -------
+    ended()
+        All is loaded and built.
+    """
+
+    ended = Signal()
+
+    def __init__(self, pages: PageStack, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._pages = pages
+        self._thread = threading.Thread(target=_load, name="preloading", daemon=True)
+        self._timer = QTimer(self, interval=_INTERVAL)
+        self._timer.timeout.connect(self._go_on)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is still to be loaded or built."""
+        return self._timer.isActive()
+
+    def begin(self) -> None:
+        """Begin to load."""
+        self._thread.start()
+        self._timer.start()
+
+    def end(self) -> None:
+        """Build no more pages, and wait for what is being loaded."""
+        self._timer.stop()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _go_on(self) -> None:
+        if not self._thread.is_alive() and not self._pages.prepare():
+            self._timer.stop()
+            self.ended.emit()
+
+
+def _load() -> None:
+    for name in STAGES:
+        parameters_class(name)
+    importlib.import_module("skelgen_gui.capture.page")

@@ -3,8 +3,6 @@
 It only puts parts together: pages come from their table, commands from theirs, and all follow the session.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,23 +13,21 @@ from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QSta
 from skelgen.model import Project
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.model import translate_with
 from skelgen_gui.model.cameras import up_axis
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.translation import translate_with
 from skelgen_gui.model.view_state import ViewState
-from skelgen_gui.page_stack import PageStack
+from skelgen_gui.page_stack import PageStack, Preloading
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
-from skelgen_gui.preloading import Preloading
 from skelgen_gui.project.cameras import Cameras
+from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
-from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.jobs import Jobs, StatusLine
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
-from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
-from skelgen_gui.status_line import StatusLine
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.view3d.view import View3D

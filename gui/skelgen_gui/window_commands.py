@@ -1,12 +1,10 @@
-"""Menus, tool bar and keys of the window, and what they do."""
-
-from __future__ import annotations
+"""Menus, tool bar and keys of the window, and what they do; among it, changing preferences."""
 
 from collections.abc import Callable
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QToolBar
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QDockWidget, QMainWindow, QMenu, QMessageBox, QToolBar, QWidget
 
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.page_stack import PageStack
@@ -15,9 +13,13 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.file_actions import RecentMenu
 from skelgen_gui.view3d.view import View3D
-from skelgen_gui.widgets.dialogs import PreferencesDialog, ShortcutsDialog
 from skelgen_gui.widgets.errors import versions
-from skelgen_gui.widgets.shortcuts import fill_menu_bar, fill_tool_bar
+from skelgen_gui.widgets.forms import stage_form
+from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
+from skelgen_gui.widgets.shortcuts import ShortcutsDialog, fill_menu_bar, fill_tool_bar
+
+_WIDTH = 420  # px, of the dialog of preferences: the help fits into its lines
 
 
 class WindowCommands(QObject):
@@ -146,3 +148,37 @@ class WindowCommands(QObject):
         self.actions["compare_none"].setEnabled(session.other is not None)
         self.actions["open"].setEnabled(not is_busy)
         self.actions["cancel"].setEnabled(is_busy)
+
+
+class PreferencesDialog(QDialog):
+    """Changes preferences when it is accepted.
+
+    Parameters
+    ----------
+    preferences : Preferences
+        What is changed.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    def __init__(self, preferences: Preferences, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._preferences = preferences
+        self.form = stage_form(PreferenceValues, self)
+        standard = QDialogButtonBox.StandardButton
+        self.buttons = QDialogButtonBox(standard.Ok | standard.Cancel, parent=self)
+        self.setWindowTitle(self.tr("Preferences"))
+        self.setMinimumWidth(_WIDTH)
+        column(self, (self.form, self.buttons))
+        self.buttons.accepted.connect(self.accept)
+        self.buttons.rejected.connect(self.reject)
+        self.form.changed.connect(self._follow)
+        self.form.set_values(preferences.values.as_mapping())
+
+    def accept(self) -> None:
+        """Keep what is entered."""
+        self._preferences.change(PreferenceValues.from_mapping(self.form.values()))
+        super().accept()
+
+    def _follow(self) -> None:
+        self.buttons.button(QDialogButtonBox.StandardButton.Ok).setEnabled(not self.form.problem())

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import kernel, kernel_part
 from skelgen.model.arrays import Floats
 
 MAX_NEWTON_STEPS = 30
@@ -75,7 +75,7 @@ def undistort(distorted: Floats, numbers: Floats) -> Floats:
     return rays
 
 
-@array_part
+@kernel
 def rays_of_pixels(pixels: Floats, std: Floats, numbers: Floats) -> tuple[Floats, Floats]:
     """Return the rays that pixels look along, and how their noise spreads them.
 

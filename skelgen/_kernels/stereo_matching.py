@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
-from skelgen._kernels.camera import Pair, rays_of_pixels
+from skelgen._kernels.camera import Pair
 from skelgen.model.arrays import Floats, Ints
 
 NEWTON_STEPS = 12
@@ -37,21 +37,18 @@ AT_INFINITY = 1e12
 
 
 class View(NamedTuple):
-    """What one camera sees.
+    """What one camera sees: the rays of balls, from `rays_of_pixels`.
 
     Attributes
     ----------
-    pixels : ndarray, shape (n_balls, 2), px
-        Centres of balls, lens included.
-    std : ndarray, shape (n_balls,), px
-        Their standard deviations along one axis.
-    camera : ndarray, shape (11,)
-        The camera's numbers; see `skelgen._kernels.camera`.
+    rays : ndarray, shape (n_balls, 2)
+        Normalised coordinates.
+    spread : ndarray, shape (n_balls, 2, 2)
+        How their noise spreads them.
     """
 
-    pixels: Floats
-    std: Floats
-    camera: Floats
+    rays: Floats
+    spread: Floats
 
 
 class Geometry(NamedTuple):
@@ -123,8 +120,7 @@ def find_pairs(left: View, right: View, geometry: Geometry, gate: float) -> Ints
     ndarray of intp, shape (n_pairs, 2)
         The left and the right ball, in the order of the left balls, then of the right ones.
     """
-    x, x_spread = rays_of_pixels(left.pixels, left.std, left.camera)
-    y, y_spread = rays_of_pixels(right.pixels, right.std, right.camera)
+    x, x_spread, y, y_spread = left.rays, left.spread, right.rays, right.spread
     in_right, in_left = np.empty((len(x), 3)), np.empty((len(y), 3))  # epipolar lines
     for row in range(3):
         e = geometry.essential
@@ -163,8 +159,7 @@ def triangulate(left: View, right: View, geometry: Geometry, pairs: Ints) -> Tri
     pairs : ndarray of intp, shape (n, 2)
         The left and the right ball of each.
     """
-    x, x_spread = rays_of_pixels(left.pixels, left.std, left.camera)
-    y, y_spread = rays_of_pixels(right.pixels, right.std, right.camera)
+    x, x_spread, y, y_spread = left.rays, left.spread, right.rays, right.spread
     n = len(pairs)
     points, covariances, rays, shifts = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 2, 2)), np.empty((n, 2))
     slope, here, at_zero, right_in_left = np.empty((4, 3)), np.eye(3), np.zeros(3), np.zeros(3)

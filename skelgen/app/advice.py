@@ -12,22 +12,22 @@ from skelgen.model.labelling import Doubt, Tracklets, seen_runs
 RARELY_SEEN = 0.2
 """Part of the frames below which a marker brings more doubt than knowledge."""
 
-OFTEN_MISSING = 0.85
+_OFTEN_MISSING = 0.85
 """Mean part of the frames in which markers are seen, below which cameras are the problem."""
 
-MANY_GHOSTS = 0.02
+_MANY_GHOSTS = 0.02
 """Part of all points that belong to no marker."""
 
-MANY_DOUBTS = 0.1
+_MANY_DOUBTS = 0.1
 """Part of all positions in doubtful spans, above which the labels as a whole are not to be trusted."""
 
-MANY_LOSSES = 30.0
+_MANY_LOSSES = 30.0
 """Losses per marker and minute above which the following of points itself is the problem."""
 
-LONG_SECONDS = 1.0
+_LONG_SECONDS = 1.0
 """A track of a false point seldom lasts as long."""
 
-LASTING_SECONDS = 0.25
+_LASTING_SECONDS = 0.25
 """A marker that is off its place for less is not worth a sentence."""
 
 UNREAL = ("piece", "alone")
@@ -75,7 +75,7 @@ def left_out_share(project: Project) -> float:
 
 def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     share = doubtful_share(labelling)
-    if share > MANY_DOUBTS:
+    if share > _MANY_DOUBTS:
         yield (
             f"{100 * share:.0f} % of all positions are doubtful: do not rely on these labels as a whole before the "
             "causes below are gone"
@@ -118,7 +118,7 @@ def _about_rare_markers(markers: Trajectories, labelling: Labelling) -> Iterator
 
 
 def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
-    least = LASTING_SECONDS * markers.rate
+    least = _LASTING_SECONDS * markers.rate
     worst = [doubt for doubt in labelling.doubts if doubt.kind == "misfit" and _n_frames(doubt) >= least]
     if worst:
         one = max(worst, key=_n_frames)
@@ -130,22 +130,22 @@ def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]
 
 def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     share = float(labelling.left_out.sum()) / max(take.n_points, 1)
-    if share > MANY_GHOSTS:
+    if share > _MANY_GHOSTS:
         yield (
             f"{100 * share:.1f} % of the points belong to no marker: raise the cameras' threshold, or cover what "
             "shines in the room"
         )
     if labelling.tracklets is not None:
-        long = int((lost_tracks(labelling.tracklets) >= LONG_SECONDS * markers.rate).sum())
+        long = int((_lost_tracks(labelling.tracklets) >= _LONG_SECONDS * markers.rate).sum())
         if long:
             what = "1 track is" if long == 1 else f"{long} tracks are"
             yield (
-                f"{what} left out although they last longer than {LONG_SECONDS:g} s: a reflection, or a marker that "
+                f"{what} left out although they last longer than {_LONG_SECONDS:g} s: a reflection, or a marker that "
                 "was not recognised; try --n-markers with one more"
             )
 
 
-def lost_tracks(tracklets: Tracklets) -> Ints:
+def _lost_tracks(tracklets: Tracklets) -> Ints:
     """Lengths [frames] of the tracks of which nothing went to a marker."""
     first, last = tracklets.spans
     used = np.zeros(tracklets.n_tracklets, dtype=np.bool_)
@@ -155,11 +155,11 @@ def lost_tracks(tracklets: Tracklets) -> Ints:
 
 def _about_visibility(markers: Trajectories) -> Iterator[str]:
     seen = markers.seen
-    if seen.mean() < OFTEN_MISSING:
+    if seen.mean() < _OFTEN_MISSING:
         yield f"markers are seen in {100 * seen.mean():.0f} % of the frames on average: more cameras see more"
     minutes = markers.n_frames / markers.rate / 60.0
     losses = (len(seen_runs(seen)[0]) - markers.n_markers) / markers.n_markers / max(minutes, 1.0 / 60.0)
-    if losses > MANY_LOSSES:
+    if losses > _MANY_LOSSES:
         yield f"a marker is lost {losses:.0f} times a minute: more cameras, or a higher frame rate, keep it longer"
 
 

@@ -1,4 +1,6 @@
-"""A stereo capture from settings and a source: run live, recorded while it runs, and used to calibrate.
+"""A stereo capture from settings and a source: run live, recorded, and used to calibrate.
+
+A calibration is written into a settings file beside what stands there.
 
 What was recorded stays, whatever ends the capture: the source, an error, or the user.
 """
@@ -12,18 +14,19 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
+from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.markers import misfit_in_space
-from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, TargetJoint
+from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
 RECORDINGS = (".mfml", ".c3d")
@@ -32,15 +35,20 @@ RECORDINGS = (".mfml", ".c3d")
 
 def read_capture_settings(path: Path) -> CaptureSettings:
     """Read settings, the parameters of the detection checked with their lines; errors as `read_settings`."""
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
-
-    from skelgen.capture.detection import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
+    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
 
     return read_settings(path, DetectionParameters)
 
 
 def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource:
     """Return the source that a text names, or else the one of the settings.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    text : str, optional
+        Where images come from, as docs/capture/sources.md has it.
 
     Raises
     ------
@@ -86,7 +94,7 @@ def capture(
         was recorded until then is kept.
     """
     for path in record:
-        check_recording(path, settings)
+        _check_recording(path, settings)
     with ExitStack() as stack:
         live = stack.enter_context(MotionCapture(settings, bodies, prediction))
         pairs = stack.enter_context(source)
@@ -105,14 +113,30 @@ def calibrate_body_of(
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[CaptureSettings, BodyCalibration]:
-    """Calibrate a target from a source; return the settings with it, in place of one of the same name."""
+    """Calibrate a target from a source; return the settings with it, in place of one of the same name.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    source : FrameSource
+        Pairs of images of the target that is turned.
+    name : str
+        What the target is called.
+    n_balls : int, optional
+        Its number of balls; found if left out.
+    n_frames : int, optional
+        Pairs at most; all if left out.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     frames = _points_of(settings, source, n_frames, monitor)
     others = [body for body in settings.bodies if body.name != name]
     done = calibrate_body(frames, name, n_balls, others, monitor=monitor)
-    return with_body(settings, done.target), replace(done, notices=(*done.notices, *outdated(settings, name)))
+    return _with_body(settings, done.target), replace(done, notices=(*done.notices, *_outdated(settings, name)))
 
 
-def with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
+def _with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
     """Return settings with a target, in place of one of the same name.
 
     Raises
@@ -127,7 +151,7 @@ def with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
     return replace(settings, bodies=bodies)
 
 
-def outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
+def _outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
     """Return a notice of the joints of settings that were measured in a target that is calibrated anew; or none."""
     joints = [joint.name for joint in settings.joints if name in (joint.parent, joint.child)]
     if not joints:
@@ -142,7 +166,21 @@ def calibrate_joints_of(
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[CaptureSettings, JointCalibration]:
-    """Calibrate joints from a source; return the settings with them, in place of those of the same names."""
+    """Calibrate joints from a source; return the settings with them, in place of those of the same names.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    source : FrameSource
+        Pairs of images of the joints that are moved.
+    requests : sequence of JointRequest
+        Joints that are stated; all are found if there are none.
+    n_frames : int, optional
+        Pairs at most; all if left out.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
     if len(settings.bodies) < 2:
         raise InputError("joints are between two targets; calibrate them first: skelgen calibrate body")
     frames = _points_of(settings, source, n_frames, monitor)
@@ -155,6 +193,13 @@ def calibrate_joints_of(
 
 def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSettings:
     """Return settings with joints, in place of those of the same names.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    done : JointCalibration
+        What was calibrated.
 
     Raises
     ------
@@ -180,7 +225,7 @@ def _points_of(
         return [finder.find(pair)[2] for pair in with_progress(islice(pairs, n_frames), total, monitor)]
 
 
-def check_recording(path: Path, settings: CaptureSettings) -> None:
+def _check_recording(path: Path, settings: CaptureSettings) -> None:
     """Check that a capture can be recorded into a file of this name, or raise `InputError`."""
     suffix = path.suffix.lower()
     if suffix not in RECORDINGS:
@@ -208,13 +253,13 @@ class Recording:
     """
 
     def __init__(self, path: Path, settings: CaptureSettings, rate: float | None) -> None:
-        check_recording(path, settings)
+        _check_recording(path, settings)
         self.path, self._settings = path, settings
         self._recorder: MfmlRecorder | C3dRecorder
         if path.suffix.lower() == ".mfml":
             self._recorder = MfmlRecorder(path)
         else:
-            self._recorder = C3dRecorder(path, ball_names(settings.bodies), rate)
+            self._recorder = C3dRecorder(path, _ball_names(settings.bodies), rate)
 
     def __enter__(self) -> Self:
         """Return itself: the file is open."""
@@ -242,13 +287,21 @@ class Recording:
         self._recorder.add(captured.pair.time, places, errors)
 
 
-def ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
+def _ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
     """Return the names of all balls of all targets: ``upper:1``, ``upper:2`` and so on."""
     return [f"{body.name}:{ball + 1}" for body in bodies for ball in range(len(body.points))]
 
 
 def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
-    """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not."""
+    """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not.
+
+    Parameters
+    ----------
+    bodies : sequence of BodyTarget
+        The targets.
+    captured : Captured
+        One pair of images with what was found.
+    """
     parts = []
     for body in bodies:
         places = np.full(body.points.shape, np.nan)
@@ -257,3 +310,88 @@ def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
             places[matched >= 0] = captured.points.points[matched[matched >= 0]]
         parts.append(places)
     return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+_CAMERAS = ("firewire:", "gige:", "gentl:")
+"""Sources that are cameras: the next capture comes from them too."""
+
+
+def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -> int:
+    """Write a calibrated rig into a settings file; return how many bodies and joints were kept.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The calibrated cameras.
+    path : Path
+        The file.
+    before : Path or None
+        A settings file whose bodies, joints and other settings are kept, if it is there.
+    source : str
+        Where the images came from; it is kept if that is cameras.
+    """
+    settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
+    if before is not None and before.exists():
+        settings = replace(read_capture_settings(before), rig=rig)
+    write_settings(settings, path)
+    return len(settings.bodies) + len(settings.joints)
+
+
+def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str, ...]:
+    """Add a target to a settings file, in place of one of the same name; return what the user should know.
+
+    Parameters
+    ----------
+    path : Path
+        The file; if it is not there, it is written with the settings that were used.
+    used : CaptureSettings
+        The settings that were used for the calibration.
+    target : BodyTarget
+        What was calibrated.
+
+    Raises
+    ------
+    SkelgenError
+        If the file cannot be read or written, its cameras are others than those that were used, or the target can be
+        taken for another one.
+    """
+    settings = _stored(path, used)
+    write_settings(_with_body(settings, target), path)
+    return _outdated(settings, target.name)
+
+
+def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration) -> None:
+    """Add joints to a settings file, in place of those of the same names.
+
+    Parameters
+    ----------
+    path, used
+        As of `add_body`.
+    calibration : JointCalibration
+        What was calibrated.
+
+    Raises
+    ------
+    SkelgenError
+        If the file cannot be read or written, its cameras are others than those that were used, or no joint was found.
+    """
+    write_settings(with_joints(_stored(path, used), calibration), path)
+
+
+def _stored(path: Path, used: CaptureSettings) -> CaptureSettings:
+    """Settings as they are in a file by now; those that were used if there is none."""
+    stored = read_capture_settings(path) if path.exists() else used
+    if not _is_same(stored.rig, used.rig):
+        raise InputError(
+            f"the cameras of {path} are others than those that this was measured with; choose these settings above, "
+            "and take it again"
+        )
+    return stored
+
+
+def _is_same(one: StereoRig, two: StereoRig) -> bool:
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for a, b in ((one.left, two.left), (one.right, two.right))
+        for name in ("size", "matrix", "distortion", "camera_from_world")
+    )

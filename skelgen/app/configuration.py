@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
+from skelgen_formats.config_xml import read_config, write_config
+
 from skelgen.errors import ParameterError
 from skelgen.model.project import STAGES
 from skelgen.parameters import StageParameters, declare
@@ -193,8 +195,6 @@ def settings_with(settings: Settings, assignments: Iterable[str]) -> Settings:
 
 def write_defaults(path: Path) -> None:
     """Write a ``config.xml`` with every default and its help as comment."""
-    from skelgen_formats.config_xml import write_config  # noqa: PLC0415 - lxml costs 50 ms
-
     write_config(path, all_parameter_classes())
 
 
@@ -217,8 +217,6 @@ def parameter_rows(settings: Settings) -> list[dict[str, object]]:
 
 
 def _from_file(path: Path) -> Mapping[str, StageParameters]:
-    from skelgen_formats.config_xml import read_config  # noqa: PLC0415 - lxml costs 50 ms
-
     return read_config(path, list(all_parameter_classes()))
 
 

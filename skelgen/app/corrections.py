@@ -10,7 +10,7 @@ from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.progress import Monitor
 
-EDITS = frozenset({"merge", "split", "rename", "delete", "swap"})
+_EDITS = frozenset({"merge", "split", "rename", "delete", "swap"})
 """Kinds of corrections that change labels at once, without a new run."""
 
 
@@ -30,7 +30,7 @@ def with_correction(project: Project, correction: Correction) -> Project:
         If it names a marker that does not exist.
     """
     added = replace(project, corrections=(*project.corrections, correction))
-    if correction.kind in EDITS and project.has("labels"):
+    if correction.kind in _EDITS and project.has("labels"):
         return _with_edited_labels(added, correction)
     for which in range(len(correction.names)):
         if project.has("labels"):
@@ -108,7 +108,7 @@ def corrected_labels(
     monitor : Monitor
         Receives a notice for each correction.
     """
-    if not any(correction.kind in EDITS for correction in project.corrections):
+    if not any(correction.kind in _EDITS for correction in project.corrections):
         return trajectories, labelling
     from skelgen.stages.labels import apply_corrections, corrected_quality  # noqa: PLC0415 - loads scipy
 

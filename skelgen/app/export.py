@@ -6,8 +6,7 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.markers import trajectories_of
-from skelgen_formats.options import FILLED, Options, Writable
-from skelgen_formats.parts import PARTS, parts_in
+from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, parts_in
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.app.replacing import check_outputs, recording_of
@@ -26,7 +25,7 @@ def _write_report(value: Writable, path: Path, options: Options, monitor: Monito
     return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
 
 
-REPORT = registry.Format(
+REPORT = Format(
     name="report",
     title="Report, HTML",
     suffixes=(".html",),
@@ -76,12 +75,12 @@ class Preview:
     obstacle: str = ""
 
 
-def export_formats() -> tuple[registry.Format, ...]:
+def export_formats() -> tuple[Format, ...]:
     """Return every format that can be written, and the report."""
     return (*(entry for entry in registry.known_formats() if entry.write is not None), REPORT)
 
 
-def obstacle_to(project: Project, entry: registry.Format, options: Mapping[str, object]) -> str:
+def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) -> str:
     """Return one sentence on why a project cannot be written in a format; empty if it can.
 
     Parameters
@@ -96,7 +95,7 @@ def obstacle_to(project: Project, entry: registry.Format, options: Mapping[str, 
     return ""
 
 
-def export_path(folder: Path, name: str, entry: registry.Format) -> Path:
+def export_path(folder: Path, name: str, entry: Format) -> Path:
     """Return the path of an export, from which the format makes the names of its files.
 
     Parameters
@@ -118,7 +117,7 @@ def export_path(folder: Path, name: str, entry: registry.Format) -> Path:
     return folder / (name + entry.suffixes[0])
 
 
-def preview_export(project: Project, entry: registry.Format, path: Path, options: Mapping[str, object]) -> Preview:
+def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, object]) -> Preview:
     """Tell what `export_project` will do, without doing it.
 
     Parameters
@@ -140,7 +139,7 @@ def preview_export(project: Project, entry: registry.Format, path: Path, options
     return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
 
 
-def remarks_on(project: Project, entry: registry.Format, path: Path, options: Options) -> tuple[str, ...]:
+def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:
     """Return sentences on what a format cannot hold of a project, and on what becomes of the rest.
 
     Parameters
@@ -155,7 +154,7 @@ def remarks_on(project: Project, entry: registry.Format, path: Path, options: Op
 
 
 def export_project(
-    project: Project, entry: registry.Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
+    project: Project, entry: Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write a project; all files of the format arrive together, or none.
 
@@ -189,7 +188,7 @@ def export_project(
     return [path.parent / file.name for file in files]
 
 
-def _contents(project: Project, entry: registry.Format, rate: float) -> str:
+def _contents(project: Project, entry: Format, rate: float) -> str:
     kept = [part for part in parts_in(project) if part.name in entry.keeps]
     names = {part.name for part in kept}
     take = project.take
@@ -209,33 +208,13 @@ def _contents(project: Project, entry: registry.Format, rate: float) -> str:
     return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")
 
 
-def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
-    """Fill the gaps of a project's markers.
-
-    Parameters
-    ----------
-    project : Project
-        With a skeleton.
-    monitor : Monitor
-        Receives progress; may cancel.
-
-    Raises
-    ------
-    MissingResultError
-        If the project has no skeleton yet.
-    """
-    from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - loads scipy
-
-    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
-
-
 def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
     """Write complete markers in the format of the suffix, and a table with a row per filled position.
 
     Parameters
     ----------
     filled : Filled
-        From `fill_project`.
+        From `skelgen.fill`.
     path : Path
         File for markers, e.g. ``walk.c3d``.
 

@@ -1,4 +1,4 @@
-"""The public face: the functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
+"""The public face: functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
 
 Each of them turns what a user writes (paths, mappings, names) into the values of the application layer and calls one
 function of it.
@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING, Any
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import place_of, with_correction
-from skelgen.app.files import given_identities, open_input, write_any
+from skelgen.app.files import given_identities, open_input
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
-from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import InputError
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.corrections import Correction
 from skelgen.model.filled import Filled
 from skelgen.model.project import STAGES
-from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
@@ -188,47 +186,6 @@ def reconstruct(
     )
 
 
-def apply_subject(
-    take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
-) -> Project:
-    """Label and pose a take by a skeleton that was calibrated on another take of the same body.
-
-    Parameters
-    ----------
-    take : PointCloud, Trajectories or Poses
-        The new take.
-    subject : Project, Path or str
-        The calibrated take with its skeleton, or the file that holds it.
-    parameters : mapping, Path or str, optional
-        As for `reconstruct`: ``labels`` says how points are followed, ``skeleton`` which markers are outliers.
-    monitor : Monitor, optional
-        Receives progress and notices; may cancel.
-
-    Returns
-    -------
-    Project
-        Bone lengths, joints and places of markers are those of the subject; the report of the labels lists what is
-        different in this take.
-
-    Raises
-    ------
-    InputError
-        If the take shows another body, or the subject has no skeleton.
-
-    Examples
-    --------
-    >>> import skelgen
-    >>> calibrated = skelgen.reconstruct(skelgen.simulate("rods", seed=1, n_frames=200).take)
-    >>> walk = skelgen.simulate("rods", seed=1, n_frames=100).take
-    >>> skelgen.apply_subject(walk, calibrated).skeleton.lengths == calibrated.skeleton.lengths
-    True
-    """
-    from skelgen.app.subject import open_subject, run_with_subject  # noqa: PLC0415 - loads the stages
-
-    known = subject if isinstance(subject, Project) else open_subject(subject)
-    return run_with_subject(Project(take), known, settings=Settings(parameters), monitor=monitor or SILENT)
-
-
 def calibrate_together(
     takes: Sequence[Take], seed: int = 0, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> SharedSkeleton:
@@ -248,7 +205,7 @@ def calibrate_together(
     Returns
     -------
     SharedSkeleton
-        Its ``skeleton`` is a project to give to `apply_subject`, its ``takes`` are a project per take.
+        Its ``skeleton`` is a project to give to `skelgen.apply_subject`, its ``takes`` are a project per take.
 
     Raises
     ------
@@ -331,7 +288,7 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     Returns
     -------
     Filled
-        Complete markers with a standard deviation for each filled position; to be given to `write`.
+        Complete markers with a standard deviation for each filled position; to be given to `skelgen.write`.
 
     Raises
     ------
@@ -345,9 +302,9 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     >>> bool(project.trajectories.seen.all()), bool(skelgen.fill(project).trajectories.seen.all())
     (False, True)
     """
-    from skelgen.app.export import fill_project  # noqa: PLC0415 - loads the report
+    from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - loads scipy
 
-    return fill_project(project, monitor or SILENT)
+    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor or SILENT)
 
 
 def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
@@ -437,42 +394,3 @@ def run_batch(
 
     pool = partial(workers.in_processes, n_workers=n_workers, timeout=timeout)
     return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)
-
-
-def write(
-    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
-) -> list[Path]:
-    """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
-
-    Parameters
-    ----------
-    value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
-        What to write.
-    path : Path or str
-        The file; its format comes from `format` or the suffix.
-    format : str, optional
-        Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
-    **options
-        Options of the format's writer, e.g. ``unit``, ``axes``, ``rate``.
-
-    Returns
-    -------
-    list of Path
-        The files written: more than one for formats that come in pairs.
-
-    Raises
-    ------
-    WriteError
-        If no format belongs to the suffix, the format cannot hold the value, or the file cannot be written; if it is
-        the recording of the project, or what the format puts beside a new file would replace another.
-
-    Examples
-    --------
-    >>> import skelgen
-    >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
-    [PosixPath('rods.trc')]
-    """
-    files = files_of(Path(path), format, options)
-    recording = recording_of(value) if isinstance(value, Project) else None
-    check_outputs(files, (recording,), files if Path(path).exists() else (Path(path),))
-    return write_any(value, path, format, **options)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from skelgen_formats import registry
+from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
-from skelgen_formats.options import Option
+from skelgen_formats.options import Format, Option
 
-from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
-from skelgen.app.project_file.references import source_of
+from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
@@ -71,7 +71,7 @@ def open_input(
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
     if is_stereo(path, format):
-        taken = read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
+        taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
     take = registry.read_take(path, format, **options)
     source = source_of(Path(path), format or registry.recognise(Path(path)).name, options)
@@ -83,19 +83,56 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
     return read_identities(identities) if isinstance(identities, Path | str) else identities
 
 
+def write(
+    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
+) -> list[Path]:
+    """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
+        What to write.
+    path : Path or str
+        The file; its format comes from `format` or the suffix.
+    format : str, optional
+        Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
+    **options
+        Options of the format's writer, e.g. ``unit``, ``axes``, ``rate``.
+
+    Returns
+    -------
+    list of Path
+        The files written: more than one for formats that come in pairs.
+
+    Raises
+    ------
+    WriteError
+        If no format belongs to the suffix, the format cannot hold the value, or the file cannot be written; if it is
+        the recording of the project, or what the format puts beside a new file would replace another.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
+    [PosixPath('rods.trc')]
+    """
+    files = files_of(Path(path), format, options)
+    recording = recording_of(value) if isinstance(value, Project) else None
+    check_outputs(files, (recording,), files if Path(path).exists() else (Path(path),))
+    return write_any(value, path, format, **options)
+
+
 def write_any(
     value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:
-    """Write any value of the public face in any format that holds it.
+    """Write as `write`, replacing what is there: for those who have checked it.
 
     Parameters
     ----------
     value, path, format, **options
-        As for `skelgen.write`.
+        As of `write`.
     """
     if isinstance(value, CaptureSettings):
-        from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
-
         write_settings(value, Path(path))
         return [Path(path)]
     if isinstance(value, Filled):
@@ -167,7 +204,7 @@ def name_of_format(path: Path) -> str:
     return STEREO.name if is_stereo(path) else registry.recognise(path).name
 
 
-def readable_formats() -> tuple[registry.Format, ...]:
+def readable_formats() -> tuple[Format, ...]:
     """Return all formats that takes are read from: those of files, and the stereo recording."""
     return (*(entry for entry in registry.known_formats() if entry.read is not None), STEREO)
 
@@ -201,7 +238,7 @@ _BEFORE_ROOT = rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->)|<!DOCTYPE[^>]*+>)*+"
 _ROOT = re.compile(rb"(?:\xef\xbb\xbf)?" + _BEFORE_ROOT + rb"<capture[\s>/]", re.DOTALL)
 
 
-def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
+def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
     """Turn all images of a stereo recording into unlabelled points.
 
     Parameters
@@ -258,13 +295,13 @@ def _sniff(head: bytes, path: Path) -> bool:
     return _ROOT.match(head) is not None
 
 
-STEREO = registry.Format(
+STEREO = Format(
     name="stereo",
     title="stereo recording",
     suffixes=(".xml",),
     holds="points",
     sniff=_sniff,
-    read=lambda path, options: read_stereo(path),
+    read=lambda path, options: _read_stereo(path),
     options=(
         Option("source", "", "where images come from; empty takes what the settings say"),
         Option("frames", 0, "pairs of images at most; 0 takes all", low=0),

@@ -12,16 +12,16 @@ from skelgen.model.arrays import Floats, Ints
 MIN_FRAMES = 3
 """Fewer frames hold no motion from which a joint could be found."""
 
-MIN_MARKERS = 2
+_MIN_MARKERS = 2
 """A single marker has no distance that could be constant."""
 
-STILL_RANGE = 1e-6
+_STILL_RANGE = 1e-6
 """Range of motion [mm] below which nothing moves: a nanometre is finer than any tracker and any file resolves."""
 
 AXIS_LENGTHS = (50.0, 400.0)
 """Distance [mm] of a body's axis markers from its origin, at least and at most: they stay near a limb."""
 
-BODY_POINT_NAMES = ("o", "x", "y", "z", "-x", "-y", "-z")
+_BODY_POINT_NAMES = ("o", "x", "y", "z", "-x", "-y", "-z")
 """Markers that stand for a body: its origin and both ends of its axes, so that none of its errors pulls another."""
 
 _BODY_POINTS = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
@@ -59,9 +59,9 @@ def check_trajectories(trajectories: Trajectories) -> None:
     n_seen = int(trajectories.seen.any(axis=0).sum())
     if n_seen == 0:
         raise InputError(f"{name}: no marker is seen in any frame; check the recording")
-    if n_seen < MIN_MARKERS:
-        raise InputError(f"{name}: only 1 marker is seen; limbs need at least {MIN_MARKERS}")
-    if _range_of_motion(trajectories.positions) <= STILL_RANGE:
+    if n_seen < _MIN_MARKERS:
+        raise InputError(f"{name}: only 1 marker is seen; limbs need at least {_MIN_MARKERS}")
+    if _range_of_motion(trajectories.positions) <= _STILL_RANGE:
         raise InputError(f"{name}: nothing moves; limbs and joints show only in motion")
 
 
@@ -83,13 +83,13 @@ def trajectories_from_poses(poses: Poses, length: float | None = None) -> Trajec
     Trajectories
         Markers ``body:o``, ``body:x``, ``body:-x`` and so on for every body.
     """
-    from skelgen.kinematics.bodies.relative_poses import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
+    from skelgen.kinematics.joints.relative_poses import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
 
     if length is None:
         length = float(np.clip(noise_size(poses) * np.sqrt(len(_BODY_POINTS) / _AXIS_MARKERS), *AXIS_LENGTHS))
     rotations, origins = poses.world_from_body[..., :3, :3], poses.world_from_body[..., :3, 3]
     points = np.einsum("fbij,kj->fbki", rotations, length * _BODY_POINTS) + origins[:, :, np.newaxis]
-    names = tuple(f"{body}:{point}" for body in poses.names for point in BODY_POINT_NAMES)
+    names = tuple(f"{body}:{point}" for body in poses.names for point in _BODY_POINT_NAMES)
     return Trajectories(points.reshape(poses.n_frames, len(names), 3), names, poses.rate, poses.name, poses.notices)
 
 

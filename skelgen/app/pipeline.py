@@ -145,7 +145,13 @@ class CollectingMonitor:
         self._watcher.begin(name)
 
     def advance(self, done: float, total: float) -> None:
-        """Pass the progress on."""
+        """Pass the progress on.
+
+        Parameters
+        ----------
+        done, total : int
+            Parts of the work that are done, and all of them.
+        """
         self._watcher.advance(done, total)
 
     def notice(self, sentence: str) -> None:

@@ -19,7 +19,7 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.subject import SubjectFit, fit_subject, pose_subject, subject_motion
 
-LEAST_TAKES = 2
+_LEAST_TAKES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:
         if isinstance(take, Poses):
             raise InputError(f"{take.name}: holds bodies with orientation; takes with markers are calibrated together")
         checked.append(take)
-    if len(checked) < LEAST_TAKES:
+    if len(checked) < _LEAST_TAKES:
         raise InputError("one take alone is calibrated by `skelgen run`; give at least two to calibrate them together")
     return checked
 

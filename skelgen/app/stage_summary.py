@@ -10,7 +10,7 @@ from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted
 from skelgen.model import PointCloud, Poses, Project, Take
 
-MOST_POINTERS = 200
+_MOST_POINTERS = 200
 """Warnings that are listed; nobody reads more."""
 
 
@@ -86,7 +86,7 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
             continue
         words = {word.strip(",.:;()'\"") for word in sentence.split()}
         found.append(Pointer(sentence, None, tuple(sorted(names[word] for word in words & names.keys()))))
-    return tuple(found[:MOST_POINTERS])
+    return tuple(found[:_MOST_POINTERS])
 
 
 def _limbs_in(project: Project, sentence: str) -> list[int]:
@@ -162,9 +162,9 @@ def _about_joints(project: Project) -> Iterator[str]:
 
 
 def _about_skeleton(project: Project) -> Iterator[str]:
-    kinds = [joint.kind for joint in project.skeleton.joints]
-    listed_kinds = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-    yield f"{counted(len(kinds), 'joint')}: {listed_kinds}." if kinds else "One limb without joints."
+    types = [joint.kind for joint in project.skeleton.joints]
+    listed_types = ", ".join(f"{types.count(kind)} {kind}" for kind in dict.fromkeys(types))
+    yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

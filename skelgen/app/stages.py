@@ -236,7 +236,7 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         project.trajectories,
         project.limbs,
         project.topology,
-        settings.skeleton.with_kinds(types) if types else settings.skeleton,
+        settings.skeleton.with_joint_types(types) if types else settings.skeleton,
         monitor=monitor,
         are_poses=isinstance(project.take, Poses),
     )

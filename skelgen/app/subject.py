@@ -7,11 +7,22 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from skelgen.app.configuration import Settings
+from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.inputs import body_of, check_take, trajectories_from_poses
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
-from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, Skeleton, StageReport, Trajectories
+from skelgen.model import (
+    Labelling,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Project,
+    Skeleton,
+    StageReport,
+    Take,
+    Trajectories,
+)
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import PointLabels, history_of, labelling_of_cloud, labelling_of_markers
@@ -23,6 +34,45 @@ from skelgen.stages.subject import (
     pose_subject,
     subject_motion,
 )
+
+
+def apply_subject(
+    take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
+) -> Project:
+    """Label and pose a take by a skeleton that was calibrated on another take of the same body.
+
+    Parameters
+    ----------
+    take : PointCloud, Trajectories or Poses
+        The new take.
+    subject : Project, Path or str
+        The calibrated take with its skeleton, or the file that holds it.
+    parameters : mapping, Path or str, optional
+        As for `skelgen.reconstruct`: ``labels`` says how points are followed, ``skeleton`` which markers are outliers.
+    monitor : Monitor, optional
+        Receives progress and notices; may cancel.
+
+    Returns
+    -------
+    Project
+        Bone lengths, joints and places of markers are those of the subject; the report of the labels lists what is
+        different in this take.
+
+    Raises
+    ------
+    InputError
+        If the take shows another body, or the subject has no skeleton.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> calibrated = skelgen.reconstruct(skelgen.simulate("rods", seed=1, n_frames=200).take)
+    >>> walk = skelgen.simulate("rods", seed=1, n_frames=100).take
+    >>> skelgen.apply_subject(walk, calibrated).skeleton.lengths == calibrated.skeleton.lengths
+    True
+    """
+    known = subject if isinstance(subject, Project) else open_subject(subject)
+    return run_with_subject(Project(take), known, settings=Settings(parameters), monitor=monitor or SILENT)
 
 
 def open_subject(path: Path | str) -> Project:

@@ -16,7 +16,7 @@ from skelgen.benchmark.page import Effort, Figure, Section, Series, draw, figure
 from skelgen.benchmark.speed import fifty_markers
 from skelgen.evaluation import Evaluation, evaluate
 from skelgen.evaluation.joints import joint_distances
-from skelgen.kinematics.bodies.shape import fit_shape
+from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor, with_progress

@@ -22,10 +22,10 @@ def machine_line() -> str:
     """Return processor, cores, system, and versions of what computes."""
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     system = f"{platform.system()} {platform.machine()}"
-    return f"{processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
+    return f"{_processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
 
 
-def processor_name() -> str:
+def _processor_name() -> str:
     """Return the processor's name as the system tells it."""
     with contextlib.suppress(OSError):
         for line in _lines(_CPU_FACTS):
@@ -52,6 +52,13 @@ def peak_gigabytes() -> float:
 
 def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
     """Return what a function of a module returns in a fresh process: a process never forgets its peak of memory.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module.
+    *given
+        Its arguments; those and what it returns must be picklable.
 
     Raises
     ------

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.drawing import svg
-from skelgen.app.drawing.axes import Axes
+from skelgen.app.drawing.svg import Axes
 from skelgen.app.drawing.wording import counted
 from skelgen.app.files import write_html
 from skelgen.benchmark.machine import machine_line

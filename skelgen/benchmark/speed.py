@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -44,18 +43,18 @@ def measure_speed(effort: Effort, monitor: Monitor, measure: Callable[..., list[
     trees = f"Random trees, {_TREE_FRAMES} frames, 0.5 mm noise, 5 % dropouts"
     kinds: tuple[tuple[str, str, Callable[..., PointCloud | Trajectories], Sequence[int], tuple[str, ...]], ...] = (
         (named, "frames", long_take, effort.frames, _STAGES),
-        (cloud, "frames", cloud_take, effort.cloud_frames, ("labels", *_STAGES)),
-        (trees, "markers", tree_take, effort.limbs, _STAGES),
+        (cloud, "frames", _cloud_take, effort.cloud_frames, ("labels", *_STAGES)),
+        (trees, "markers", _tree_take, effort.limbs, _STAGES),
     )
     tables: list[Table] = []
     figures: list[Figure] = []
-    measure(tree_take, _WARMING_LIMBS)  # compiles what is compiled, which is once on a machine
+    measure(_tree_take, _WARMING_LIMBS)  # compiles what is compiled, which is once on a machine
     done, total = 0, sum(len(sizes) for _, _, _, sizes, _ in kinds)
     for title, axis, make, sizes, stages in kinds:
         runs = []
         for size in sizes:
             monitor.advance(done, total)
-            shown = size if axis == "frames" else tree_take(size).n_markers
+            shown = size if axis == "frames" else _tree_take(size).n_markers
             runs.append((shown, measure(make, size)[0]))
             done += 1
         columns = (axis, *(f"{stage} [s]" for stage in stages), "all [s]", "peak [GB]")
@@ -72,12 +71,12 @@ def measure_speed(effort: Effort, monitor: Monitor, measure: Callable[..., list[
     )
 
 
-def cloud_take(n_frames: int) -> PointCloud:
+def _cloud_take(n_frames: int) -> PointCloud:
     """Return a take without names as cameras see it."""
     return cast(PointCloud, simulate(fifty_markers(), n_frames=n_frames, labelled=False, **_SEEN).take)
 
 
-def tree_take(n_limbs: int) -> Trajectories:
+def _tree_take(n_limbs: int) -> Trajectories:
     """Return a labelled take of a random tree."""
     return cast(Trajectories, simulate(f"tree:{n_limbs}", n_frames=_TREE_FRAMES, **_FAULTS).take)
 
@@ -189,9 +188,6 @@ def time_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
 LONG_TAKE_MARKERS = 40
 
 _FOUR_MARKERS = ("pelvis", "chest", "head", "left thigh", "right thigh")
-_LEFT_OUT = ("head", "hand", "foot")
-_TWO_MARKERS = "forearm"
-_FIFTH_MARKERS = 7  # limbs of the tree of 30 that get a marker more: 127 in all
 _LONG: dict[str, Any] = {"n_frames": 6000, "rate": 200.0, "noise": 0.3, "soft_tissue": 2.0, "n_cameras": 8}
 _FRESH_NOISE = 0.2  # mm
 _CHUNK = 10_000  # frames
@@ -202,25 +198,6 @@ def fifty_markers() -> Structure:
     more = {limb.name: limb for limb in find_structure("human:4").limbs}
     limbs = tuple(more[limb.name] if limb.name in _FOUR_MARKERS else limb for limb in find_structure("human").limbs)
     return Structure("human-50", limbs)
-
-
-def ten_limbs() -> Structure:
-    """Return a human without head, hands and feet, with two markers on the forearms: 28 markers on 10 limbs."""
-    limbs = [limb for limb in find_structure("human").limbs if not limb.name.endswith(_LEFT_OUT)]
-    fewer = [
-        dataclasses.replace(limb, markers=limb.markers[:2]) if limb.name.endswith(_TWO_MARKERS) else limb
-        for limb in limbs
-    ]
-    return Structure("ten-limbs", tuple(fewer))
-
-
-def thirty_limbs() -> Structure:
-    """Return the random tree of 30 limbs, some with a fifth marker amid the others: 127 markers."""
-    limbs = list(find_structure("tree:30").limbs)
-    for index, limb in enumerate(limbs[:_FIFTH_MARKERS]):
-        markers = np.concatenate([limb.markers, limb.markers[:2].mean(axis=0, keepdims=True)])
-        limbs[index] = dataclasses.replace(limb, markers=markers)
-    return Structure("thirty-limbs", tuple(limbs))
 
 
 def long_take(n_frames: int, seed: int = 0) -> Trajectories:

@@ -1,6 +1,7 @@
 """The suites of `skelgen benchmark` in their order, and running them."""
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from threadpoolctl import threadpool_limits
 import skelgen
 from skelgen.benchmark import accuracy
 from skelgen.benchmark.machine import machine_line
-from skelgen.benchmark.page import QUICK, Effort, Figure, Section
+from skelgen.benchmark.page import QUICK, Effort, Figure, Section, write_benchmark_page
 from skelgen.benchmark.speed import measure_speed
 from skelgen.errors import InputError, SkelgenError
 from skelgen.evaluation import Table
@@ -77,7 +78,7 @@ def run_benchmark(
         if name not in SUITES:
             raise InputError(f"there is no suite {name!r}; suites are {', '.join(SUITES)}")
     done = {section.name: section for section in known}
-    wanted = chosen(names)
+    wanted = _chosen(names)
     missing = [name for name in wanted if name not in done]
     whole = _Whole(missing, monitor)
     with threadpool_limits(limits=1):
@@ -87,7 +88,56 @@ def run_benchmark(
     return [done[name] for name in wanted]
 
 
-def chosen(names: Sequence[str]) -> list[str]:
+def measure_page(
+    page: Path,
+    names: Sequence[str] = (),
+    *,
+    quick: bool = False,
+    resume: bool = False,
+    monitor: Monitor = SILENT,
+    suites: Mapping[str, Suite] | None = None,
+) -> tuple[list[Section], str]:
+    """Measure, and after each suite write a page of all that is done, with what it takes to go on beside it.
+
+    Parameters
+    ----------
+    page : Path
+        The page; it is written before anything is measured, as one that cannot be written shall not cost all figures.
+    names, quick, monitor, suites
+        As for `run_benchmark`.
+    resume : bool
+        Whether suites that are finished in the page are kept.
+
+    Returns
+    -------
+    tuple of list of Section and str
+        The suites, and when they were measured in how many seconds.
+
+    Raises
+    ------
+    WriteError
+        If the page cannot be written.
+    """
+    words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in names)]
+    known, before = load_state(page, quick=quick) if resume else ([], 0.0)
+    started = time.monotonic() - before
+
+    def measured() -> str:
+        return f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
+
+    def write(sections: list[Section]) -> None:
+        done = {section.name for section in sections}
+        missing = [name for name in _chosen(names) if name not in done]
+        save_state(sections, page, quick=quick, seconds=time.monotonic() - started)
+        write_benchmark_page(sections, page, measured=measured(), command=" ".join(words), missing=missing)
+
+    write(known)
+    sections = run_benchmark(names, quick=quick, known=known, arrived=write, monitor=monitor, suites=suites)
+    write(sections)
+    return sections, measured()
+
+
+def _chosen(names: Sequence[str]) -> list[str]:
     """Return the suites that are named, in the order of the page; all if none is."""
     return [name for name in SUITES if not names or name in names]
 
@@ -140,7 +190,7 @@ SUFFIX = ".json"
 _FORMAT = "skelgen benchmark"
 
 
-def state_file(page: Path) -> Path:
+def _state_file(page: Path) -> Path:
     """Return the file beside a page that keeps what it shows."""
     return page.with_suffix(SUFFIX)
 
@@ -165,9 +215,9 @@ def save_state(sections: Sequence[Section], page: Path, *, quick: bool, seconds:
         If it cannot be written.
     """
     state = _key(quick) | {"seconds": seconds, "sections": [_packed(section) for section in sections]}
-    with replacing(state_file(page)) as temporary:
+    with replacing(_state_file(page)) as temporary:
         temporary.write_text(json.dumps(state, indent=1, ensure_ascii=False), encoding="utf-8")
-    return state_file(page)
+    return _state_file(page)
 
 
 def load_state(page: Path, *, quick: bool) -> tuple[list[Section], float]:
@@ -183,7 +233,7 @@ def load_state(page: Path, *, quick: bool) -> tuple[list[Section], float]:
         Whether fewer seeds and frames are measured.
     """
     try:
-        state = json.loads(state_file(page).read_text(encoding="utf-8"))
+        state = json.loads(_state_file(page).read_text(encoding="utf-8"))
         if {name: state[name] for name in _key(quick)} != _key(quick):
             return [], 0.0
         return [_unpacked(section) for section in state["sections"]], float(state["seconds"])

@@ -4,4 +4,6 @@
 `optics` the points in space that two balls make, `bodies` the targets among the points, `angles` the joints between
 targets, with errors as `error_propagation` predicts them. `live` is all that, pair by pair; `markers` turns a whole
 recording into unlabelled markers. `calibration` measures cameras, targets and joints beforehand.
+
+May change with every version; scripts import what they need from `skelgen`.
 """

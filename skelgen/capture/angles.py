@@ -16,8 +16,6 @@ A constraint that is violated by more than noise explains shows play of the join
 likely. With much play the constraint no longer counts, and the angle is Gaschler's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache

@@ -4,11 +4,9 @@ A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation
 :math:`\delta` of the bodies about the world's axes rotate it by :math:`R_p^T (\delta_c - \delta_p)`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from skelgen.capture.optics.projection import in_image, project, projection_jacobian
+from skelgen.capture.optics import in_image, project, projection_jacobian
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
@@ -171,7 +169,14 @@ def constraint_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats
     """Return the derivative of a joint's constraints, shape (..., 3, 12) for a ball, (..., 5, 12) for a hinge.
 
     These are the way [mm] from its centre in the parent to that in the child, in the world, and for a hinge the tilts
-    [rad] about x and y of its frame in the parent. Parameters as for `rotation_slope`.
+    [rad] about x and y of its frame in the parent.
+
+    Parameters
+    ----------
+    joint : TargetJoint
+        With its frames in both bodies.
+    poses : tuple of ndarray, shape (..., 4, 4), mm
+        world_from_body of the parent and of the child.
     """
     parent_arm = poses[0][..., :3, :3] @ joint.parent_from_joint[:3, 3]
     child_arm = poses[1][..., :3, :3] @ joint.child_from_joint[:3, 3]

@@ -1,14 +1,12 @@
 """Errors of a rig against the distance from it, as in Gaschler (2011), figures 6.1 to 6.4."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
-from skelgen.capture.optics.projection import view_centre
+from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats

@@ -1,10 +1,8 @@
 """What goes wrong while capturing, in words: lost pairs, dark or glaring images, cameras unlike the settings."""
 
-from __future__ import annotations
-
 from collections import deque
 
-from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.values import Balls, FramePair, StereoPoints
 from skelgen.model.rig import StereoRig
 

@@ -1,7 +1,5 @@
 """Grey images from files, and OpenCV, which is imported when it is first needed: it is an optional extra."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

@@ -1,7 +1,5 @@
 """What a user can set about the capture: detection of balls, search for rigid bodies, the simulated rig."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self

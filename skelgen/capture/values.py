@@ -1,7 +1,5 @@
 """What the steps of the capture hand on: pairs of images and their source, balls, points in space, bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import TracebackType
@@ -12,7 +10,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import JOINT_KINDS
+from skelgen.model.rig import JOINT_TYPES
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +118,8 @@ class JointRequest:
     kind: str = ""
 
     def __post_init__(self) -> None:
-        if self.kind not in (*JOINT_KINDS, ""):
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
+        if self.kind not in (*JOINT_TYPES, ""):
+            raise InputError(f"joint {self.name!r} is of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
 
 
 Image = NDArray[np.uint8]

@@ -41,7 +41,7 @@ _EPILOG = (
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
 
-FORMER_NAMES = {"label": "labels", "cluster": "limbs", "fit": "skeleton"}
+_FORMER_NAMES = {"label": "labels", "cluster": "limbs", "fit": "skeleton"}
 """Names that commands had before 0.2; they still work, and no help lists them."""
 
 Options = Callable[[], Iterable[inspect.Parameter]]
@@ -93,11 +93,11 @@ def build_app(called: str = "") -> typer.Typer:
     """
     app = typer.Typer(epilog=_EPILOG, pretty_exceptions_enable=False)
     app.callback()(_root)
-    called = FORMER_NAMES.get(called, called)
+    called = _FORMER_NAMES.get(called, called)
     for name, function, options in _commands():
         command = generated(function, options() if name == called else ())
         app.command(name)(command)
-        for former in [old for old, new in FORMER_NAMES.items() if new == name]:
+        for former in [old for old, new in _FORMER_NAMES.items() if new == name]:
             app.command(former, hidden=True)(command)
     app.add_typer(_calibrate(), name="calibrate")
     return app
@@ -105,11 +105,14 @@ def build_app(called: str = "") -> typer.Typer:
 
 def _calibrate() -> typer.Typer:
     group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
-    group.command("stereo")(calibrate_commands.stereo)
-    group.command("body")(capture_commands.calibrate_body)
-    group.command("joints")(capture_commands.calibrate_joints)
-    group.command("skeleton")(calibrate_commands.skeleton)
-    group.command("simulated")(calibrate_commands.simulated)
+    for name, function in (
+        ("stereo", calibrate_commands.stereo),
+        ("body", capture_commands.calibrate_body),
+        ("joints", capture_commands.calibrate_joints),
+        ("skeleton", calibrate_commands.skeleton),
+        ("simulated", calibrate_commands.simulated),
+    ):
+        group.command(name)(generated(function, ()))
     return group
 
 

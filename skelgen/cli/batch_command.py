@@ -77,6 +77,39 @@ def batch(
     """Find the skeletons of many takes: a folder of results for each, a manifest, a page of all.
 
     Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
+
+    Parameters
+    ----------
+    takes : list of str
+        Files, folders and patterns.
+    output : Path
+        Folder of the batch.
+    resume : bool
+        Whether takes that are finished in the folder are kept.
+    jobs : int
+        Takes at a time on this machine.
+    scheduler : str, optional
+        Address of a dask cluster, in place of processes.
+    formats : list of str, optional
+        What is written of every take.
+    n_markers, n_limbs : int, optional
+        Numbers of markers and limbs; found if left out.
+    hierarchy, skeleton, config : Path, optional
+        Files that state the tree, the subject and the parameters.
+    root : str, optional
+        Root of the tree.
+    seed : int, optional
+        Seed of every random choice.
+    assignments : list of str, optional
+        Single parameters, as ``stage.name=value``.
+    until_stage : str, optional
+        Last stage to run.
+    format_name : str, optional
+        Format to read; found by content if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    **reader_values
+        Options of readers.
     """
     from skelgen.app.batch.run import read_manifest, run_batch
     from skelgen.app.batch.work import Job, subject_file

@@ -28,13 +28,29 @@ def stereo(
         list[Path], typer.Argument(metavar="LEFT... RIGHT...", help="All left images, then all right ones.")
     ],
     board: Annotated[str, typer.Option("--board", metavar="9x6", help="Inner corners of the chessboard.")] = "9x6",
-    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square [mm].")] = 25.0,
+    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square in mm.")] = 25.0,
     lens: Annotated[str, typer.Option("--lens", help="Lens model: auto, radial, tangential or full.")] = "auto",
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate two cameras from pairs of images of a chessboard."""
+    """Calibrate two cameras from pairs of images of a chessboard.
+
+    Parameters
+    ----------
+    images : list of Path
+        All left images, then all right ones.
+    board : str
+        Inner corners of the chessboard, e.g. ``9x6``.
+    square : float, mm
+        Side of a square.
+    lens : str
+        ``auto``, ``radial``, ``tangential`` or ``full``.
+    output : Path
+        Settings to write.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     from skelgen_formats.capture_settings import read_settings, write_settings
 
     from skelgen.app.replacing import check_outputs
@@ -70,7 +86,19 @@ def simulated(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras."""
+    """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras.
+
+    Parameters
+    ----------
+    structure : str
+        What moves.
+    cameras_only : bool
+        Whether targets and joints are left out.
+    output : Path
+        Settings to write.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.capture.simulated_rig import simulated_rig
@@ -174,7 +202,23 @@ def skeleton(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find one skeleton from several takes of a body, and the motion of each."""
+    """Find one skeleton from several takes of a body, and the motion of each.
+
+    Parameters
+    ----------
+    takes : list of Path
+        Takes of one body.
+    output : Path
+        Folder for the skeleton and the takes.
+    seed : int, optional
+        Seed of every random choice.
+    config : Path, optional
+        Parameters of all stages.
+    format_name : str, optional
+        Format to read; found by content if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     from skelgen.app.configuration import Settings
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of, write_outputs

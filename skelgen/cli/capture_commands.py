@@ -47,10 +47,30 @@ def motion_capture(
     source: Source = None,
     frames: Frames = None,
 ) -> None:
-    """Capture live: write poses and joint angles of every pair of images, tab-separated."""
+    """Capture live: write poses and joint angles of every pair of images, tab-separated.
+
+    Parameters
+    ----------
+    settings : Path
+        Settings of the capture.
+    interactive : bool
+        Whether a line is written only when a key is hit.
+    silent, no_graphics, no_labels, no_poses, no_angles : bool
+        What is left out: residuals, pictures, the first line, poses, joint angles.
+    errors : bool
+        Whether standard deviations stand behind all values.
+    predict : bool
+        Whether poses are predicted and smoothed.
+    record : list of Path, optional
+        New files to record into.
+    source : str, optional
+        Where images come from, if not from where the settings say.
+    frames : int, optional
+        Pairs at most.
+    """
     from skelgen.app.capture import capture, read_capture_settings, source_of
-    from skelgen.capture.camera_windows import Pictures
-    from skelgen.capture.prediction import PredictionParameters
+    from skelgen.capture.bodies.prediction import PredictionParameters
+    from skelgen.capture.live import Pictures
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
 
@@ -99,7 +119,25 @@ def calibrate_body(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a target: turn it before the cameras, alone in at least one picture."""
+    """Calibrate a target: turn it before the cameras, alone in at least one picture.
+
+    Parameters
+    ----------
+    settings : Path
+        Settings of the capture.
+    name : str
+        What the target is called.
+    balls : int, optional
+        Its number of balls; found if left out.
+    source : str, optional
+        Where images come from, if not from where the settings say.
+    frames : int, optional
+        Pairs at most.
+    output : Path, optional
+        Settings to write; those that were read if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
@@ -137,7 +175,7 @@ def calibrate_joints(
             "--joint",
             metavar="NAME=PARENT:CHILD[:KIND]",
             help="A joint between two targets, a ball or a hinge; may be repeated.",
-            show_default="joints and kinds are found",
+            show_default="joints and types are found",
         ),
     ] = None,
     source: Source = None,
@@ -146,7 +184,23 @@ def calibrate_joints(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate joints: move all of them before the cameras, as far as they go."""
+    """Calibrate joints: move all of them before the cameras, as far as they go.
+
+    Parameters
+    ----------
+    settings : Path
+        Settings of the capture.
+    joints : list of str, optional
+        Joints as ``name=parent:child``, with their type behind a colon; found if left out.
+    source : str, optional
+        Where images come from, if not from where the settings say.
+    frames : int, optional
+        Pairs at most.
+    output : Path, optional
+        Settings to write; those that were read if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import calibrate_joints_of, read_capture_settings, source_of

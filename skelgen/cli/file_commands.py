@@ -31,7 +31,19 @@ def convert(
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Read a take or a project and write it in another format."""
+    """Read a take or a project and write it in another format.
+
+    Parameters
+    ----------
+    take, target : Path
+        What is read, and what is written.
+    format_name, to : str, optional
+        Formats of both; found by content and by suffix if left out.
+    quiet : bool
+        Whether neither progress nor notes are shown.
+    **values
+        Options of readers and writers.
+    """
     from skelgen.app.files import convert_file
     from skelgen.app.replacing import check_outputs, files_of
 
@@ -46,7 +58,19 @@ def convert(
 def info(
     take: InputFile, format_name: FormatName = None, quiet: Quiet = False, as_json: AsJson = False, **values: Any
 ) -> None:
-    """Say what a file holds: format, frames, rate, markers with their gaps, extent, results."""
+    """Say what a file holds: format, frames, rate, markers with their gaps, extent, results.
+
+    Parameters
+    ----------
+    take : Path
+        A take or a project.
+    format_name : str, optional
+        Format to read; found by content if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    **values
+        Options of readers.
+    """
     from skelgen.app.files import name_of_format, open_input
     from skelgen.app.tables import column_rows, project_tables
 
@@ -74,11 +98,23 @@ def evaluate(
         Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote; or a rig's settings.")
     ],
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG).", show_default=False)
+        Path | None, typer.Option("--plot", metavar="FILE.svg", help="Of a rig: draw the errors.", show_default=False)
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors."""
+    """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors.
+
+    Parameters
+    ----------
+    result : Path
+        A project or the folder of a run; or `RIG`.
+    truth : Path
+        The truth of its simulation; or the settings of the rig.
+    plot : Path, optional
+        SVG file that shows the errors of the rig.
+    as_json : bool
+        Whether one JSON object stands for all tables.
+    """
     if str(result) == RIG:
         return evaluate_rig(truth, plot, Screen(as_json=as_json))
     if plot is not None:
@@ -115,7 +151,17 @@ def config(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show all parameters, or write them as config.xml."""
+    """Show all parameters, or write them as config.xml.
+
+    Parameters
+    ----------
+    file : Path, optional
+        A ``config.xml`` whose values are checked and shown.
+    write : Path, optional
+        A file for all defaults with their help.
+    as_json : bool
+        Whether one JSON object stands for all tables.
+    """
     from skelgen.app.configuration import Settings, parameter_rows, write_defaults
     from skelgen.app.replacing import check_outputs
 
@@ -137,7 +183,15 @@ def report(
         typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="beside the project"),
     ] = None,
 ) -> None:
-    """Write the HTML report of a project."""
+    """Write the HTML report of a project.
+
+    Parameters
+    ----------
+    result : Path
+        A project or the folder of a run.
+    output : Path, optional
+        The page; beside the project if left out.
+    """
     from skelgen.app.project_file.archive import find_result, open_project
     from skelgen.app.replacing import check_outputs, recording_of
     from skelgen.app.report import write_report
@@ -156,15 +210,28 @@ def fill(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
-    from skelgen.app.export import fill_project, write_filled
-    from skelgen.app.project_file.archive import find_result, open_project
+    """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely.
+
+    Parameters
+    ----------
+    result : Path
+        A project or the folder of a run.
+    output : Path
+        Marker file; its suffix tells the format.
+    overwrite : bool
+        Whether files that were not named may be replaced.
+    quiet : bool
+        Whether neither progress nor notes are shown.
+    """
+    from skelgen.app import face
+    from skelgen.app.export import write_filled
+    from skelgen.app.project_file.archive import find_result
     from skelgen.app.replacing import check_outputs, files_of, recording_of
 
     source = find_result(result)
-    project, planned = open_project(source), files_of(output, None, {"filled": True})
+    project, planned = face.load(source), files_of(output, None, {"filled": True})
     check_outputs(planned, (source, recording_of(project)), (output,), overwrite=overwrite)
-    filled = fill_project(project)
+    filled = face.fill(project)
     screen = Screen(quiet)
     files, marking = write_filled(filled, output)
     screen.note((filled.sentence, marking))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,6 @@ from skelgen.cli.options import AsJson, Quiet
 from skelgen.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from skelgen.benchmark import Section
     from skelgen.capture.errors_by_distance import Curve, RigErrors
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
@@ -42,30 +40,28 @@ def benchmark(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page."""
-    from skelgen.benchmark import run_benchmark, write_benchmark_page
+    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page.
+
+    Parameters
+    ----------
+    output : Path
+        The page.
+    suites : list of str, optional
+        What is measured; everything if left out.
+    quick : bool
+        Whether fewer seeds and frames are used.
+    resume : bool
+        Whether suites that are finished in the page are kept.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
+    from skelgen.benchmark import measure_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence
-    from skelgen.benchmark.suites import chosen, load_state, save_state
 
     screen = Screen(quiet, as_json)
-    words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
-    known, before = load_state(output, quick=quick) if resume else ([], 0.0)
-    started = time.monotonic() - before
-
-    def measured() -> str:
-        return f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
-
-    def write(sections: list[Section]) -> None:
-        names = {section.name for section in sections}
-        missing = [name for name in chosen(suites or ()) if name not in names]
-        save_state(sections, output, quick=quick, seconds=time.monotonic() - started)
-        write_benchmark_page(sections, output, measured=measured(), command=" ".join(words), missing=missing)
-
-    write(known)  # a page that cannot be written shall not cost the whole benchmark
     with screen.watching(counted=True) as monitor:
-        sections = run_benchmark(suites or (), quick=quick, known=known, arrived=write, monitor=monitor)
-    write(sections)
+        sections, measured = measure_page(output, suites or (), quick=quick, resume=resume, monitor=monitor)
     for section in sections:
         for table in section.tables:
             names = [*table.columns[:-1], "verdict"]
@@ -73,7 +69,7 @@ def benchmark(
             screen.table(f"{section.title}: {table.title}", rows)
     screen.say(f"{counts_sentence(sections)}; written: {output}")
     tables = {section.name: [vars(table) for table in section.tables] for section in sections}
-    screen.json({"machine": machine_line(), "measured": measured(), "sections": tables, "file": str(output)})
+    screen.json({"machine": machine_line(), "measured": measured, "sections": tables, "file": str(output)})
 
 
 RIG = "rig"
@@ -81,7 +77,17 @@ RIG = "rig"
 
 
 def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
-    """Print the standard deviations of points, bodies and joint angles; draw them if a file is named."""
+    """Print the standard deviations of points, bodies and joint angles; draw them if a file is named.
+
+    Parameters
+    ----------
+    settings : Path
+        Settings of the capture.
+    plot : Path or None
+        SVG file that shows the errors.
+    screen : Screen
+        Shows the tables.
+    """
     from skelgen_formats.capture_settings import read_settings
 
     from skelgen.app.replacing import check_outputs
@@ -95,7 +101,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     for curve in errors.curves:
         screen.table(f"{curve.what.capitalize()} [{curve.unit}]", _rows(errors, curve))
     if plot is not None:
-        from skelgen.app.report.rig_errors import write_rig_errors
+        from skelgen.app.report.curves import write_rig_errors
 
         write_rig_errors(errors, plot)
         screen.say(f"written: {plot}")

@@ -126,6 +126,7 @@ def generated(function: Callable[..., None], options: Iterable[inspect.Parameter
     def command(**values: Any) -> None:
         function(**values)
 
+    command.__doc__ = str(function.__doc__).partition("\n\n    Parameters\n")[0]  # each option has its own help
     del command.__wrapped__  # else typer reads the signature of `function`
     ordered = [entry.replace(kind=inspect.Parameter.KEYWORD_ONLY) for entry in every]
     command.__signature__ = inspect.Signature(ordered)  # type: ignore[attr-defined]  # inspect reads it, mypy does not

@@ -80,6 +80,9 @@ _RUN_OPTIONS = {
     )
 }
 
+_DEMO_FRAMES = 1000  # ten seconds: every joint bends several times
+_DEMO_NOISE = 0.5  # mm, what a good optical tracker delivers
+_DEMO_DROPOUTS = 0.05  # part of the positions: what a real suit loses
 _DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the tables above and in the report
 
 
@@ -104,7 +107,35 @@ def run(
     as_json: options.AsJson = False,
     **reader_values: Any,
 ) -> None:
-    """Find the skeleton of a take and write every result: the main job."""
+    """Find the skeleton of a take and write every result: the main job.
+
+    Parameters
+    ----------
+    take : Path
+        A take or a project.
+    output : Path, optional
+        Folder for the results.
+    n_markers, n_limbs : int, optional
+        Numbers of markers and limbs; found if left out.
+    identities, hierarchy, skeleton, config : Path, optional
+        Files that state points, the tree, the subject and the parameters.
+    root : str, optional
+        Root of the tree.
+    seed : int, optional
+        Seed of every random choice.
+    jobs : int
+        Processes for work that can be shared.
+    assignments : list of str, optional
+        Single parameters, as ``stage.name=value``.
+    from_stage, until_stage : str, optional
+        First and last stage to run.
+    format_name : str, optional
+        Format to read; found by content if left out.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    **reader_values
+        Options of readers.
+    """
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.constraints import RunOptions
     from skelgen.app.files import open_input
@@ -138,22 +169,42 @@ def demo(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
-    from skelgen.app.demo import STEM, run_demo
+    """Simulate a human, find its skeleton, compare with the truth, write every file and a report.
+
+    Parameters
+    ----------
+    output : Path, optional
+        Folder for the results.
+    overwrite : bool
+        Whether files that were not named may be replaced.
+    seed : int
+        Seed of the simulation and of the stages.
+    jobs : int
+        Processes for work that can be shared.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
+    from skelgen.app.face import reconstruct
+    from skelgen.app.outputs import write_outputs
     from skelgen.app.replacing import check_run
     from skelgen.app.tables import project_tables
-    from skelgen.evaluation import evaluation_tables
+    from skelgen.evaluation import evaluate, evaluation_tables
+    from skelgen.simulation import TRUTH_SUFFIX, simulate, write_truth
 
-    screen = Screen(quiet, as_json)
-    output = output or Path("skelgen-demo")
-    check_run(output, (STEM, ""), (), overwrite=overwrite)
+    screen, folder = Screen(quiet, as_json), output or Path("skelgen-demo")
+    check_run(folder, ("demo", ""), (), overwrite=overwrite)
     with screen.watching() as monitor:
-        done = run_demo(output, seed=seed, n_jobs=jobs, monitor=monitor)
-    tables = project_tables(done.project)
+        monitor.begin("simulating")
+        simulated = simulate("human", seed=seed, n_frames=_DEMO_FRAMES, noise=_DEMO_NOISE, dropouts=_DEMO_DROPOUTS)
+        project = reconstruct(simulated.take, seed=seed, monitor=monitor, n_jobs=jobs)
+        evaluation = evaluate(project, simulated.truth)
+        files = write_outputs(project, folder, "demo", monitor=monitor)
+        files.append(write_truth(simulated.truth, folder / f"demo{TRUTH_SUFFIX}"))
+    tables = project_tables(project)
     show_project(screen, tables)
-    show_evaluation(screen, evaluation_tables(done.evaluation)[:_DEMO_TABLES])
-    show_files(screen, done.files)
-    screen.json({**tables, "evaluation": done.evaluation.as_mapping(), "files": [str(file) for file in done.files]})
+    show_evaluation(screen, evaluation_tables(evaluation)[:_DEMO_TABLES])
+    show_files(screen, files)
+    screen.json({**tables, "evaluation": evaluation.as_mapping(), "files": [str(file) for file in files]})
 
 
 def stage_command(stage: str, summary: str) -> Callable[..., None]:

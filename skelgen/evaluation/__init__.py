@@ -1,9 +1,11 @@
-"""Scores against ground truth."""
+"""Scores against ground truth.
 
-from skelgen.evaluation.evaluation import Evaluation, evaluate
+May change with every version; scripts import what they need from `skelgen`.
+"""
+
+from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_lines, evaluation_tables
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore
 from skelgen.evaluation.matching import LabelScore, LimbScore, TopologyScore
-from skelgen.evaluation.tables import Table, evaluation_lines, evaluation_tables
 
 __all__ = [
     "Evaluation",

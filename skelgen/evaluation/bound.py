@@ -1,7 +1,5 @@
 """Joint errors of a simulated take beside its Cramer-Rao bound and beside the deviations that the result predicts."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -9,8 +7,7 @@ import numpy as np
 from skelgen.evaluation.joints import JointScore, joint_distances, joint_gaps
 from skelgen.kinematics.calibration.uncertainty import Bound, cramer_rao_bound
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
@@ -26,7 +23,7 @@ DISTANCE_OF_STD = np.sqrt(8 / np.pi) / np.sqrt(3)
 """Mean length of normal vectors whose deviation is 1 / sqrt 3 along each of three axes."""
 
 
-def bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth) -> tuple[Bound, float, Ints] | None:
+def _bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth) -> tuple[Bound, float, Ints] | None:
     """Return the bound of a take's joints, in the order of the truth's.
 
     Parameters
@@ -80,21 +77,21 @@ def true_chain(truth: Truth) -> tuple[Chain, Articulation, ChainPoses]:
 
 def _articulation(truth: Truth, chain: Chain, rotations: Floats) -> Articulation:
     free = Articulation.free(chain.n_limbs)
-    kinds = ("ball", *truth.joint_kinds)
+    types = ("ball", *truth.joint_kinds)
     in_parent, in_child, between = free.in_parent.copy(), free.in_child.copy(), np.zeros(chain.n_limbs)
     for limb in range(1, chain.n_limbs):
-        if kinds[limb] not in {"hinge", "universal"}:
+        if types[limb] not in {"hinge", "universal"}:
             continue
         parent = rotations[:, chain.parents[limb]]
         relative = parent.swapaxes(1, 2) @ rotations[:, limb]
         in_parent[limb] = parent[0].T @ truth.joint_axes[0, limb - 1]
         in_child[limb] = relative[0].T @ in_parent[limb]
-        if kinds[limb] == "universal":
+        if types[limb] == "universal":
             # The axis in the child about which the first one goes round in a cone.
             seen = np.einsum("fji,j->fi", relative, in_parent[limb])
             in_child[limb] = np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][2]
             between[limb] = np.arccos(np.clip(in_parent[limb] @ relative[0] @ in_child[limb], -1.0, 1.0))
-    return Articulation(kinds, in_parent, in_child, between)
+    return Articulation(types, in_parent, in_child, between)
 
 
 def with_limits(
@@ -116,7 +113,7 @@ def with_limits(
     motion = project.motion
     shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
     true_joints = true_of_joint[shared]
-    limit = bound_of_take(project.trajectories, true_of_marker, truth)
+    limit = _bound_of_take(project.trajectories, true_of_marker, truth)
     result = []
     for score, joint, true_joint in zip(scores, shared, true_joints, strict=True):
         full, found = score, motion.joint_positions[:, [joint]]

@@ -5,8 +5,6 @@ lies along the true axis, frame by frame, is left out. The same holds for a leng
 and the true vector between the joints are projected across the axes of the hinges at its ends before they are compared.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +25,7 @@ class JointScore:
     name : str
         The true joint.
     kind_true, kind_found : str
-        Kind of joint; nothing is found before the skeleton is fitted.
+        Type of joint; nothing is found before the skeleton is fitted.
     mean, median, maximum : float or None, mm
         Distance over all frames, for a hinge across its axis; None before the skeleton is fitted.
     raw_mean : float or None, mm
@@ -119,7 +117,7 @@ def _hinge_axes(truth: Truth) -> Floats:
 
 
 def score_joints(
-    true_of_joint: Ints, truth: Truth, *, raw: Floats | None, fitted: Floats | None, kinds: tuple[str, ...]
+    true_of_joint: Ints, truth: Truth, *, raw: Floats | None, fitted: Floats | None, types: tuple[str, ...]
 ) -> tuple[JointScore, ...]:
     """Score every joint that is true, in the order of the truth.
 
@@ -131,8 +129,8 @@ def score_joints(
         The true joints.
     raw, fitted : ndarray, shape (n_frames, n_joints, 3), mm, or None
         Joints before and after the fit of rigid limbs.
-    kinds : tuple of str, length n_joints
-        Kinds found; empty before the fit.
+    types : tuple of str, length n_joints
+        Types of the joints found; empty before the fit.
     """
     shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
     true_joints = true_of_joint[shared]
@@ -144,17 +142,17 @@ def score_joints(
         JointScore(
             name=truth.joint_names[true_joint],
             kind_true=truth.joint_kinds[true_joint],
-            kind_found=kinds[joint] if kinds else "",
+            kind_found=types[joint] if types else "",
             mean=None if after is None else float(after[:, column].mean()),
             median=None if after is None else float(np.median(after[:, column])),
             maximum=None if after is None else float(after[:, column].max()),
-            raw_mean=None if before is None else mean_or_none(before[:, column]),
+            raw_mean=None if before is None else _mean_or_none(before[:, column]),
         )
         for column, (joint, true_joint) in enumerate(zip(shared, true_joints, strict=True))
     )
 
 
-def mean_or_none(values: Floats) -> float | None:
+def _mean_or_none(values: Floats) -> float | None:
     """Return the mean of what is not NaN, or None if nothing is left."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else None
@@ -258,6 +256,6 @@ def score_markers(
     scores = []
     for marker in np.lexsort((true_of_marker, limb)):
         if is_carried[marker]:
-            distances = mean_or_none(from_tracked[:, marker]), mean_or_none(from_true[:, marker])
+            distances = _mean_or_none(from_tracked[:, marker]), _mean_or_none(from_true[:, marker])
             scores.append(MarkerScore(names[limb[marker]], trajectories.names[marker], *distances))
     return tuple(scores)

@@ -6,8 +6,6 @@ result and a true marker coincide. The scores are those of Ristani et al. (2016)
 for multi-target, multi-camera tracking".
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

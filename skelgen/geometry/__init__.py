@@ -1,1 +1,4 @@
-"""Pure functions on arrays: absolute orientation, rotations."""
+"""Pure functions on arrays: absolute orientation, rotations.
+
+May change with every version; scripts import what they need from `skelgen`.
+"""

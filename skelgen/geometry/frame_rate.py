@@ -5,8 +5,6 @@ limb's turn against its parent, so that joints neither open nor leave their axes
 frames is not seen between them. Nothing is smoothed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -36,7 +34,17 @@ class _Between(NamedTuple):
 
 
 def n_frames_at(n_frames: int, recorded: float, rate: float) -> int:
-    """Return how many frames at `rate` lie within a take of `n_frames` at the rate `recorded` [Hz]; 0 Hz: as it is."""
+    """Return how many frames at another rate lie within a take.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames of the take.
+    recorded : float, Hz
+        Its rate.
+    rate : float, Hz
+        The wish; `AS_RECORDED_RATE` for that of the take.
+    """
     if rate == AS_RECORDED_RATE or n_frames == 0:
         return n_frames
     return int((n_frames - 1) * rate / recorded + _ON_A_FRAME) + 1
@@ -70,7 +78,16 @@ def with_rate(value: Project | Take | Filled, rate: float) -> Project | Take | F
 
 
 def transforms_at_rate(transforms: Floats, recorded: float, rate: float) -> Floats:
-    """Return transforms, shape (n_frames, ..., 4, 4), at another frame rate [Hz]; the first frame stays the first.
+    """Return transforms at another frame rate; the first frame stays the first.
+
+    Parameters
+    ----------
+    transforms : ndarray, shape (n_frames, ..., 4, 4), mm
+        One set per frame.
+    recorded : float, Hz
+        Their rate.
+    rate : float, Hz
+        The wish.
 
     Raises
     ------
@@ -81,7 +98,17 @@ def transforms_at_rate(transforms: Floats, recorded: float, rate: float) -> Floa
 
 
 def vectors_at_rate(vectors: Floats, recorded: float, rate: float) -> Floats:
-    """Return vectors, shape (n_frames, ...), at another frame rate [Hz]; see `transforms_at_rate`."""
+    """Return vectors at another frame rate; see `transforms_at_rate`.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (n_frames, ...)
+        One set per frame, in any unit.
+    recorded : float, Hz
+        Their rate.
+    rate : float, Hz
+        The wish.
+    """
     return _line(vectors, _between(len(vectors), recorded, rate))
 
 

@@ -5,8 +5,6 @@ Two closed forms of the same least squares problem: the unit quaternion as the e
 singular value decomposition (Umeyama 1991). Neither ever returns a reflection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -86,10 +84,32 @@ def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator 
 
 
 def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
-    """Return the moments of two sets of points about given centres, for a `Rotator`; see the kernel."""
+    """Return the moments of two sets of points about given centres, for a `Rotator`, shape (n_frames, 3, 3).
+
+    Parameters
+    ----------
+    source : ndarray, shape (n_points, 3), mm
+        Points from the centre, in the frame of a body.
+    target : ndarray, shape (n_frames, n_points, 3), mm
+        The same points in the world.
+    centres : ndarray, shape (n_frames, 3), mm
+        Where the centre is in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which points count.
+    """
     return np.asarray(kernels.moments_about(*contiguous(source, target, centres, seen)))
 
 
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
-    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; see the kernel."""
+    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; NaN for points never seen.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (n_frames, 4, 4), mm
+        world_from_body.
+    places : ndarray, shape (n_frames, n_points, 3), mm
+        The points in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which count.
+    """
     return np.asarray(kernels.means_in_body(*contiguous(poses, places, seen)))

@@ -1,11 +1,18 @@
-"""Rotations as matrices, unit quaternions (w x y z) and rotation vectors, batched over leading axes."""
+"""Rotations as matrices, unit quaternions (w x y z), rotation vectors and Euler angles, batched over leading axes.
 
-from __future__ import annotations
+Every rotation has two sets of Euler angles, (a, b, c) and (a + pi, pi - b, c + pi), and full turns are free. Where b is
+a quarter turn, the first and the third axis are one and only a + c or a - c is determined: the gimbal position. Near
+it, a and c change fast while the rotation hardly does.
+"""
+
+import warnings
 
 import numpy as np
 
 from skelgen._kernels.small_matrices import SMALL_ANGLE
 from skelgen.model.arrays import Bools, Floats, Ints
+
+_GIMBAL = 1e-6  # rad: nearer to the gimbal position scipy takes the first and the third axis for one
 
 
 def matrix_from_quaternion(quaternion_wxyz: Floats) -> Floats:
@@ -84,7 +91,15 @@ def cross_matrix(vector: Floats) -> Floats:
 
 
 def transform_from(rotation: Floats, translation: Floats) -> Floats:
-    """Return homogeneous transforms, shape (..., 4, 4), from rotations (..., 3, 3) and translations (..., 3)."""
+    """Return homogeneous transforms, shape (..., 4, 4), from rotations and translations.
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (..., 3, 3)
+        Rotation matrices.
+    translation : ndarray, shape (..., 3), mm
+        In the frame that the transforms lead to.
+    """
     out = np.zeros((*rotation.shape[:-2], 4, 4))
     out[..., :3, :3] = rotation
     out[..., :3, 3] = translation
@@ -116,7 +131,7 @@ def fill_rotations(rotations: Floats, known: Bools) -> Floats:
     if not known.any():
         return np.tile(np.eye(3), (len(rotations), 1, 1))
     missing = np.flatnonzero(~known)
-    before, after, part = (one[missing] for one in gap_neighbours(known))
+    before, after, part = (one[missing] for one in _gap_neighbours(known))
     turn = vector_from_matrix(rotations[before].swapaxes(1, 2) @ rotations[after])
     filled = rotations.copy()
     filled[missing] = rotations[before] @ matrix_from_vector(turn * part[:, np.newaxis])
@@ -124,18 +139,26 @@ def fill_rotations(rotations: Floats, known: Bools) -> Floats:
 
 
 def fill_vectors(vectors: Floats, known: Bools) -> Floats:
-    """Interpolate rows that are not known linearly, held at the ends; shape (n_frames, ...)."""
+    """Interpolate rows that are not known linearly, held at the ends.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (n_frames, ...)
+        In any unit; rows that are not known are ignored.
+    known : ndarray of bool, shape (n_frames,)
+        Which are known; with none, all become 0.
+    """
     if known.all():
         return vectors
     if not known.any():
         return np.zeros_like(vectors)
-    before, after, part = gap_neighbours(known)
+    before, after, part = _gap_neighbours(known)
     weight = part.reshape(-1, *([1] * (vectors.ndim - 1)))
     filled = (1 - weight) * vectors[before] + weight * vectors[after]
     return np.asarray(np.where(known.reshape(weight.shape), vectors, filled))
 
 
-def gap_neighbours(known: Bools) -> tuple[Ints, Ints, Floats]:
+def _gap_neighbours(known: Bools) -> tuple[Ints, Ints, Floats]:
     """For each frame: the last known frame before or at it, the next one after or at it, and the part of the way.
 
     At the ends both neighbours are the nearest known frame and the part is 0.
@@ -147,3 +170,79 @@ def gap_neighbours(known: Bools) -> tuple[Ints, Ints, Floats]:
     after = indices[np.clip(np.searchsorted(indices, frames, side="left"), 0, len(indices) - 1)]
     span = np.maximum(after - before, 1)
     return before, after, np.clip((frames - before) / span, 0.0, 1.0) * (after > before)
+
+
+def euler_angles(axes: str, rotations: Floats) -> Floats:
+    """Return angles about three different axes in turn that change as little as possible from frame to frame.
+
+    The first frame has its second angle within a quarter turn of 0; each later one takes the set that is nearer to that
+    of the frame before, so that programs which draw curves through the angles do not spin.
+
+    Parameters
+    ----------
+    axes : str
+        Each of ``XYZ`` once, the leftmost factor first: R = Rz Rx Ry for ``ZXY``.
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Proper rotations.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3), rad
+    """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy is slow to load
+
+    if len(rotations) == 0:
+        return np.empty((0, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of the gimbal position
+        angles = Rotation.from_quat(np.roll(quaternion_from_matrix(rotations), -1, axis=-1)).as_euler(axes)
+    locked = gimbal_distance(angles) < _GIMBAL
+    angles[locked] = _angles_at_gimbal(axes, rotations[locked])
+    other = angles * [1.0, -1.0, 1.0] + np.pi
+    crossing = _distances(angles[:-1], other[1:]) < _distances(angles[:-1], angles[1:])
+    # Two frames that both take their other set are as far apart as before: each crossing changes sets from there on.
+    changed: Bools = np.concatenate([[False], np.cumsum(crossing) % 2 == 1])
+    return np.asarray(np.unwrap(np.where(changed[:, np.newaxis], other, angles), axis=0))
+
+
+def _angles_at_gimbal(axes: str, rotations: Floats) -> Floats:
+    """Angles about three axes of rotations at the gimbal position: the third is that of what the first leaves."""
+    first, second, third = ("XYZ".index(axis) for axis in axes)
+    sign = 1.0 if (second - first) % 3 == 1 else -1.0
+    across, along = -sign * rotations[:, second, third], rotations[:, third, third]
+    angle = np.arctan2(across, along)
+    cosine, sine = np.cos(angle)[:, np.newaxis], sign * np.sin(angle)[:, np.newaxis]
+    left = cosine * rotations[:, second] + sine * rotations[:, third]
+    tilt = np.arctan2(sign * rotations[:, first, third], np.hypot(across, along))
+    return np.stack([angle, tilt, np.arctan2(sign * left[:, first], left[:, second])], axis=1)
+
+
+def matrix_from_euler(axes: str, angles: Floats) -> Floats:
+    """Return the product of rotations about different axes in turn.
+
+    Parameters
+    ----------
+    axes : str
+        Some of ``XYZ``, the leftmost factor first; empty for the identity.
+    angles : ndarray, shape (n, len(axes)), rad
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+    """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy is slow to load
+
+    if not axes:
+        return np.tile(np.eye(3), (len(angles), 1, 1))
+    return np.asarray(Rotation.from_euler(axes, angles).as_matrix())
+
+
+def gimbal_distance(angles: Floats) -> Floats:
+    """Return how far [rad] rotations are from the gimbal position, shape (n_frames,), given their `euler_angles`."""
+    return np.asarray(np.arcsin(np.abs(np.cos(angles[:, 1]))))
+
+
+def _distances(first: Floats, second: Floats) -> Floats:
+    """Sum of squares of the angles between, full turns left out."""
+    apart = second - first
+    return np.asarray(((apart - 2 * np.pi * np.round(apart / (2 * np.pi))) ** 2).sum(axis=1))

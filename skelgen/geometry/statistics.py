@@ -1,7 +1,5 @@
 """Middle and spread that a few wild values do not spoil, and the distances they are taken of."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints

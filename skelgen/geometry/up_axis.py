@@ -3,8 +3,6 @@
 Turns are by a quarter about the x axis: coordinates change places and signs, and no digit is lost.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -51,7 +49,15 @@ def with_up_axis(value: Project | Take | Filled, wish: str) -> Project | Take | 
 
 
 def turned_poses(poses: Floats, wish: str) -> Floats:
-    """Return poses in turned world axes, shape (..., 4, 4); `wish` is a key of `TURNS`."""
+    """Return poses in turned world axes, shape (..., 4, 4).
+
+    Parameters
+    ----------
+    poses : ndarray, shape (..., 4, 4), mm
+        World from body.
+    wish : str
+        A key of `TURNS`.
+    """
     order, signs = TURNS[wish]
     turned = poses.copy()
     turned[..., :3, :] = poses[..., order, :] * np.array(signs)[:, np.newaxis]

@@ -4,8 +4,6 @@ A joint is tried between every two bodies; how far its two images are apart is t
 spanning tree of the weights is the hierarchy, unless it is given (O'Brien, Bodenheimer, Brostow and Hodgins 2000).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -13,10 +11,10 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.bodies.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
-from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
+from skelgen.kinematics.joints.fit import TypeChoice, choose, fit_joint_type
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
+from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order, parents_from_names, spanning_forest
@@ -71,20 +69,20 @@ class Hierarchy:
     gaps : ndarray, shape (n_bodies, n_bodies), mm
         Root mean square distance of the two images of the best joint between each two bodies; NaN where they are never
         seen together.
-    joints : dict of int to KindChoice
+    joints : dict of int to TypeChoice
         The joint above each body that is no root.
     loops : tuple of pairs of int
         Bodies that are joined beyond the tree, as found or as stated.
-    loop_joints : tuple of KindChoice
+    loop_joints : tuple of TypeChoice
         Their joints, in this order: the first body is the parent.
     """
 
     names: tuple[str, ...]
     parents: Ints
     gaps: Floats
-    joints: dict[int, KindChoice]
+    joints: dict[int, TypeChoice]
     loops: tuple[tuple[int, int], ...]
-    loop_joints: tuple[KindChoice, ...] = ()
+    loop_joints: tuple[TypeChoice, ...] = ()
 
     @property
     def lengths(self) -> tuple[Length, ...]:
@@ -134,7 +132,7 @@ def find_hierarchy(
     covariances: Floats | None = None,
     size: float | None = None,
     *,
-    kinds: Mapping[str, str] | None = None,
+    types: Mapping[str, str] | None = None,
     loops: Sequence[tuple[str, str]] | None = None,
 ) -> Hierarchy:
     """Find the hierarchy of bodies and fit its joints.
@@ -147,8 +145,8 @@ def find_hierarchy(
         The parent of every body by name, None or empty for a root. Or the root of a tree that is found, by index or
         name; by default the body with most joints.
     covariances, size
-        As for `fit_ball`.
-    kinds : mapping of str to str, optional
+        As for `fit_joint`.
+    types : mapping of str to str, optional
         Types of joints that are stated, by the child's name.
     loops : sequence of pairs of str, optional
         Bodies that are joined beyond the tree, such as clasped hands; found if left out.
@@ -163,10 +161,12 @@ def find_hierarchy(
         parents = parents_from_names(poses.names, tree)
     else:
         parents = spanning_forest(gaps, root=None if tree is None else body_index(poses, tree))
-    for name, kind in (kinds or {}).items():
-        if name not in poses.names or kind not in KNOWN_KINDS:
-            raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
-    wanted = {poses.names.index(name): kind for name, kind in (kinds or {}).items()}
+    for name, kind in (types or {}).items():
+        if name not in poses.names or kind not in DETERMINED_TYPES:
+            raise InputError(
+                f"types: {name}={kind} names no body or no type of joint; types are {', '.join(DETERMINED_TYPES)}"
+            )
+    wanted = {poses.names.index(name): kind for name, kind in (types or {}).items()}
     size = noise_size(poses) if size is None else size
 
     def relate(parent: int, child: int) -> RelativePoses:
@@ -231,7 +231,7 @@ def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) ->
         between = set(_to_root(parents, first)) ^ set(_to_root(parents, second))
         if in_tree or not gaps[first, second] <= gap or any(one.get(body, False) for body in between):
             continue
-        if gaps[first, second] <= _EXACT_GAP or fit_kind("ball", relate(first, second)).noise <= noise:
+        if gaps[first, second] <= _EXACT_GAP or fit_joint_type("ball", relate(first, second)).noise <= noise:
             pairs.append((first, second))
     return tuple(pairs)
 

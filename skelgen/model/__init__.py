@@ -1,6 +1,8 @@
 """The values that stages exchange: frozen, validated, with read-only arrays.
 
 Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come first, xyz last; NaN means unseen.
+
+May change with every version; scripts import what they need from `skelgen`.
 """
 
 from skelgen.model.corrections import Identities, Identity

@@ -1,7 +1,5 @@
 """Clean, read-only arrays for the values: one check per meaning."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, TypeGuard, TypeVar
 

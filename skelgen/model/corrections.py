@@ -1,7 +1,5 @@
 """What the user states: corrections of markers, limbs and joints, and identities of points; every later run obeys."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +33,7 @@ class Rule:
     least, most : int
         How many markers it names; `most` 0 means any number from `least` on.
     needs_value : bool
-        Whether it needs a value: a name, a number, a kind of joint.
+        Whether it needs a value: a name, a number, a type of joint.
     has_frames : bool
         Whether it may hold for some frames only.
     """
@@ -63,7 +61,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
         "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),
         "root": Rule("joints", "the limb of {first} is the root"),
-        "kind": Rule("skeleton", "the joint between the limbs of {names} is of the kind {value}", 2, 2, True),
+        "kind": Rule("skeleton", "the joint between the limbs of {names} is of the type {value}", 2, 2, True),
     }
 )
 """Kinds of corrections."""
@@ -105,7 +103,7 @@ class Correction:
     first_frame, last_frame : int or None
         Frames for which it holds, both included; None: from the first, to the last.
     value : str
-        The new name, the number or the kind of joint.
+        The new name, the number or the type of joint.
     places : tuple of Place
         A position of each named marker in one frame; empty if only the names are known.
     """
@@ -278,9 +276,3 @@ class Identities:
         if self.source and entry.line:
             return FormatError(self.source, entry.line, f"{entry.name}: {what}")
         return InputError(f"identity of {entry.name} in frame {entry.frame}: {what}")
-
-
-def identities_of(named: Sequence[tuple[str, int, Sequence[float]]]) -> Identities:
-    """Make identities from (name, frame, position [mm]), for programs."""
-    entries = (Identity(name, frame, (float(at[0]), float(at[1]), float(at[2]))) for name, frame, at in named)
-    return Identities(tuple(entries))

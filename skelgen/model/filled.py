@@ -1,7 +1,5 @@
 """Markers whose gaps are filled, and what every value rests on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import IntEnum
 

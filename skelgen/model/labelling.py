@@ -1,7 +1,5 @@
 """How sure the identities of markers are: tracklets before and after, confidence, doubtful spans, what is left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

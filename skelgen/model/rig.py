@@ -5,10 +5,9 @@ x points right and y down in the image; a camera looks along its own +z. The wor
 rig says otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -20,7 +19,7 @@ N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
 """Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
 
-JOINT_KINDS = ("ball", "hinge")
+JOINT_TYPES = ("ball", "hinge")
 
 ParameterValue = float | bool | str
 """What a parameter of the detection may be set to."""
@@ -92,7 +91,7 @@ class StereoRig:
         if self.baseline == 0.0:
             raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
 
-    @property
+    @cached_property
     def right_from_left(self) -> Floats:
         """Pose of the left camera's frame in the right one's, shape (4, 4)."""
         return np.asarray(self.right.camera_from_world @ np.linalg.inv(self.left.camera_from_world))
@@ -160,9 +159,9 @@ class TargetJoint:
 
     def __post_init__(self) -> None:
         check_names([self.name], 1, "joint")
-        if self.kind not in JOINT_KINDS:
-            kinds = ", ".join(JOINT_KINDS)
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; it must be one of {kinds}")
+        if self.kind not in JOINT_TYPES:
+            types = ", ".join(JOINT_TYPES)
+            raise InputError(f"joint {self.name!r} is of type {self.kind!r}; it must be one of {types}")
         if self.parent == self.child:
             raise InputError(f"joint {self.name!r} connects body {self.parent!r} with itself")
         for attribute in ("parent_from_joint", "child_from_joint"):

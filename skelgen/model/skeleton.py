@@ -14,7 +14,7 @@ from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
 from skelgen.model.topology import joint_children, outward_order
 
-JOINT_KINDS = ("ball", "universal", "hinge", "rigid", "undetermined")
+JOINT_TYPES = ("ball", "universal", "hinge", "rigid", "undetermined")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +32,12 @@ class Joint:
         ``ball``, ``universal``, ``hinge``, ``rigid``, or ``undetermined`` where the limbs rotate too little.
     axis : ndarray, shape (3,), or None
         Unit axis of a hinge, or that of a universal joint which is fixed in the parent, in the parent's frame; None for
-        other kinds.
+        other types.
     std : ndarray, shape (3,), mm
         Standard deviation of the position along the axes of the parent's frame. Along the axis of a hinge the position
         is not determined, and the deviation is as large as the limb.
     second_axis : ndarray, shape (3,), or None
-        Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other kinds.
+        Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other types.
     covariance, covariance_in_child : ndarray, shape (3, 3), mm^2, or None
         Of the position in the parent, against the parent's markers (`std` is the root of the diagonal), and of that in
         the child, against the child's markers.
@@ -68,8 +68,8 @@ class Joint:
     turn_covariance: Floats | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in JOINT_KINDS:
-            raise InputError(f"a joint of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
+        if self.kind not in JOINT_TYPES:
+            raise InputError(f"a joint of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
         for name in ("position_in_parent", "position_in_child", "std"):
             object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
         vectors = dict.fromkeys(("axis", "second_axis", "axis_std", "second_axis_std"), (3,))
@@ -86,7 +86,7 @@ class Joint:
         return np.sqrt(np.maximum(np.diag(self.covariance_in_child), 0.0))
 
     def free_axis(self) -> Floats:
-        """Return the axis along which a hinge's place is open, in both limbs; zero for other kinds, shape (3,)."""
+        """Return the axis along which a hinge's place is open, in both limbs; zero for other types, shape (3,)."""
         return self.axis if self.kind == "hinge" and self.axis is not None else np.zeros(3)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelgen.errors import MissingPackageError
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.skeleton import Motion, Skeleton
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def joints_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
         ``std_x_mm``, ``std_y_mm``, ``std_z_mm``, NaN where none were estimated.
     """
     std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
-    columns = _axes("{}_mm", motion.joint_positions) | _axes("std_{}_mm", std)
+    columns = axis_columns("{}_mm", motion.joint_positions) | axis_columns("std_{}_mm", std)
     return _table(motion, {"joint": skeleton.joint_names}, columns)
 
 
@@ -84,12 +84,38 @@ def limb_poses(motion: Motion) -> DataFrame:
     n_limbs = motion.limb_seen.shape[1]
     xyzw = Rotation.from_matrix(motion.rotations.reshape(-1, 3, 3)).as_quat(canonical=True)
     quaternions = dict(zip(("qw", "qx", "qy", "qz"), xyzw[:, [3, 0, 1, 2]].T, strict=True))
-    columns = {"seen": motion.limb_seen} | _axes("{}_mm", motion.world_from_limb[..., :3, 3]) | quaternions
+    columns = {"seen": motion.limb_seen} | axis_columns("{}_mm", motion.world_from_limb[..., :3, 3]) | quaternions
     return _table(motion, {"limb": [f"limb{limb}" for limb in range(n_limbs)]}, columns)
 
 
-def _axes(pattern: str, vectors: Floats) -> dict[str, Floats]:
-    return {pattern.format(axis): vectors[..., index] for index, axis in enumerate("xyz")}
+def axis_columns(pattern: str, vectors: Floats) -> dict[str, Floats]:
+    """Return the coordinates of vectors as columns.
+
+    Parameters
+    ----------
+    pattern : str
+        Name of a column with ``{}`` for the axis, such as ``{}_mm``.
+    vectors : ndarray, shape (n_frames, n_items, 3)
+        In any unit.
+    """
+    return {pattern.format(axis): vectors[..., index].ravel() for index, axis in enumerate("xyz")}
+
+
+def head_columns(times: Floats, frames: Ints, items: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Return frame and time of every row, and what it is about.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_frames,), s
+        Of all frames.
+    frames : ndarray of intp, shape (n,)
+        Frames of the rows.
+    items : mapping of str to sequence of str
+        Names of the items of a frame, by title of their column.
+    """
+    n_items = len(next(iter(items.values())))
+    texts = {name: np.tile(np.array(values, dtype=np.str_), len(frames)) for name, values in items.items()}
+    return {"frame": np.repeat(frames, n_items), "time_s": np.repeat(times[frames], n_items), **texts}
 
 
 def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[str, Any]) -> DataFrame:
@@ -98,7 +124,5 @@ def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[
         import pandas as pd  # noqa: PLC0415 - slow to load, and of the extra `tables`
     except ImportError as error:
         raise MissingPackageError("tables need pandas: pip install 'skelgen[tables]'") from error
-    n_items = len(next(iter(items.values())))
-    head = {"frame": np.repeat(np.arange(motion.n_frames), n_items), "time_s": np.repeat(motion.times, n_items)}
-    texts = {name: np.tile(np.array(values, dtype=object), motion.n_frames) for name, values in items.items()}
-    return pd.DataFrame(head | texts | {name: np.ravel(values) for name, values in columns.items()})
+    head = head_columns(motion.times, np.arange(motion.n_frames), items)
+    return pd.DataFrame(head | {name: np.ravel(values) for name, values in columns.items()})

@@ -278,7 +278,7 @@ class Poses:
 
 @dataclass(frozen=True, eq=False)
 class BoneMotion:
-    """A tree of bones and where each is in its parent in every frame; no markers, no kinds of joints.
+    """A tree of bones and where each is in its parent in every frame; no markers, no types of joints.
 
     Attributes
     ----------

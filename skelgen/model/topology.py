@@ -119,7 +119,7 @@ class Topology:
         """
         from networkx import set_edge_attributes  # noqa: PLC0415 - see the module's docstring
 
-        graph = graph_of_costs(self.joint_costs)
+        graph = _graph_of_costs(self.joint_costs)
         edges = [(parent, child) for parent, child in self.edges.tolist()]
         costs = self.joint_costs
         graph.add_weighted_edges_from(((a, b, float(costs[a, b])) for a, b in (*edges, *self.loops)), weight="cost")
@@ -191,7 +191,7 @@ class Topology:
         return np.array([found[int(child)][1] for child in children]) - self.joint_costs[parents, children]
 
 
-def graph_of_costs(costs: Floats) -> Graph:
+def _graph_of_costs(costs: Floats) -> Graph:
     """Return limbs and possible joints as a graph, whose edges have a ``cost``.
 
     Parameters
@@ -233,7 +233,7 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     """
     from networkx import bfs_edges, minimum_spanning_tree  # noqa: PLC0415 - see the module's docstring
 
-    tree = minimum_spanning_tree(graph_of_costs(costs), weight="cost", algorithm="prim")
+    tree = minimum_spanning_tree(_graph_of_costs(costs), weight="cost", algorithm="prim")
     sizes = np.zeros(len(costs), dtype=np.intp) if sizes is None else sizes
     parents = np.full(len(costs), -1, dtype=np.intp)
     placed: set[int] = set()

@@ -1,4 +1,7 @@
-"""Articulated structures, motion, markers and occlusion with ground truth."""
+"""Articulated structures, motion, markers and occlusion with ground truth.
+
+May change with every version; scripts import what they need from `skelgen`.
+"""
 
 from skelgen.simulation.articulated import LimbModel, Structure
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body

@@ -4,8 +4,6 @@ At rest all limb frames have the orientation of the world (x forward, y left, z 
 joint to its parent, so that a joint's position in the child's frame is always zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -71,8 +69,8 @@ class LimbModel:
 
     def __post_init__(self) -> None:
         if self.kind not in DEGREES_OF_FREEDOM:
-            kinds = ", ".join(DEGREES_OF_FREEDOM)
-            raise InputError(f"limb {self.name!r} hangs on a joint of kind {self.kind!r}; kinds are {kinds}")
+            types = ", ".join(DEGREES_OF_FREEDOM)
+            raise InputError(f"limb {self.name!r} hangs on a joint of type {self.kind!r}; types are {types}")
         n_angles = DEGREES_OF_FREEDOM[self.kind]
         shapes: dict[str, tuple[int | None, ...]] = {"joint": (3,), "segment": (2, 3), "markers": (None, 3)}
         shapes |= {"axes": (n_angles, 3), "amplitudes": (n_angles,), "offsets": (n_angles,)}

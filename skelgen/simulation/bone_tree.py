@@ -4,8 +4,6 @@ Animation files hold bones that no skeleton has: a fixed frame in which the hips
 the rotation of one joint, bones that are fixed to their parents. Here they are removed, one rule after another.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Cameras stand on a ring around the walk. They see a marker when at least two of them see past all limbs to it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components

@@ -1,7 +1,5 @@
 """Smooth random motion: every joint angle is a sum of a few sinusoids, and the root walks about."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -54,7 +54,7 @@ class RecordedBody:
     Attributes
     ----------
     structure : Structure
-        Limbs, joints of the kinds that the motion shows, and markers. Amplitudes and offsets are those of the motion.
+        Limbs, joints of the types that the motion shows, and markers. Amplitudes and offsets are those of the motion.
     angles : tuple of ndarray, shape (n_frames, n_angles), rad
         Angles of each limb in its joint; of the root and of balls the rotation vector.
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm

@@ -1,7 +1,5 @@
 """The structures that can be simulated, found by name: rods, humans, a quadruped, random trees; all lengths in mm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -162,7 +160,7 @@ def _rod(name: str, attachment: Attachment, span: tuple[float, float], phase: fl
 
 
 def random_tree(n_limbs: int, seed: int = 0) -> Structure:
-    """Return a random tree with joints of all kinds and 3 to 5 markers, no three in line, on each limb.
+    """Return a random tree with joints of all types and 3 to 5 markers, no three in line, on each limb.
 
     Parameters
     ----------

@@ -1,7 +1,5 @@
 """A simulated take: a structure moves, a tracker watches, and the truth is kept."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """What is true of a simulated take, and the file that keeps it (a compressed .npz without pickled objects)."""
 
-from __future__ import annotations
-
 import dataclasses
 import struct
 import zipfile
@@ -16,7 +14,7 @@ import numpy as np
 from skelgen.errors import FormatError, InputError
 from skelgen.files import open_regular, replacing
 from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
-from skelgen.model.skeleton import JOINT_KINDS
+from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.model.topology import check_forest, joint_children
 
 TRUTH_SUFFIX = ".truth.npz"
@@ -98,8 +96,8 @@ class Truth:
         axes = check_floats(self.joint_axes, (n_frames, n_joints, 3), "joint_axes")
         markers = check_names(self.marker_names, n_markers, "marker")
         limbs = check_names(self.limb_names, n_limbs, "limb")
-        kinds, rate = tuple(str(kind) for kind in self.joint_kinds), check_rate(self.rate, "the truth")
-        set_fields(self, joint_axes=axes, marker_names=markers, limb_names=limbs, joint_kinds=kinds, rate=rate)
+        types, rate = tuple(str(kind) for kind in self.joint_kinds), check_rate(self.rate, "the truth")
+        set_fields(self, joint_axes=axes, marker_names=markers, limb_names=limbs, joint_kinds=types, rate=rate)
         self._check_references(n_limbs, n_markers, n_joints)
 
     def _check_references(self, n_limbs: int, n_markers: int, n_joints: int) -> None:
@@ -108,8 +106,8 @@ class Truth:
             raise InputError("limb_of_marker names a limb that is not there")
         if (self.marker_of_point < -1).any() or (self.marker_of_point >= n_markers).any():
             raise InputError("marker_of_point names a marker that is not there")
-        if len(self.joint_kinds) != n_joints or not set(self.joint_kinds) <= set(JOINT_KINDS):
-            raise InputError(f"joint_kinds must be {n_joints} of {', '.join(JOINT_KINDS)}")
+        if len(self.joint_kinds) != n_joints or not set(self.joint_kinds) <= set(JOINT_TYPES):
+            raise InputError(f"joint_kinds must be {n_joints} of {', '.join(JOINT_TYPES)}")
 
     @property
     def n_frames(self) -> int:

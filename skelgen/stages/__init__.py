@@ -1,1 +1,4 @@
-"""The four stages: labels, limbs, joints, skeleton."""
+"""The four stages: labels, limbs, joints, skeleton.
+
+May change with every version; scripts import what they need from `skelgen`.
+"""

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from skelgen_formats.c3d.reader import read_c3d
+from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.mfml import read_mfml
 
@@ -241,7 +241,7 @@ def test_calibrate_joints_writes_into_the_settings(known, path, capsys):
     [
         (["joints", "--joint", "elbow"], "it must be NAME=PARENT:CHILD or NAME=PARENT:CHILD:KIND"),
         (["joints", "--joint", "elbow=upper:lower"], "there is no body 'upper'; bodies are torso"),
-        (["joints", "--joint", "elbow=torso:upper arm:saddle"], "kinds are ball, hinge"),
+        (["joints", "--joint", "elbow=torso:upper arm:saddle"], "types are ball, hinge"),
         (["body", "--name", "wand", "--balls", "5"], "no frame shows exactly 5 points"),
         (
             ["body", "--name", "wand"],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skelgen_formats.c3d.reader import read_c3d
+from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import read_settings
 from skelgen_formats.mfml import read_mfml
 

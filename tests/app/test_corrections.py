@@ -178,7 +178,7 @@ SENTENCES = {
     "join": "the limbs of a and b are joined",
     "part": "the limbs of a and b are not joined",
     "root": "the limb of a is the root",
-    "kind": "the joint between the limbs of a and b is of the kind x",
+    "kind": "the joint between the limbs of a and b is of the type x",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.parts import PARTS
+from skelgen_formats.options import PARTS
 from skelgen_formats.registry import find_format
 
 from skelgen.app.export import (
@@ -118,7 +118,7 @@ def test_what_is_lost_is_said(small_project, tmp_path):
 
     assert remarks("joints-csv") == (
         "Joint positions, CSV does not hold the positions of the markers, the names of the markers, which marker is on "
-        "which limb, the angles of the joints with their deviations, kinds and axes of the joints, how sure the joints "
+        "which limb, the angles of the joints with their deviations, types and axes of the joints, how sure the joints "
         "are and how the limbs turn.",
     )
     assert remarks("classic-xml") == (

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.export import fill_project, write_filled
+from skelgen.app.export import write_filled
+from skelgen.app.face import fill
 from skelgen.app.report import report_html
 from skelgen.cli.application import main
 from skelgen.errors import MissingResultError, WriteError
@@ -26,7 +27,7 @@ def project():
 
 
 def test_filled_markers_are_written_complete(project, tmp_path):
-    filled = fill_project(project)
+    filled = fill(project)
     write_filled(filled, tmp_path / "filled.c3d")
     written = skelgen.read(tmp_path / "filled.c3d")
     assert written.seen.all()
@@ -44,7 +45,7 @@ def test_convert_fills_a_project_only_if_told_so(project, tmp_path, capsys):
 
 
 def test_table_has_a_row_for_every_filled_position(project, tmp_path):
-    filled = fill_project(project)
+    filled = fill(project)
     (_, table), marking = write_filled(filled, tmp_path / "filled.trc")
     assert "cannot mark filled positions; filled.filled.csv" in marking
     with table.open(encoding="utf-8") as stream:
@@ -58,13 +59,13 @@ def test_table_has_a_row_for_every_filled_position(project, tmp_path):
 
 def test_a_suffix_without_markers_writes_nothing(project, tmp_path):
     with pytest.raises(WriteError, match="joints-csv holds the joints"):
-        write_filled(fill_project(project), tmp_path / "filled.csv")
+        write_filled(fill(project), tmp_path / "filled.csv")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_project_without_skeleton_is_told_what_to_run(project):
     with pytest.raises(MissingResultError, match="run the stage 'skeleton' first"):
-        fill_project(Project(project.take).with_trajectories(project.trajectories, None))
+        fill(Project(project.take).with_trajectories(project.trajectories, None))
 
 
 def test_command_fills_a_project(project, tmp_path, capsys):

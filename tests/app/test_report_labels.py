@@ -10,7 +10,7 @@ import pytest
 from skelgen.app.advice import REMEDIES
 from skelgen.app.report import report_html
 from skelgen.app.report.contents import report_content
-from skelgen.app.report.tracklets import lanes
+from skelgen.app.report.labels import lanes
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
 from skelgen.model.labelling import DOUBT_KINDS, FINDING_KINDS, Agreement, Doubt, Finding, Tracklets
 

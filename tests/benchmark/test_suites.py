@@ -15,7 +15,7 @@ from skelgen_formats.registry import write_file
 
 import skelgen
 from skelgen.app.face import reconstruct
-from skelgen.benchmark import SUITES, Section, run_benchmark, write_benchmark_page
+from skelgen.benchmark import SUITES, Section, measure_page, run_benchmark, write_benchmark_page
 from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed, rotation_centre, score_error
 from skelgen.benchmark.judges import JUDGES
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
@@ -26,8 +26,6 @@ from skelgen.benchmark.speed import (
     long_take,
     measure_runs,
     measure_speed,
-    ten_limbs,
-    thirty_limbs,
     time_stages,
 )
 from skelgen.benchmark.suites import SECONDS, load_state, save_state
@@ -80,12 +78,9 @@ def test_score_is_exact_without_noise_and_never_below_our_error_by_much_with_it(
     assert ours < 1.05 * peer
 
 
-@pytest.mark.parametrize(
-    ("make", "n_markers", "n_limbs"), [(fifty_markers, 50, 15), (ten_limbs, 28, 10), (thirty_limbs, 127, 30)]
-)
-def test_structures_have_the_sizes_that_the_tables_name(make, n_markers, n_limbs):
-    limbs = make().limbs
-    assert (sum(len(limb.markers) for limb in limbs), len(limbs)) == (n_markers, n_limbs)
+def test_fifty_markers_are_fifty_on_all_limbs_of_a_human():
+    limbs = fifty_markers().limbs
+    assert (sum(len(limb.markers) for limb in limbs), len(limbs)) == (50, 15)
 
 
 def test_long_take_has_any_length_and_fresh_noise():
@@ -280,45 +275,39 @@ def run(capsys):
     return call
 
 
-def test_command_writes_the_page_and_prints_json(run, monkeypatch, tmp_path, sections):
-    monkeypatch.setitem(SUITES, "speed", lambda effort, monitor: sections[0])  # the registry of suites
-    code, output, _ = run("benchmark", "--quick", "--json", "--suite", "speed", "-o", str(tmp_path / "b.html"))
+def test_command_writes_the_page_and_prints_json(run, tmp_path):
+    code, output, _ = run("benchmark", "--quick", "--json", "--suite", "exports", "-o", str(tmp_path / "b.html"))
     told = json.loads(output)
     assert code == 0
-    assert told["sections"]["speed"][0]["rows"][0] == ["a<b", "1", REACHED]
-    assert "skelgen benchmark --quick" in (tmp_path / "b.html").read_text()
+    assert told["sections"]["exports"][0]["rows"][0][-1] == REACHED
+    assert "skelgen benchmark --quick --suite exports" in (tmp_path / "b.html").read_text()
 
 
-def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(
-    run, monkeypatch, tmp_path, sections, begun, noting
-):
+def refused(effort, monitor):
+    pytest.fail("it measured")
+
+
+def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(tmp_path, sections, begun, noting):
     def interrupted(effort, monitor):
         raise KeyboardInterrupt
 
-    for name, suite in noting.items():
-        monkeypatch.setitem(SUITES, name, suite)  # the registry of suites, which the command has no option for
-    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: replace(sections[0], name="labels"))
-    monkeypatch.setitem(SUITES, "joints", interrupted)
     page = tmp_path / "b.html"
-    code, _, _ = run("benchmark", "-q", "-o", str(page))
-    assert code == 130
+    done = {"labels": lambda effort, monitor: replace(sections[0], name="labels")}
+    with pytest.raises(KeyboardInterrupt):
+        measure_page(page, suites=noting | done | {"joints": interrupted})
     text = page.read_text()
     assert "1 of 2 wanted figures reached" in text
     assert "joints, tissue, stereo, exports, speed not measured yet" in text
     assert "skelgen benchmark --resume" in text
-    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: pytest.fail("it measured again"))
-    monkeypatch.setitem(SUITES, "joints", lambda effort, monitor: Section("joints", "Joints", "", ()))
-    assert run("benchmark", "-q", "--resume", "-o", str(page))[0] == 0
+    measure_page(page, resume=True, suites=noting | {"labels": refused})
     assert "not measured yet" not in page.read_text()
-    assert [name for name, _ in begun] == ["exact", "tissue", "stereo", "exports", "speed"]
+    assert [name for name, _ in begun] == ["exact", "joints", "tissue", "stereo", "exports", "speed"]
 
 
-def test_command_refuses_a_page_that_cannot_be_written_before_it_measures(run, monkeypatch, tmp_path):
-    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: pytest.fail("it measured"))
+def test_page_that_cannot_be_written_is_refused_before_anything_is_measured(tmp_path):
     (tmp_path / "file").write_text("")
-    code, _, said = run("benchmark", "-o", str(tmp_path / "file" / "b.html"))
-    assert code == 2
-    assert "cannot be written" in said
+    with pytest.raises(WriteError, match="cannot be written"):
+        measure_page(tmp_path / "file" / "b.html", ["labels"], suites={"labels": refused})
 
 
 def test_time_and_memory_are_drawn_against_frames_and_markers():

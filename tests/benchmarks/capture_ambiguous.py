@@ -16,7 +16,7 @@ from shown import show, show_machine
 
 from skelgen.capture.markers.candidates import BallTracks, CandidateStore
 from skelgen.capture.markers.correspondences import accept_best_first, evidence_over_time, find_markers, track_pairs
-from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
 from skelgen.model.arrays import Bools

@@ -11,7 +11,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.capture.calibration.board import Board, BoardView
 from skelgen.capture.calibration.stereo import StereoCalibration, calibrate_stereo, calibrate_views
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 

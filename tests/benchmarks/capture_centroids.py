@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.detection import DetectionParameters, correct_eccentricity, detect_balls
+from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.parameters import DetectionParameters
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import RenderParameters, render_pair, render_view, simulated_rig
 from skelgen.capture.simulated_rig.view import ViewTruth

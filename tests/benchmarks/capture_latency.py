@@ -20,8 +20,8 @@ from capture_bodies import make_frame
 from shown import show, show_machine, verdict
 
 from skelgen.capture.bodies import BodyFinder, ExpectedPose, propose_targets
+from skelgen.capture.bodies.prediction import BodyFilter, PredictionParameters
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.prediction import BodyFilter, PredictionParameters
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.capture.values import FoundBody, FramePair

@@ -1,4 +1,4 @@
-"""How often the kind of a joint is right, and whether stated deviations hold: ``python tests/benchmarks/joints.py``."""
+"""How often the type of a joint is right, and whether stated deviations hold: ``python tests/benchmarks/joints.py``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import choose_kind, find_hierarchy, fit_ball, fit_hinge, fit_universal, pose_covariance
+from skelgen.kinematics import choose_joint_type, find_hierarchy, fit_joint, pose_covariance
 from skelgen.model import Limbs, Poses
 from skelgen.simulation import Truth, simulate
 from skelgen.stages.joints import find_joints
@@ -80,12 +80,12 @@ def right_of(found: Counter[tuple[str, str]]) -> tuple[str, str, str]:
 def show_joints() -> None:
     """Joints between two limbs with 4 + 4 markers: error against stated deviation."""
     rows = []
-    for kind, fit in (("ball", fit_ball), ("hinge", fit_hinge), ("universal", fit_universal)):
+    for kind in ("ball", "hinge", "universal"):
         for is_known in (True, False):
             squares, stated, inside = [], [], []
             for seed in range(N_TAKES):
                 poses, covariances, across = tracked(kind, seed, degrees=10.0, noise=1.0)
-                joint = fit(poses, 0, 1, covariances if is_known else None)
+                joint = fit_joint(kind, poses, 0, 1, covariances if is_known else None)
                 error = across @ (np.concatenate([joint.in_parent, joint.in_child]) - AT.ravel())
                 std = np.sqrt(np.diag(across @ joint.covariance @ across))
                 squares.append(error[:3] @ error[:3])
@@ -139,7 +139,7 @@ def show_little_motion() -> None:
             found: Counter[str] = Counter()
             for seed in range(20):
                 poses, covariances, _ = tracked(kind, seed, degrees, noise=1.0)
-                found[choose_kind(poses, 0, 1, covariances).kind] += 1
+                found[choose_joint_type(poses, 0, 1, covariances).kind] += 1
             rows.append((f"{degrees:g}", kind, ", ".join(f"{name} {count}" for name, count in found.most_common())))
     columns = ("swing [deg]", "true kind", "found, of 20 takes")
     show("Less and less motion, 1 mm noise, 4 + 4 markers, 200 frames", columns, rows)

@@ -124,7 +124,7 @@ def show_pendulum(projects: dict[str, skelgen.Project]) -> None:
         ("hinge to hinge [mm]", f"{HINGE_TO_HINGE} ± {LENGTH_TOLERANCE:g}", f"{length:.2f}", verdict(is_right(length)))
         for length in project.skeleton.lengths.values()
     ]
-    rows.append(("kinds of the joints", "hinge, hinge, hinge", kinds, verdict(kinds == "hinge, hinge, hinge")))
+    rows.append(("types of the joints", "hinge, hinge, hinge", kinds, verdict(kinds == "hinge, hinge, hinge")))
     axes = [turns[joint.parent] @ joint.axis for joint in joints if joint.axis is not None]
     widest = max((float(np.rad2deg(np.arccos(min(abs(a @ b), 1.0)))) for a, b in combinations(axes, 2)), default=np.nan)
     rows.append(("largest angle between hinges [deg]", f"<= {PARALLEL}", f"{widest:.2f}", verdict(widest <= PARALLEL)))

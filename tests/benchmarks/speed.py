@@ -12,14 +12,17 @@ import dataclasses
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.benchmark.speed import LONG_TAKE_MARKERS, Run, long_take, measure_runs, ten_limbs, thirty_limbs
+from skelgen.benchmark.speed import LONG_TAKE_MARKERS, Run, long_take, measure_runs
 from skelgen.model import Trajectories
-from skelgen.simulation import simulate
+from skelgen.simulation import Structure, find_structure, simulate
 
 FAULTS = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
 REPEATS = 3
 REPEATED = 10_000  # frames: longer takes run once
 SOLVERS = ("closed-form", "conjugate-gradient")
+LEFT_OUT = ("head", "hand", "foot")
+TWO_MARKERS = "forearm"
+FIFTH_MARKERS = 7  # limbs of the tree of 30 that get a marker more: 127 in all
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,6 +84,25 @@ def take_of(size: Size) -> Trajectories:
         return long_take(size.n_frames)
     structure = ten_limbs() if size.n_limbs == 10 else thirty_limbs()
     return simulate(structure, n_frames=size.n_frames, **FAULTS).take
+
+
+def ten_limbs() -> Structure:
+    """Return a human without head, hands and feet, with two markers on the forearms: 28 markers on 10 limbs."""
+    limbs = [limb for limb in find_structure("human").limbs if not limb.name.endswith(LEFT_OUT)]
+    fewer = [
+        dataclasses.replace(limb, markers=limb.markers[:2]) if limb.name.endswith(TWO_MARKERS) else limb
+        for limb in limbs
+    ]
+    return Structure("ten-limbs", tuple(fewer))
+
+
+def thirty_limbs() -> Structure:
+    """Return the random tree of 30 limbs, some with a fifth marker amid the others: 127 markers."""
+    limbs = list(find_structure("tree:30").limbs)
+    for index, limb in enumerate(limbs[:FIFTH_MARKERS]):
+        markers = np.concatenate([limb.markers, limb.markers[:2].mean(axis=0, keepdims=True)])
+        limbs[index] = dataclasses.replace(limb, markers=markers)
+    return Structure("thirty-limbs", tuple(limbs))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.bright_spots import FULL
-from skelgen.capture.detection import DetectionParameters, check_image, correct_eccentricity, detect_balls
-from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
+from skelgen.capture.detection import (
+    DetectionParameters,
+    check_image,
+    correct_eccentricity,
+    dark_noise,
+    detect_balls,
+    find_thresholds,
+    level_of,
+)
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import RenderParameters, render_view
 from skelgen.errors import InputError

@@ -11,9 +11,7 @@ from skelgen.capture.errors_by_distance import (
     typical_joints,
     typical_target,
 )
-from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import project, view_centre
-from skelgen.capture.optics.triangulation import triangulate
+from skelgen.capture.optics import match_and_triangulate, project, triangulate, view_centre
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.values import Balls
 from skelgen.errors import InputError

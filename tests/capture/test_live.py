@@ -6,8 +6,8 @@ from threading import Barrier
 import numpy as np
 import pytest
 
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.capture.values import FramePair
 from skelgen.errors import InputError, ParameterError, SkelgenError

@@ -9,8 +9,7 @@ from skelgen.capture.bodies import propose_targets
 from skelgen.capture.error_propagation import angle_covariance, pose_covariances
 from skelgen.capture.errors_by_distance import typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import project, view_centre
+from skelgen.capture.optics import match_and_triangulate, project, view_centre
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix

@@ -17,7 +17,7 @@ from skelgen.model.rig import CaptureSettings
 LOADED = """
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.prediction import PredictionParameters
+from skelgen.capture.bodies.prediction import PredictionParameters
 from numba.core.dispatcher import Dispatcher
 import gc
 source = simulated_rig("arm", n_frames=30)

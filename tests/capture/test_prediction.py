@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.prediction import BodyFilter, Prediction, PredictionParameters
+from skelgen.capture.bodies.prediction import BodyFilter, Prediction, PredictionParameters
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 

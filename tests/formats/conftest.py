@@ -214,7 +214,7 @@ JOINTED_KINDS = {0: "hinge", 2: "ball", 3: "universal", 4: "rigid", 6: "undeterm
 
 @pytest.fixture(scope="session")
 def jointed_project() -> Project:
-    """Two trees of nine limbs with every kind of joint, which the motion keeps to exactly; 40 frames at 50 Hz.
+    """Two trees of nine limbs with every type of joint, which the motion keeps to exactly; 40 frames at 50 Hz.
 
     Four markers per limb without noise, the first unseen every seventh frame; the last is on no limb and unseen in the
     last frame. Names hold blanks and slashes.

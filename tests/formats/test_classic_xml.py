@@ -200,7 +200,7 @@ BROKEN = {
     "number": ('Alpha="0.01"', 'Alpha="much"', "no number: much"),
     "cycle": ('PARENT="-1"', 'PARENT="0"', "form no tree"),
     "name": ('name="FinalMarkerPosition"', 'name="Other"', "called 'Other'"),
-    "kind": ('KIND="hinge"', 'KIND="glue"', "kind 'glue'"),
+    "kind": ('KIND="hinge"', 'KIND="glue"', "type 'glue'"),
     "frames": ('<JointFrame FrameIndex="11">', '<Nothing FrameIndex="11">', "broken XML|frames"),
 }
 

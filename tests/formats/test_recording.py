@@ -6,7 +6,7 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 import pytest
-from skelgen_formats.c3d.reader import read_c3d
+from skelgen_formats.c3d import read_c3d
 from skelgen_formats.mfml import read_mfml
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 

@@ -1,11 +1,17 @@
-"""Invariants of rotations."""
+"""Invariants of rotations; Euler angles give back the rotation and do not jump while a body turns smoothly."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
 from skelgen.geometry import rotations as rot
+from skelgen.geometry.rotations import euler_angles, gimbal_distance, matrix_from_euler, matrix_from_vector
 
 ROUNDING = 1e-12  # a few double roundings on numbers of size one
+EULER_ROUNDING = 3e-13  # sines of up to 150 radians, in products of three matrices
+AT_GIMBAL = 1e-13  # a few roundings in products of three matrices
+ORDERS = ("XYZ", "ZXY")
 
 
 @pytest.fixture
@@ -60,3 +66,44 @@ def test_gaps_at_the_ends_are_held():
 def test_nearest_rotation_of_a_reflection_is_proper():
     matrix = rot.nearest_rotation(np.diag([1.0, 1.0, -1.0]))
     assert np.linalg.det(matrix) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+def test_angles_of_any_rotation_give_it_back(axes):
+    rotations = matrix_from_vector(np.random.default_rng(0).normal(size=(2000, 3)) * 2)
+    assert np.abs(matrix_from_euler(axes, euler_angles(axes, rotations)) - rotations).max() < EULER_ROUNDING
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+@pytest.mark.parametrize("off", [0.0, 1e-17, 1e-12, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_angles_give_the_rotation_back_near_the_gimbal_position(axes, off, sign):
+    angles = np.array([[0.7, sign * (np.pi / 2 - off), -0.4]])
+    rotations = matrix_from_euler(axes, angles)
+    assert np.abs(matrix_from_euler(axes, euler_angles(axes, rotations)) - rotations).max() < AT_GIMBAL
+    assert abs(gimbal_distance(angles)[0] - off) < AT_GIMBAL
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+def test_angles_run_on_through_quarter_and_full_turns(axes):
+    wanted = np.stack([np.linspace(0.1, 9, 300), np.linspace(0.2, 7, 300), np.linspace(-0.1, -8, 300)], axis=1)
+    assert np.abs(euler_angles(axes, matrix_from_euler(axes, wanted)) - wanted).max() < 1e-9
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+def test_angles_do_not_jump_while_a_body_turns_over(axes):
+    steps = np.linspace(0, 3 * np.pi, 400)
+    angles = np.stack([0.3 * np.sin(steps), 2 * steps, 0.2 * np.cos(steps)], axis=-1)
+    found = euler_angles(axes, matrix_from_euler(axes, angles))
+    assert np.abs(np.diff(found, axis=0)).max() < 2 * np.abs(np.diff(angles, axis=0)).max()
+
+
+def test_rotations_are_multiplied_from_the_left():
+    about_z, about_x = matrix_from_euler("Z", np.array([[0.3]])), matrix_from_euler("X", np.array([[0.5]]))
+    both = matrix_from_euler("ZX", np.array([[0.3, 0.5]]))
+    assert np.allclose(both, about_z @ about_x, rtol=0, atol=EULER_ROUNDING)
+    assert np.array_equal(matrix_from_euler("", np.zeros((2, 0))), np.tile(np.eye(3), (2, 1, 1)))
+
+
+def test_no_frames_have_no_angles():
+    assert euler_angles("XYZ", np.zeros((0, 3, 3))).shape == (0, 3)

@@ -14,7 +14,7 @@ from skelgen.evaluation.bound import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.uncertainty import joint_slopes
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import ChainPoses, residuals, seen_weights
+from skelgen.kinematics.chain.chain import ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.chain.normal_equations import (
     constant_gradient,
     frame_blocks,
@@ -22,7 +22,6 @@ from skelgen.kinematics.chain.normal_equations import (
     reduced_information,
     total_information,
 )
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances, weak_prior
 from skelgen.simulation import simulate
 
@@ -36,12 +35,12 @@ def case(request):
     """A tree of balls, hinges, universal and one rigid joint, seen from not quite the true poses."""
     simulated = simulate("tree:30", n_frames=N_FRAMES, noise=NOISE, dropouts=0.2)
     chain, articulation, poses = true_chain(simulated.truth)
-    kinds = ("ball", "rigid", *articulation.kinds[2:])
-    articulation = replace(articulation, kinds=kinds).at_rest(chain.parents, poses.rotations)
+    types = ("ball", "rigid", *articulation.types[2:])
+    articulation = replace(articulation, types=types).at_rest(chain.parents, poses.rotations)
     if request.param == "free":
         articulation = Articulation.free(chain.n_limbs)
     else:
-        assert set(kinds) == {"ball", "hinge", "universal", "rigid"}
+        assert set(types) == {"ball", "hinge", "universal", "rigid"}
         poses = replace(poses, rotations=articulation.projected(chain.parents, poses.rotations))
     return chain, articulation, poses, simulated.take.positions
 

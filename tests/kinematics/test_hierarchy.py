@@ -164,7 +164,7 @@ def test_bodies_never_seen_together_are_separate_trees(sensors):
 
 def test_known_kinds_are_obeyed(sensors):
     poses = sensors("rods").poses
-    found = find_hierarchy(poses, kinds={"front rod": "hinge"})
+    found = find_hierarchy(poses, types={"front rod": "hinge"})
     assert found.joints[poses.names.index("front rod")].kind == "hinge"
     with pytest.raises(InputError, match="slider"):
-        find_hierarchy(poses, kinds={"front rod": "slider"})
+        find_hierarchy(poses, types={"front rod": "slider"})

@@ -87,7 +87,7 @@ def test_random_trees_are_walked_parents_first():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"kind": "knee"}, "kinds are ball, universal, hinge, rigid"),
+        ({"kind": "knee"}, "types are ball, universal, hinge, rigid"),
         ({"std": [np.nan, 0, 0]}, "std"),
         ({"axis": [1.0]}, "axis"),
     ],

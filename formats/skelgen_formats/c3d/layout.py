@@ -27,8 +27,6 @@ Frames beyond 65535 do not fit the header's words. Vicon and this writer state t
 ACTUAL_END_FIELD (two u16, low word first), c3d.org in POINT:LONG_FRAMES; without either the data are counted.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import struct
@@ -105,7 +103,13 @@ class C3dLayout:
         return 4 if self.scale < 0 else 2
 
     def texts(self, group: str, name: str) -> list[str]:
-        """Return a text parameter as stripped strings; the numbered continuations (``LABELS2``) follow."""
+        """Return a text parameter as stripped strings; the numbered continuations (``LABELS2``) follow.
+
+        Parameters
+        ----------
+        group, name : str
+            Of the parameter.
+        """
         found: list[str] = []
         number = 1
         while (group, name if number == 1 else f"{name}{number}") in self.parameters:

@@ -7,8 +7,6 @@ as c3d.org proposes; programs that know neither, ezc3d 1.7 among them, show the 
 go on in POINT:LABELS2 and so forth.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +24,7 @@ from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_P
 from skelgen_formats.markers import check_writable_names
 from skelgen_formats.options import per_mm
 
-MEASURED_WORD, COMPUTED_WORD, UNSEEN_WORD = 257.0, 0.0, -1.0
+_MEASURED_WORD, _COMPUTED_WORD, _UNSEEN_WORD = 257.0, 0.0, -1.0
 """Fourth word of a point: its residual, and 256 times the mask of the cameras that saw it (residual 1, camera 1)."""
 
 _FRAMES_AT_ONCE = 4096
@@ -111,8 +109,8 @@ def point_words(positions: Floats, source: Ints | None = None) -> Words:
     words[..., :3] = positions
     words[unseen, :3] = 0.0
     if source is not None:
-        words[..., 3] = np.where(source == PositionSource.MEASURED, MEASURED_WORD, COMPUTED_WORD)
-    words[unseen, 3] = UNSEEN_WORD
+        words[..., 3] = np.where(source == PositionSource.MEASURED, _MEASURED_WORD, _COMPUTED_WORD)
+    words[unseen, 3] = _UNSEEN_WORD
     return words
 
 

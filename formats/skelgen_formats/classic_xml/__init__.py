@@ -29,15 +29,11 @@ mm, times in seconds. All numbers have the digits to give back the same double.
     ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
 from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
-from skelgen_formats.options import AXES, RATE
-from skelgen_formats.parts import finished_project
-from skelgen_formats.registry import Format
+from skelgen_formats.options import AXES, RATE, Format, finished_project
 
 
 def read_classic_xml(path: Path | str) -> ClassicXml:

@@ -1,7 +1,5 @@
 """Read the classic XML file as a stream: an element that has been understood is dropped, only its numbers stay."""
 
-from __future__ import annotations
-
 import re
 from array import array
 from collections.abc import Callable, Iterator

@@ -4,8 +4,6 @@ The text is made from prepared rows rather than element by element: a 10,000-fra
 tests parse every file with a strict XML parser.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -24,13 +22,12 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
-from skelgen_formats.options import Writable
-from skelgen_formats.parts import finished_project
+from skelgen_formats.options import Writable, finished_project
 
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"
 VERSION = "1"
-LEFT_OUT_BONE = -1
+_LEFT_OUT_BONE = -1
 
 DEVIATIONS = {
     "COVARIANCE": "covariance",
@@ -198,7 +195,7 @@ def _offsets(skeleton: Skeleton) -> Iterator[str]:
     centers = centers_of_mass(skeleton)
     yield "<MarkerOffsets>\n"
     for limb, markers in _bones(skeleton):
-        if limb == LEFT_OUT_BONE:
+        if limb == _LEFT_OUT_BONE:
             continue
         yield f'<Bone id="{limb}">\n'
         yield "" if np.isnan(centers[limb]).any() else _row("CenterOfMass", centers[limb])
@@ -240,8 +237,8 @@ def _marker(marker: int, final: list[float], original: list[float]) -> str:
 def _bones(skeleton: Skeleton) -> list[tuple[int, list[int]]]:
     """Limbs with their markers, and those that are left out under bone -1, if there are any."""
     bones = [(limb, skeleton.markers_of(limb).tolist()) for limb in skeleton.outward.tolist()]
-    left_out = skeleton.markers_of(LEFT_OUT_BONE).tolist()
-    return [(limb, markers) for limb, markers in [*bones, (LEFT_OUT_BONE, left_out)] if markers]
+    left_out = skeleton.markers_of(_LEFT_OUT_BONE).tolist()
+    return [(limb, markers) for limb, markers in [*bones, (_LEFT_OUT_BONE, left_out)] if markers]
 
 
 def _rows(numbers: Floats) -> Iterator[tuple[int, Any]]:

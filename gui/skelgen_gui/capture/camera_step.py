@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
+from skelgen.app.capture import save_cameras
 from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
 from skelgen.capture.calibration.board import Board
@@ -115,8 +116,6 @@ class CameraStep(Step[BoardShot]):
             return
 
         def work(_: Monitor) -> int:
-            from skelgen.app.capture_jobs.settings import save_cameras  # noqa: PLC0415 - lxml costs 50 ms
-
             return save_cameras(found.rig, path, Path(before) if before else None, source)
 
         def done(n_kept: int) -> None:

@@ -1,7 +1,5 @@
 """Forms of the Capture page: settings, source of images, name of a target."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
+from skelgen_formats.capture_settings import read_settings
 
+from skelgen.app.capture import add_joints
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
 from skelgen.capture.values import JointRequest
 from skelgen.errors import SkelgenError
@@ -98,8 +100,6 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
         """Return what adds the joints to settings."""
 
         def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
-            from skelgen.app.capture_jobs.settings import add_joints  # noqa: PLC0415 - lxml costs 50 ms
-
             add_joints(path, used, found)
             return ()
 
@@ -107,11 +107,11 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
 
     def _advice(self, progress: JointProgress) -> str:
         """What is still to be done: for the joints that were named, or for any motion at all."""
-        kinds = {(request.parent, request.child): request.kind for request in self.requests.requests}
-        if not kinds:
+        types = {(request.parent, request.child): request.kind for request in self.requests.requests}
+        if not types:
             is_moved = any(not motion.advice() for motion in progress.motions)
             return "" if is_moved else self.tr("Move all joints as far as they go.")
-        advice = [motion.advice(kinds.get((motion.parent, motion.child), "")) for motion in progress.motions]
+        advice = [motion.advice(types.get((motion.parent, motion.child), "")) for motion in progress.motions]
         first = next(filter(None, advice), "")
         return f"{first[0].upper()}{first[1:]}." if first else self.tr("That is enough.")
 
@@ -121,8 +121,6 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
 
 def _targets_in(path: str) -> tuple[str, ...]:
     """Names of the targets in a settings file; none if there is no such file, or it is none. On a thread."""
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
-
     if not Path(path).is_file():
         return ()
     try:
@@ -153,7 +151,7 @@ class RequestList(QWidget):
         self.name, self.parent_box, self.child_box = QLineEdit(self), QComboBox(self), QComboBox(self)
         self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), RowTable(self)
         self.less = QPushButton(self.tr("Remove joint"), self)
-        self._kinds = {self.tr("kind is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
+        self._types = {self.tr("type is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
         self._describe()
         fields = QGridLayout()
         for number, widget in enumerate((self.name, self.kind, self.parent_box, self.child_box)):
@@ -182,15 +180,15 @@ class RequestList(QWidget):
     def _describe(self) -> None:
         self.name.setPlaceholderText(self.tr("Joint, such as elbow"))
         self.name.setAccessibleName(self.tr("Name of the joint"))
-        self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their kinds"))
-        self.kind.addItems(list(self._kinds))
+        self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their types"))
+        self.kind.addItems(list(self._types))
         titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
         tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
         self.table.describe(self.tr("Joints that are measured"), tip, titles)
         carries = self.tr("The target that carries the joint, such as the upper arm of the elbow")
         turns = self.tr("The target that turns, such as the lower arm of the elbow")
         for box, name, tip, hint in (
-            (self.kind, self.tr("Kind of the joint"), self.tr("Found from the motion, or stated"), ""),
+            (self.kind, self.tr("Type of the joint"), self.tr("Found from the motion, or stated"), ""),
             (self.parent_box, self.tr("Parent of the joint"), carries, self.tr("Parent")),
             (self.child_box, self.tr("Child of the joint"), turns, self.tr("Child")),
         ):
@@ -204,7 +202,7 @@ class RequestList(QWidget):
     @property
     def _request(self) -> JointRequest:
         """What the fields say."""
-        kind = self._kinds[self.kind.currentText()]
+        kind = self._types[self.kind.currentText()]
         return JointRequest(self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText(), kind)
 
     def _follow(self) -> None:
@@ -225,7 +223,7 @@ class RequestList(QWidget):
     def _show(self, requests: tuple[JointRequest, ...]) -> None:
         if requests != self.requests:
             self.requests = requests
-            kinds = {kind: title for title, kind in self._kinds.items()}
+            kinds = {kind: title for title, kind in self._types.items()}
             self.table.show_rows(
                 [(request.name, request.parent, request.child, kinds[request.kind]) for request in requests]
             )

@@ -1,7 +1,5 @@
 """The live half of the Capture page: start and stop, numbers, angles, recording."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

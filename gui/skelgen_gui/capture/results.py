@@ -1,8 +1,7 @@
 """Results of a capture: speed and losses, bodies, joint angles with their deviations, and notices."""
 
-from __future__ import annotations
-
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
@@ -148,13 +147,13 @@ class _ShotTable(ValueTable):
         for row, texts in enumerate(self.texts_of(shot)):
             self.show_row(row, texts or (_NOTHING,) * (self.columnCount() - 1))
 
+    @abstractmethod
     def names_of(self, settings: CaptureSettings) -> list[str]:
         """Return the names of the rows."""
-        raise NotImplementedError
 
+    @abstractmethod
     def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
         """Yield the numbers of each row; none for what is not seen."""
-        raise NotImplementedError
 
 
 class AngleTable(_ShotTable):

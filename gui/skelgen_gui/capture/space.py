@@ -1,7 +1,5 @@
 """Points and bodies of a capture in space, with the cameras that see them; drawn as they come, without a take."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

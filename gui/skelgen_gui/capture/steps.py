@@ -1,7 +1,6 @@
 """What the calibration steps have in common: a job collects images until it is told to stop, then calibrates."""
 
-from __future__ import annotations
-
+from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,13 +80,13 @@ class Step(QWidget, Generic[_Shot]):
         """Whether images are being collected."""
         return self._control is not None
 
+    @abstractmethod
     def start(self) -> None:
         """Collect images as the form says, unless something runs."""
-        raise NotImplementedError
 
+    @abstractmethod
     def show_newest(self) -> None:
         """Show the newest pair of images."""
-        raise NotImplementedError
 
     def follow(self) -> None:
         """Enable what can be done now."""
@@ -253,25 +252,25 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         form.start_wanted.connect(self.start)
 
     @property
+    @abstractmethod
     def invitation(self) -> str:
         """What the user is asked to do, before anything is seen."""
-        raise NotImplementedError
 
+    @abstractmethod
     def plan(self) -> Plan[_CollectorT, _CalibrationT, _ProgressT]:
         """Return what is to be done as the form says now."""
-        raise NotImplementedError
 
+    @abstractmethod
     def show_progress(self, progress: _ProgressT) -> None:
         """Show how far it is."""
-        raise NotImplementedError
 
+    @abstractmethod
     def show_found(self, found: _CalibrationT | None) -> None:
         """Show what came out; None if nothing has yet."""
-        raise NotImplementedError
 
+    @abstractmethod
     def adding(self, found: _CalibrationT) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
         """Return what adds a result to settings on another thread; it returns what the user should know."""
-        raise NotImplementedError
 
     def start(self) -> None:
         """Collect images as the form says, from the beginning."""

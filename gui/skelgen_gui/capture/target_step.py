@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QWidget
 
+from skelgen.app.capture import add_body
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
 from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import TargetForm
@@ -86,13 +87,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
     def adding(self, found: BodyCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
         """Return what adds the target to settings, under the name that stands in the form by now."""
         target = replace(found.target, name=self._name)
-
-        def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
-            from skelgen.app.capture_jobs.settings import add_body  # noqa: PLC0415 - lxml costs 50 ms
-
-            return add_body(path, used, target)
-
-        return add
+        return lambda path, used: add_body(path, used, target)
 
     def follow(self) -> None:
         """Enable what can be done now."""

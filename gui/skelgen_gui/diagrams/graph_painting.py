@@ -1,7 +1,5 @@
 """Paints the graph: every joint that was tried as a faint line, the tree as strong ones, limbs as discs."""
 
-from __future__ import annotations
-
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen
@@ -90,7 +88,7 @@ class GraphPainting:
         self._painter.drawLine(*self._ends(pair))
 
     def signs(self) -> None:
-        """Paint the kind of each joint in its middle."""
+        """Paint the type of each joint in its middle."""
         ground, text = self._palette.color(_Role.Window), self._palette.color(_Role.Text)
         for joint in self._graph.joints:
             start, end = self._ends((joint.parent, joint.child))
@@ -151,7 +149,7 @@ class GraphPainting:
         Parameters
         ----------
         kinds : list of (str, str)
-            Kind of a joint, and its name.
+            Type of a joint, and its name.
         words : str
             Further explanation.
         place : QRectF, px
@@ -176,7 +174,7 @@ class GraphPainting:
 
 
 def _sign_path(kind: str, at: QPointF, size: float) -> QPainterPath:
-    """The sign of a kind of joint about a place; `size` [px] is half its height."""
+    """The sign of a type of joint about a place; `size` [px] is half its height."""
     path = QPainterPath()
     for part in joint_sign(kind):
         outline = QPainterPath()

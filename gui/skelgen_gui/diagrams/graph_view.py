@@ -1,7 +1,5 @@
 """The graph of joint costs, so that it can be seen why the tree is as it is."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -14,9 +12,9 @@ from skelgen.app.drawing.wording import shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
+from skelgen_gui.model import translate
 from skelgen_gui.model.graph import find_graph, joint_sentences, nearest_line, nearest_point, pair_sentences
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.translation import translate
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip

@@ -1,7 +1,5 @@
 """Paints a matrix of distance deviations with its limbs, names, and bar of colours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -10,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QImage, QPainter, QPalette, QPen
 
 from skelgen.app.drawing.colours import ramp_rgba
-from skelgen.app.drawing.matrix import DeviationMatrix
+from skelgen.app.drawing.measures import DeviationMatrix
 from skelgen.app.drawing.wording import plain
 from skelgen_gui.model.matrix import Box, PlacedRegion, Region, cell_sentence
 from skelgen_gui.widgets.painting import image_of

@@ -1,12 +1,10 @@
 """The matrix of distance deviations, ordered by limb: where limbs are rigid, blocks on the diagonal glow."""
 
-from __future__ import annotations
-
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.drawing.matrix import DeviationMatrix, find_deviation_matrix
+from skelgen.app.drawing.measures import DeviationMatrix, find_deviation_matrix
 from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
 from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection

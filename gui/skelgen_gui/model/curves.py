@@ -1,7 +1,5 @@
 """Curves over the frames of a take: residuals, joint angles, points; any stretch of them is drawn at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,8 +12,8 @@ from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
+from skelgen_gui.model import translate
 from skelgen_gui.model.lanes import point_counts
-from skelgen_gui.model.translation import translate
 
 # Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones
 _MOST_POSTURES = 20_000

@@ -1,7 +1,5 @@
 """The graph of joint costs: descriptions of joints, places of limbs and of words, and what lies under the pointer."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -12,8 +10,8 @@ from skelgen.app.drawing.poses import find_views, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, listed
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
-from skelgen_gui.model.lines import distances_to_lines
-from skelgen_gui.model.translation import translate
+from skelgen_gui.model import translate
+from skelgen_gui.model.selection import distances_to_lines
 
 _SAMPLES = 200  # frames that determine which way is up
 _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs

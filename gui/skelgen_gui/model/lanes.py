@@ -1,7 +1,5 @@
 """What is known of every marker in every frame, as runs of frames, and the picture of these runs."""
 
-from __future__ import annotations
-
 import math
 from operator import attrgetter
 
@@ -13,7 +11,7 @@ from skelgen.app.drawing.wording import percent
 from skelgen.model import PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Doubt
-from skelgen_gui.model.translation import translate
+from skelgen_gui.model import translate
 
 _BAR = (0.16, 0.84)  # of a lane's height
 _THIN = (0.42, 0.58)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.app.drawing.matrix import DeviationMatrix
+from skelgen.app.drawing.measures import DeviationMatrix
 from skelgen.app.drawing.wording import millimetres
-from skelgen_gui.model.translation import translate
+from skelgen_gui.model import translate
 
 _FEWEST_CELLS = 3  # rows that are in sight at the largest zoom
 

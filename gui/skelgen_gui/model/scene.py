@@ -3,8 +3,6 @@
 Rows are taken when a frame is shown: opening a project costs nothing.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum

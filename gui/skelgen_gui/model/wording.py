@@ -1,16 +1,14 @@
 """Descriptions of a marker, a joint or a limb under the pointer in the 3-D view."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.picking import JOINT, MARKER, Pick
+from skelgen_gui.model import translate
 from skelgen_gui.model.scene import Scene, Snapshot, State
-from skelgen_gui.model.translation import translate
+from skelgen_gui.model.selection import JOINT, MARKER, Pick
 
 
 def about(picked: Pick, scene: Scene, snapshot: Snapshot) -> str:
@@ -75,7 +73,7 @@ def _kind(kind: str) -> str:
         "universal": _tr("universal joint"),
         "hinge": _tr("hinge"),
         "rigid": _tr("rigid"),
-        "undetermined": _tr("turns too little to tell its kind"),
+        "undetermined": _tr("turns too little to tell its type"),
     }[kind]
 
 

@@ -1,7 +1,5 @@
 """The pages of the window: one table, so that a new page touches nothing else."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from PySide6.QtWidgets import QWidget

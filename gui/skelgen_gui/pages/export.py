@@ -1,7 +1,5 @@
 """The page that writes results for other programs: format, options, place, what will be written, and the writing."""
 
-from __future__ import annotations
-
 import html
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The first page: what is open, how to open something else, and identities that are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page of one stage: run it or take a saved result, its parameters, what came out, and what to look at."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

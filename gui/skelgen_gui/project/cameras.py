@@ -1,13 +1,12 @@
 """Which cameras took the recording that is open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
+from skelgen_formats.capture_settings import read_settings
 
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
@@ -104,9 +103,7 @@ class Cameras(QObject):
 
 
 def _rig_or_reason(path: Path) -> StereoRig | SkelgenError:
-    """The rig in the settings of a capture, or why there is none; on a thread, as lxml must be loaded first."""
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415
-
+    """The rig in the settings of a capture, or why there is none; on a thread, as lxml is loaded."""
     try:
         return read_settings(path).rig
     except SkelgenError as error:

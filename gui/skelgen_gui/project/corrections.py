@@ -1,7 +1,5 @@
 """Corrections by hand: the menu that offers them for a selection, their questions, and the list to take them back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from PySide6.QtCore import QCoreApplication, QObject
@@ -23,8 +21,8 @@ from PySide6.QtWidgets import (
 from skelgen.errors import SkelgenError
 from skelgen.model.corrections import Correction
 from skelgen_gui.model.selection import Offer, Selection, new_name, offers
+from skelgen_gui.project.context import Runner
 from skelgen_gui.project.document import Document
-from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import column, describe
 from skelgen_gui.widgets.painting import as_rich_text
@@ -64,7 +62,7 @@ class CorrectionActions(QObject):
         menu.clear()
         session = self._document.session
         # Kinds of which there are many: each has a menu of its own
-        titles = {"move": self.tr("Move to the limb of"), "kind": self.tr("Kind of the joint")}
+        titles = {"move": self.tr("Move to the limb of"), "kind": self.tr("Type of the joint")}
         submenus: dict[str, QMenu] = {}
         for offer in offers(session.project, selection or session.selection):
             target = menu

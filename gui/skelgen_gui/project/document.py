@@ -3,8 +3,6 @@
 Projects are immutable, so that a step only has to remember the one before it and the one after it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

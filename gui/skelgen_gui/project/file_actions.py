@@ -1,7 +1,5 @@
 """Opening, saving and closing: nothing is lost, and every question is asked once. With the menu of recent files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Long work off the window's thread: one job at a time, with progress and cancelling, its result back on that thread.
 
 The work is a plain function of a `Monitor`. What it returns or raises reaches the window's thread through a queued
-signal, so that callbacks may touch widgets.
+signal, so that callbacks may touch widgets. The line at the foot of the window shows what runs.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QCoreApplication, QObject, QThread, Signal, Slot
+from PySide6.QtWidgets import QProgressBar, QPushButton, QStatusBar, QWidget
 
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.progress import Monitor
+from skelgen_gui.widgets.layouts import describe
 
 T = TypeVar("T")
 
@@ -177,3 +179,54 @@ class Jobs(QObject):
             failed(error)
         elif not isinstance(error, Cancelled | SkelgenError):
             raise error
+
+
+_PERCENT = 100
+_NOTICE_MS = 8000
+
+
+class StatusLine(QStatusBar):
+    """Follows jobs.
+
+    Parameters
+    ----------
+    jobs : Jobs
+        What runs.
+    parent : QWidget, optional
+        The window.
+    """
+
+    def __init__(self, jobs: Jobs, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.progress, self.cancel = QProgressBar(self), QPushButton(self.tr("Cancel"), self)
+        self.progress.setMaximumWidth(240)
+        self.progress.setRange(0, _PERCENT)
+        describe(self.progress, self.tr("Progress"), self.tr("How much of what is running is done"))
+        describe(self.cancel, self.tr("Cancel what is running"))
+        for widget in (self.progress, self.cancel):
+            self.addPermanentWidget(widget)
+            widget.hide()
+        self.cancel.clicked.connect(jobs.cancel)
+        jobs.begun.connect(self._begin)
+        jobs.progressed.connect(self._advance)
+        jobs.noticed.connect(self.notice)
+        jobs.ended.connect(self._end)
+
+    def _begin(self, title: str) -> None:
+        self.progress.setValue(0)
+        self.progress.show()
+        self.cancel.show()
+        self.showMessage(title)
+
+    def _advance(self, name: str, share: float) -> None:
+        self.progress.setValue(round(_PERCENT * share))
+        self.showMessage(name)
+
+    def notice(self, sentence: str) -> None:
+        """Show a sentence for a while."""
+        self.showMessage(sentence, _NOTICE_MS)
+
+    def _end(self) -> None:
+        self.progress.hide()
+        self.cancel.hide()
+        self.clearMessage()

@@ -4,8 +4,6 @@ Each window writes into a folder of its own below the application's data folder:
 A clean end removes it; what a later window finds without a living process belongs to a window that crashed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

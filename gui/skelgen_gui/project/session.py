@@ -3,8 +3,6 @@
 Pages and views read it, change it through its methods, and follow its signals; they hold no state of the project.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal

@@ -1,7 +1,5 @@
 """The lanes: a bar for each marker over time, painted once and kept until something else is in sight; their legend."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

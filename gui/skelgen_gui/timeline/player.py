@@ -3,8 +3,6 @@
 Frames are left out where they cannot be shown in time; a take is never slowed down.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping

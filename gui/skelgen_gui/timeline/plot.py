@@ -1,7 +1,5 @@
 """Paints a panel of curves: grid, bands, lines, and a legend with the values of the frame that is shown."""
 
-from __future__ import annotations
-
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPalette, QPen

@@ -1,7 +1,5 @@
 """Panels of curves above each other over the frames in sight: residuals, and angles of the selected joint."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

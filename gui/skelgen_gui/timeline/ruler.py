@@ -1,7 +1,5 @@
 """The ruler above the lanes: times, the range that is played, and the frame that is shown."""
 
-from __future__ import annotations
-
 import math
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt

@@ -1,7 +1,5 @@
 """The stretch of the take that ruler, lanes and curves show: its scale, and how wheel and keys change it."""
 
-from __future__ import annotations
-
 import math
 
 from PySide6.QtCore import QObject, Qt, Signal

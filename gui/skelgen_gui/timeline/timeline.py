@@ -1,7 +1,5 @@
 """The timeline: transport, ruler, spare points, lanes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 

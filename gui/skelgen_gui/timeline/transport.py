@@ -1,7 +1,5 @@
 """The row of buttons above the lanes, with their icons: play, step, speed, loop, range, frame and time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 

@@ -1,14 +1,12 @@
 """What does not change while a take plays: background, floor grid, axes of the world."""
 
-from __future__ import annotations
-
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPen
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.floor import N_FADES, Floor
 from skelgen_gui.model.picture import Canvas
+from skelgen_gui.model.view_camera import N_FADES, Floor
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.widgets.painting import draw_lines
 

@@ -1,7 +1,5 @@
 """Colours of the 3-D view on light and dark desktops, and balls and rings in them, painted once and then copied."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from enum import Enum

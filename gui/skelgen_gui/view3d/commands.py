@@ -1,7 +1,5 @@
 """What can be done in the 3-D view, as actions for its buttons, its keys and the menus of the window."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """How mouse, wheel and keys move the viewer: what a press of a button becomes, and what it does to the viewpoint."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """Paints a frame back to front, on a background with floor grid and the axes of the world."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -10,10 +8,9 @@ from PySide6.QtCore import QLineF, QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from skelgen.model.arrays import Bools, Floats
-from skelgen_gui.model.floor import Floor
-from skelgen_gui.model.lines import N_AGES, trail_lines
-from skelgen_gui.model.picture import Canvas, Picture
+from skelgen_gui.model.picture import N_AGES, Canvas, Picture, trail_lines
 from skelgen_gui.model.scene import Scene, Snapshot
+from skelgen_gui.model.view_camera import Floor
 from skelgen_gui.view3d.colours import N_FOGS, Colours, Inks, Sprites, Style
 from skelgen_gui.widgets.painting import draw_lines, draw_points
 

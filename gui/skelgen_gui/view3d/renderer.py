@@ -1,7 +1,5 @@
 """Puts a whole picture together, and keeps what stays the same while a take plays."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 
@@ -10,11 +8,10 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QStaticText
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.floor import Floor
-from skelgen_gui.model.picking import Marked
 from skelgen_gui.model.picture import Canvas, FrameView, Picture, take_picture
 from skelgen_gui.model.scene import Scene, Snapshot
-from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.selection import Marked, Selection
+from skelgen_gui.model.view_camera import Floor
 from skelgen_gui.view3d import backdrop, painting
 from skelgen_gui.view3d.colours import Colours, Inks, Sprites
 from skelgen_gui.view3d.painting import Brushes, Figure

@@ -1,7 +1,5 @@
 """The 3-D view: orbit, pan, zoom; hover, click and rubber band. It paints what the session shows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,12 +19,10 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QWidget
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.floor import Floor
-from skelgen_gui.model.picking import Marked, Pick, is_drawn, is_selected, markers_within, pick, with_pick
 from skelgen_gui.model.picture import Canvas, FrameView, Picture
 from skelgen_gui.model.scene import Scene, Snapshot
-from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.view_camera import ViewCamera
+from skelgen_gui.model.selection import Marked, Pick, Selection, is_drawn, is_selected, markers_within, pick, with_pick
+from skelgen_gui.model.view_camera import Floor, ViewCamera
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.model.wording import about

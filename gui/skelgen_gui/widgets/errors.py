@@ -1,7 +1,5 @@
 """The dialog of errors: one sentence, with details to copy; also for faults of the program."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import platform
 import sys

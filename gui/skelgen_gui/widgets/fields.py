@@ -4,8 +4,6 @@
 marked as wrong, and is not silently replaced.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names, tool tips, rows and scrolled columns, which every page needs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from PySide6.QtCore import Qt

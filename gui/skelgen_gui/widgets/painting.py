@@ -1,7 +1,5 @@
 """Helpers of widgets that paint: lines and points from arrays, pictures from pixels, the wheel, tool tips."""
 
-from __future__ import annotations
-
 import html
 import math
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Everything is stored as text by QSettings; what a damaged or newer file holds is replaced by defaults.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar

@@ -1,18 +1,31 @@
-"""All commands of the window in one table, from which menus, tool bar and keys are made.
+"""All commands of the window in one table, from which menus, tool bar, keys and their list are made.
 
 Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
 buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
 context ``Commands`` when the actions are made.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication, QObject, Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar, QWidget
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QHeaderView,
+    QLineEdit,
+    QMenu,
+    QMenuBar,
+    QTableWidget,
+    QTableWidgetItem,
+    QToolBar,
+    QWidget,
+)
+
+from skelgen_gui.widgets.layouts import column, describe
+
+_SIZE = (640, 560)  # px, of the dialog
 
 SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
@@ -177,3 +190,60 @@ def _action(command: Command, parent: QObject) -> QAction:
 
 def _translated(text: str) -> str:
     return QCoreApplication.translate("Commands", text)
+
+
+class ShortcutsDialog(QDialog):
+    """A table of all keys and what they do.
+
+    Parameters
+    ----------
+    actions : iterable of QAction
+        Of the window and its views; those without a key are passed over.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    def __init__(self, actions: Iterable[QAction], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle(self.tr("Keyboard shortcuts"))
+        self.search = QLineEdit(self)
+        self.table = QTableWidget(0, 3, self)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, parent=self)
+        buttons.rejected.connect(self.reject)
+        column(self, (self.search, self.table, buttons))
+        self._describe()
+        for action in dict.fromkeys(actions):
+            if not action.shortcut().isEmpty():
+                self._add(action)
+        self.table.resizeColumnsToContents()
+        self.resize(*_SIZE)
+
+    def _describe(self) -> None:
+        self.search.setPlaceholderText(self.tr("Search"))
+        describe(self.search, self.tr("Search the shortcuts"), self.tr("Part of a command or a key"))
+        self.search.setClearButtonEnabled(True)
+        self.search.textChanged.connect(self._filter)
+        self.table.setHorizontalHeaderLabels([self.tr("Command"), self.tr("Key"), self.tr("What it does")])
+        self.table.horizontalHeader().setSectionResizeMode(2, QHeaderView.ResizeMode.Stretch)
+        self.table.verticalHeader().hide()
+        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
+        self.table.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
+        self.table.setAlternatingRowColors(True)
+        self.table.setTabKeyNavigation(False)
+        self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
+        self.table.setToolTip(self.tr("Single letters work while the 3-D view or the timeline has the focus"))
+
+    def _add(self, action: QAction) -> None:
+        row = self.table.rowCount()
+        self.table.insertRow(row)
+        name = action.text().replace("&", "").removesuffix("…")  # without its mark of a key
+        key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+        for number, text in enumerate((name, key, action.statusTip() or action.toolTip())):
+            item = QTableWidgetItem(text)
+            item.setFlags(Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable)
+            self.table.setItem(row, number, item)
+
+    def _filter(self, text: str) -> None:
+        for row in range(self.table.rowCount()):
+            cells = (self.table.item(row, number) for number in range(self.table.columnCount()))
+            self.table.setRowHidden(row, not any(text.lower() in cell.text().lower() for cell in cells if cell))

@@ -1,7 +1,5 @@
 """Colours: the dark and the light palette, and colours that no palette has, of limbs, doubts and curves."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt

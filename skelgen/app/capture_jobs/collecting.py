@@ -1,6 +1,7 @@
 """Jobs that collect images for a calibration: of a chessboard, of one target, of targets joined by joints."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -30,7 +31,7 @@ from skelgen.capture.calibration.verdict import PairSeen
 from skelgen.capture.health import RigWatch
 from skelgen.capture.images import opencv
 from skelgen.capture.live import PointFinder
-from skelgen.capture.optics.triangulation import triangulate
+from skelgen.capture.optics import triangulate
 from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
@@ -39,7 +40,7 @@ from skelgen.progress import Monitor
 
 _Progress = TypeVar("_Progress")
 
-MOTION_INTERVAL = 0.25
+_MOTION_INTERVAL = 0.25
 """s between two looks at all motion so far, which take 10 ms with many targets."""
 
 
@@ -134,7 +135,7 @@ def _copied(image: Image, view: BoardView | None) -> CameraImage:
     return CameraImage.of_board(image.copy(), view)  # sources write the next image over this one
 
 
-class TargetCollector(_Collector, Generic[_Progress]):
+class TargetCollector(_Collector, ABC, Generic[_Progress]):
     """Takes frames of targets; what was taken stays, whatever ends it.
 
     Parameters
@@ -199,17 +200,18 @@ class TargetCollector(_Collector, Generic[_Progress]):
         """What is used of a simulated rig, which knows its settings by itself."""
         return settings
 
+    @abstractmethod
     def _begin(self, settings: CaptureSettings) -> None:
-        raise NotImplementedError
+        """Get ready for a capture by these settings."""
 
+    @abstractmethod
     def _take(self, points: StereoPoints) -> Mapping[int, FoundBody]:
         """Take the points of a pair; return the targets in it by their groups."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def _progress(self) -> _Progress:
         """How far it is."""
-        raise NotImplementedError
 
     @property
     def _recent_progress(self) -> _Progress:
@@ -323,7 +325,7 @@ class JointCollector(TargetCollector[JointProgress]):
     @property
     def _recent_progress(self) -> JointProgress:
         now = time.monotonic()
-        if self._taking is not None and now - self._looked_at >= MOTION_INTERVAL:
+        if self._taking is not None and now - self._looked_at >= _MOTION_INTERVAL:
             self._last_progress, self._looked_at = self._progress, now
         return self._last_progress
 

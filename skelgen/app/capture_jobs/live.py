@@ -21,14 +21,14 @@ from skelgen.app.capture_jobs.messages import (
     LiveShot,
     Recorded,
 )
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
-from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import Monitor
 
-SPEED_FRAMES = 60
+_SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
 
 _IS_WARM = Event()
@@ -53,8 +53,8 @@ class LiveCapture:
         self, options: CaptureOptions, control: CaptureControl, feed: Feed[LiveShot], title: str = "capturing"
     ) -> None:
         self._options, self._control, self._feed, self._title = options, control, feed, title
-        self._times: deque[float] = deque(maxlen=SPEED_FRAMES)
-        self._latencies: deque[float] = deque(maxlen=SPEED_FRAMES)
+        self._times: deque[float] = deque(maxlen=_SPEED_FRAMES)
+        self._latencies: deque[float] = deque(maxlen=_SPEED_FRAMES)
         self._settings: CaptureSettings | None = None
         self._recorder: _Recorder | None = None
         self._n_frames = self._n_dropped = 0

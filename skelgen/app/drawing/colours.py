@@ -1,7 +1,5 @@
 """Colours of limbs, and the ramp of matrices: readable on light and on dark pages."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,6 +1,4 @@
-"""The graph of joint costs: joints of the tree with their margins, joints that were tried, signs of joint kinds."""
-
-from __future__ import annotations
+"""The graph of joint costs: joints of the tree with their margins, joints that were tried, signs of joint types."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -26,7 +24,7 @@ class JointCost:
     rival : tuple of int or None
         The limbs that the cheapest other joint would connect.
     kind : str
-        Kind of the joint; empty before the skeleton.
+        Type of the joint; empty before the skeleton.
     ranges : tuple of AngleRange
         Range of each angle; none before the skeleton.
     """
@@ -75,7 +73,7 @@ class CostGraph:
 
 
 def find_cost_graph(project: Project) -> CostGraph:
-    """Return the graph of a project with joints; kinds and ranges of joints are known with its skeleton."""
+    """Return the graph of a project with joints; types and ranges of joints are known with its skeleton."""
     topology = project.topology
     margins, rivals = topology.margins, topology.rivals
     ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
@@ -165,5 +163,5 @@ _SIGNS: dict[str, tuple[Disc | Bar, ...]] = {
 
 
 def joint_sign(kind: str) -> tuple[Disc | Bar, ...]:
-    """Return the sign of a kind of joint, about 0: a disc, a bar, a cross, a square; a ring where it is not known."""
+    """Return the sign of a type of joint, about 0: a disc, a bar, a cross, a square; a ring where it is not known."""
     return _SIGNS.get(kind, (Disc(1.0, hole=0.5),))

@@ -1,7 +1,5 @@
 """Whether each marker is seen, filled, doubtful or unseen in every frame: a lane of runs per marker."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -55,7 +53,13 @@ class Lanes:
         return len(self.markers)
 
     def state(self, lane: int, frame: int) -> State:
-        """Return the state in a frame."""
+        """Return the state in a frame.
+
+        Parameters
+        ----------
+        lane, frame : int
+            Indices.
+        """
         return State(int(self.states[self._run(np.array([lane * self.n_frames + frame]))[0]]))
 
     def shares(self, lanes: Ints, edges: Floats) -> Floats:

@@ -1,7 +1,5 @@
 """The skeleton in its reference pose, the two views that show it best, and the bones that are drawn of its limbs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -89,7 +89,15 @@ class Extremes:
 
     @classmethod
     def of(cls, low: Floats, high: Floats | None = None) -> Extremes:
-        """Prepare a line, or a band between two lines."""
+        """Prepare a line, or a band between two lines.
+
+        Parameters
+        ----------
+        low : ndarray, shape (n_frames,)
+            The line, or the lower edge of the band; NaN where unknown.
+        high : ndarray, shape (n_frames,), optional
+            The upper edge of the band.
+        """
         low = np.ascontiguousarray(low)
         high = low if high is None else np.ascontiguousarray(high)
         starts = np.arange(0, len(low), _BLOCK)

@@ -1,18 +1,35 @@
-"""Inline SVG in a few words; every text and attribute is escaped, colours come from the page's style sheet."""
+"""Inline SVG in a few words, and the axes of a plot.
 
-from __future__ import annotations
+Every text and attribute is escaped; colours come from the page's style sheet.
+"""
 
 import math
+from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
+from skelgen.app.drawing.scales import ticks
+from skelgen.app.drawing.wording import plain
 from skelgen.model.arrays import Floats
+
+LEFT, RIGHT, TOP = 52.0, 10.0, 22.0
+"""px; left of the plot area for tick labels, right of it, and above it for the title of the y axis."""
 
 _ATTRIBUTE_NAMES = {"cls": "class", "href": "href"}
 
 
 def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup:
-    """Return one element; underscores in attribute names become hyphens, ``cls`` becomes ``class``."""
+    """Return one element; underscores in attribute names become hyphens, ``cls`` becomes ``class``.
+
+    Parameters
+    ----------
+    name : str
+        Of the element.
+    *children : Markup or str
+        What is in it; texts are escaped.
+    **attributes : str or float
+        Values; numbers are rounded.
+    """
     pairs = [(_ATTRIBUTE_NAMES.get(key, key.replace("_", "-")), number(value)) for key, value in attributes.items()]
     head = name + "".join(f' {key}="{escape(value)}"' for key, value in pairs)
     if not children:
@@ -21,7 +38,15 @@ def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup
 
 
 def group(*children: Markup, **attributes: str | float) -> Markup:
-    """Return a group of elements."""
+    """Return a group of elements.
+
+    Parameters
+    ----------
+    *children : Markup
+        What is in it.
+    **attributes : str or float
+        See `tag`.
+    """
     return tag("g", Markup("").join(children), **attributes)
 
 
@@ -155,3 +180,58 @@ def number(value: str | float) -> str:
     if isinstance(value, str):
         return value
     return f"{value:.1f}".rstrip("0").rstrip(".") if not float(value).is_integer() else str(int(value))
+
+
+@dataclass(frozen=True)
+class Axes:
+    """A plot area with linear axes.
+
+    Attributes
+    ----------
+    width, height, bottom : float, px
+        The whole drawing, and the space below the plot area.
+    last_x, last_y : float
+        Largest values on the axes.
+    first_y : float
+        Value at the foot of the y axis.
+    """
+
+    width: float
+    height: float
+    bottom: float
+    last_x: float
+    last_y: float
+    first_y: float = 0.0
+
+    def x(self, value: float) -> float:
+        """Return the place [px] of a value on the x axis."""
+        return LEFT + (self.width - LEFT - RIGHT) * value / self.last_x
+
+    def y(self, value: float) -> float:
+        """Return the place [px] of a value on the y axis."""
+        share = (value - self.first_y) / (self.last_y - self.first_y)
+        return self.height - self.bottom - (self.height - self.bottom - TOP) * share
+
+    def frame(self, y_title: str, x_title: str = "") -> Markup:
+        """Draw grid, tick labels and titles; without a title the x axis has no ticks.
+
+        Parameters
+        ----------
+        y_title, x_title : str
+            With units.
+        """
+        right, floor = self.width - RIGHT, self.height - self.bottom
+        parts = [text(4, 12, y_title, "small")]
+        for value in ticks(self.first_y, self.last_y, 4):
+            parts += [
+                line(LEFT, self.y(value), right, self.y(value), "grid"),
+                text(LEFT - 6, self.y(value) + 3.5, plain(value), "small", anchor="end"),
+            ]
+        if x_title:
+            parts += [
+                text(self.x(value), floor + 15, plain(value), "small", anchor="middle")
+                for value in ticks(0.0, self.last_x, 8)
+            ]
+            parts.append(text((LEFT + right) / 2, floor + 31, x_title, "small", anchor="middle"))
+        parts.append(line(LEFT, floor, right, floor, "axis"))
+        return group(*parts)

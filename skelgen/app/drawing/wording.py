@@ -1,7 +1,5 @@
 """Numbers and names as a reader wants them: three digits, a unit, no noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 

@@ -1,1 +1,1 @@
-"""The project file ``.skelgen``: its archive, values as plain data, checks of both, and the recording it refers to."""
+"""The project file ``.skelgen``: its archive, values as plain data, and checks of both."""

@@ -1,7 +1,8 @@
 """The project file ``.skelgen``: one zip archive with the structure as JSON and every array as a ``.npy`` member.
 
 Members are stored without compression: marker positions hardly shrink, the bytes depend on no compressor's version,
-and a file that declares more than it holds is known at once. ``docs/project-file.md`` describes the file.
+and a file that declares more than it holds is known at once. A project may refer to its recording instead of holding
+it; the recording is found by its place and known by its checksum. ``docs/project-file.md`` describes the file.
 """
 
 import io
@@ -19,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
+from skelgen_formats.registry import read_take
 
 import skelgen
 from skelgen.app.project_file.checks import check_chain
 from skelgen.app.project_file.packing import packed, unpacked
-from skelgen.app.project_file.references import reference_to, take_of
-from skelgen.errors import FormatError, InputError
-from skelgen.files import open_regular, read_content, replacing
+from skelgen.errors import FormatError, InputError, WriteError
+from skelgen.files import open_regular, read_content, replacing, sha256_of
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
 from skelgen.model.arrays import Floats
 from skelgen.model.project import Source
@@ -255,7 +256,7 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -
     }
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
     structure["take"] = packed(project.take, "take", arrays) if embed else None
-    structure["source"] = None if embed else packed(reference_to(project), "source", arrays)
+    structure["source"] = None if embed else packed(_reference_to(project), "source", arrays)
     structure["identities"] = packed(project.identities, "identities", arrays)
     structure["corrections"] = packed(project.corrections, "corrections", arrays)
     structure["view"] = dict(project.view)
@@ -296,3 +297,77 @@ def _store(archive: zipfile.ZipFile, name: str, *parts: bytes | memoryview) -> N
         for part in parts:
             for start in range(0, len(part), _PIECE):
                 member.write(part[start : start + _PIECE])
+
+
+def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
+    """Return what is known of a recording that is about to be read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    format_name : str
+        Its format.
+    options : mapping of str to value
+        Options of the reader.
+    """
+    facts = path.stat()
+    return Source(str(path.absolute()), format_name, dict(options), facts.st_size, facts.st_mtime_ns)
+
+
+def _reference_to(project: Project) -> Source:
+    """Return what a project file says of the recording that it refers to.
+
+    Raises
+    ------
+    WriteError
+        If the take was not read from a file, or that file has changed since.
+    """
+    source = project.source
+    if source is None:
+        raise WriteError(f"{project.name or 'the take'} was not read from a recording; the project must hold it")
+    path = Path(source.path)
+    try:
+        facts = path.stat()
+        if (facts.st_size, facts.st_mtime_ns) != (source.size, source.modified):
+            raise WriteError(f"{path} has changed since it was read; let the project hold the recording")
+        return replace(source, sha256=sha256_of(path))
+    except OSError as error:
+        what = f"{path} cannot be read any more ({error.strerror or error})"
+        raise WriteError(f"{what}; let the project hold the recording") from error
+
+
+def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
+    """Read the recording that a project refers to, where it was or beside the project.
+
+    Parameters
+    ----------
+    source : Source
+        The recording, with its checksum.
+    project_file : Path
+        The project.
+
+    Returns
+    -------
+    tuple of Take and Source
+        The source with the place where it was found.
+
+    Raises
+    ------
+    FormatError
+        If it is in neither place, or is not the same file any more.
+    """
+    places = (Path(source.path), project_file.parent / Path(source.path).name)
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        looked = " nor at ".join(str(place) for place in dict.fromkeys(places))
+        raise FormatError(project_file, "", f"the recording that it refers to is not at {looked}; put it back there")
+    try:
+        is_same = sha256_of(found) == source.sha256
+    except OSError as error:
+        raise FormatError(found, "", f"cannot be read: {error.strerror or error}") from error
+    if not is_same:
+        raise FormatError(found, "", f"is not the recording that {project_file} was made from: its content differs")
+    facts = found.stat()
+    there = replace(source, path=str(found.absolute()), size=facts.st_size, modified=facts.st_mtime_ns)
+    return read_take(found, source.format, **source.options), there

@@ -4,8 +4,6 @@ Texts and tables come from the template, drawings are inline SVG in the template
 embedded pictures. Nothing is loaded from elsewhere, and apart from times the same project gives the same bytes.
 """
 
-from __future__ import annotations
-
 from importlib import resources
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the report says: sentences, tables and drawings for each result that the project holds."""
 
-from __future__ import annotations
-
 import platform
 from collections import Counter
 from collections.abc import Mapping
@@ -19,7 +17,6 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
-from skelgen.app.export import fill_project
 from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
@@ -28,9 +25,10 @@ from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
+from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
-from skelgen.model.skeleton import JOINT_KINDS
+from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import SILENT, Monitor
 
 Content = dict[str, Any]
@@ -129,8 +127,8 @@ def _length_in_time(project: Project) -> str:
 def _tree_sentence(project: Project) -> str:
     topology = project.topology
     roots = listed(f"limb {root}" for root in topology.roots)
-    kinds = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
-    named = listed(f"{kinds[kind]} {kind}" for kind in JOINT_KINDS if kinds[kind])
+    types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
+    named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
     return f"{joints} connect them to {shape} with {roots} as root."
@@ -186,7 +184,7 @@ def _gaps(project: Project, monitor: Monitor) -> Content:
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
         return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
-    filled = fill_project(project, monitor)
+    filled = fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):
@@ -241,7 +239,7 @@ def _limbs(project: Project) -> Content:
 def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
     signs = []
-    for kind in (kind for kind in JOINT_KINDS if kind in used):
+    for kind in (kind for kind in JOINT_TYPES if kind in used):
         sign, label = sign_figure(kind, _SIGN_SIDE / 2, _SIGN_SIDE / 2), f"sign of a {kind} joint"
         signs.append((kind, svg.drawing(_SIGN_SIDE, _SIGN_SIDE, label, sign, least=_SIGN_SIDE)))
     return {

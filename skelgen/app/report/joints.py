@@ -1,7 +1,5 @@
 """What the report says of joints: their table, angles and turns, what is not determined, and lengths between them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

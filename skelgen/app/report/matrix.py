@@ -1,7 +1,5 @@
 """Matrices as small embedded pictures: distance deviations of markers, joint costs of limbs."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import zlib
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import ramp_rgba
-from skelgen.app.drawing.matrix import DeviationMatrix, find_deviation_matrix
+from skelgen.app.drawing.measures import DeviationMatrix, find_deviation_matrix
 from skelgen.app.drawing.scales import LogScale
 from skelgen.app.drawing.wording import clipped, counted, digits, plain
 from skelgen.model import Project

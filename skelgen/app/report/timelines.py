@@ -1,7 +1,5 @@
 """What pictures over time have in common: a row per marker, a pixel per stretch of frames, an axis in seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -101,17 +99,17 @@ _LEAST_FILLED = 110  # alpha of 255: a single filled frame still tints its stret
 _DOUBT_LINES = 3  # of a bar's height, one such part is the line of doubt
 _STRIP, _STRIP_GAP = 9.0, 4.0  # px: the row of points that are left out
 
-SOURCE_COLOURS = {
+_SOURCE_COLOURS = {
     PositionSource.LIMB: (46, 139, 87),
     PositionSource.JOINT: (218, 149, 32),
     PositionSource.INTERPOLATED: (200, 60, 60),
 }
 """Red, green, blue of each source of filled positions; readable on light and on dark ground."""
 
-DOUBT_COLOUR = (190, 20, 160)
+_DOUBT_COLOUR = (190, 20, 160)
 """Of the line under a bar."""
 
-LEFT_OUT_COLOUR = (128, 128, 128)
+_LEFT_OUT_COLOUR = (128, 128, 128)
 """Of points that are nobody's."""
 
 
@@ -143,7 +141,7 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
         # a line at the foot of each bar, in stretches with a doubtful frame
         there = parts_of_states[..., State.DOUBTFUL] > 0
         pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
-        pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)
+        pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*_DOUBT_COLOUR, _OPAQUE)
         parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(pixels)))
     names = [project.trajectories.names[marker] for marker in lanes.markers.tolist()]
     seen = project.trajectories.seen[:, lanes.markers].mean(axis=0)
@@ -166,7 +164,7 @@ def _tints(source: Ints) -> NDArray[np.uint8]:
     """Colours over the gaps, shape (n_markers, n_bins, 4): of each stretch the least certain source that it has."""
     starts, stops = bin_edges(len(source), MOST_BINS)
     pixels = np.zeros((len(starts), source.shape[1], 4), dtype=np.uint8)
-    for kind, colour in SOURCE_COLOURS.items():
+    for kind, colour in _SOURCE_COLOURS.items():
         part = np.add.reduceat((source == kind).astype(np.float64), starts) / (stops - starts)[:, np.newaxis]
         there = part > 0
         pixels[there, :3] = colour
@@ -179,7 +177,7 @@ def _left_out_strip(labelling: Labelling, top: float) -> Markup:
     starts, stops = bin_edges(len(labelling.left_out), MOST_BINS)
     counts = np.add.reduceat(labelling.left_out.astype(np.float64), starts) / (stops - starts)
     pixels = np.zeros((1, len(counts), 4), dtype=np.uint8)
-    pixels[..., :3] = LEFT_OUT_COLOUR
+    pixels[..., :3] = _LEFT_OUT_COLOUR
     alpha = _LEAST_FILLED + (_OPAQUE - _LEAST_FILLED) * counts / counts.max()
     pixels[0, :, 3] = np.where(counts > 0, alpha, 0).astype(np.uint8)
     baseline = top + _STRIP - 1

@@ -1,7 +1,5 @@
 """The tree drawn from its roots outward: one box per limb, one joint sign per edge, lengths of the limbs between."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -36,7 +34,7 @@ def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
     Parameters
     ----------
     project : Project
-        With joints; the kinds of joints appear when the skeleton is there too.
+        With joints; the types of joints appear when the skeleton is there too.
     lengths : list of Length
         What `measures.joint_lengths` gives.
     """
@@ -55,12 +53,12 @@ def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
 
 
 def sign_figure(kind: str, x: float, y: float) -> Markup:
-    """Draw the sign of a joint kind, centred at a place [px].
+    """Draw the sign of a type of joint, centred at a place [px].
 
     Parameters
     ----------
     kind : str
-        Kind of the joint; empty where it is not known.
+        Type of the joint; empty where it is not known.
     x, y : float, px
         Its middle.
     """

@@ -81,10 +81,10 @@ def check_targets(targets: Sequence[BodyTarget], parameters: BodyParameters | No
     """
     parameters = parameters or BodyParameters()
     for number, target in enumerate(targets):
-        check_target(target, targets[:number], parameters)
+        _check_target(target, targets[:number], parameters)
 
 
-def check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters) -> None:
+def _check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters) -> None:
     """Refuse a target that cannot be found for sure beside others.
 
     Parameters
@@ -345,7 +345,7 @@ def _nearest_good_target(
 
 def _is_good(target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters) -> bool:
     try:
-        check_target(target, beside, parameters)
+        _check_target(target, beside, parameters)
     except InputError:
         return False
     return True

@@ -1,7 +1,5 @@
 """All targets in one frame: each searched for by itself, then points given to the bodies that they fit best."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """The chessboard: its inner corners in an image, how sharp they are, and which parts of an image it has been in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,14 +5,12 @@ the normal matrix gives the standard deviations of all parameters, with the nois
 Views that do not fit are left out: those that are blurred, moved between exposures, or have mistaken corners.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.optics.projection import distortion_jacobian
+from skelgen.capture.optics import distortion_jacobian
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats
@@ -97,7 +95,7 @@ class Adjusted:
         return np.asarray(np.sqrt((self.residuals**2).sum(axis=-1).mean(axis=-1)))
 
 
-def adjust(bundle: Bundle, free: Bools) -> Adjusted:
+def _adjust(bundle: Bundle, free: Bools) -> Adjusted:
     """Return the most likely cameras and poses.
 
     Parameters
@@ -118,7 +116,7 @@ def adjust(bundle: Bundle, free: Bools) -> Adjusted:
         moved = _step_if_better(bundle, free, step, squares)
         damping = max(10.0 * damping, LEAST_DAMPING) if moved is None else damping / 10.0
         bundle = bundle if moved is None else moved
-    residuals = residuals_of(bundle)
+    residuals = _residuals_of(bundle)
     noise = float(np.sqrt((residuals**2).sum() / max(slope.shape[0] - slope.shape[1], 1)))
     inverse = _inverse(slope, 0.0)
     covariance = np.zeros((len(free), len(free)))
@@ -127,7 +125,7 @@ def adjust(bundle: Bundle, free: Bools) -> Adjusted:
     return Adjusted(bundle, noise, covariance, residuals)
 
 
-def residuals_of(bundle: Bundle) -> Floats:
+def _residuals_of(bundle: Bundle) -> Floats:
     """Return seen minus expected corners, shape (n_cameras, n_views, n_corners, 2), px."""
     in_first = _posed(bundle.first_from_board, bundle.board)
     expected = [_pixels(eye, _posed(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
@@ -217,7 +215,7 @@ def _step_if_better(bundle: Bundle, free: Bools, step: Floats, squares: float) -
         moved = _moved(bundle, free, step)
     except InputError:
         return None
-    return moved if float((residuals_of(moved) ** 2).sum()) < squares else None
+    return moved if float((_residuals_of(moved) ** 2).sum()) < squares else None
 
 
 def _moved(bundle: Bundle, free: Bools, step: Floats) -> Bundle:
@@ -279,7 +277,7 @@ def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -
     bundle : Bundle
         All views.
     free : ndarray of bool
-        See `adjust`.
+        See `_adjust`.
     trusted : ndarray of bool, shape (n_views,), optional
         Views to begin with; all if not given.
 
@@ -290,7 +288,7 @@ def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -
     """
     kept = np.ones(len(bundle.first_from_board), dtype=np.bool_) if trusted is None else trusted
     for _ in range(MAX_ROUNDS):
-        adjusted = adjust(bundle_of(bundle, kept), free)
+        adjusted = _adjust(bundle_of(bundle, kept), free)
         view_rms = _rms_of_all(bundle, adjusted, kept)
         limit = OUTLIER_RATIO * np.median(view_rms[:, kept], axis=1)
         fits = np.asarray((view_rms <= limit[:, np.newaxis]).all(axis=0))
@@ -325,7 +323,7 @@ def _rms_of_all(bundle: Bundle, adjusted: Adjusted, kept: Bools) -> Floats:
     for view in np.flatnonzero(~kept):
         alone = bundle_of(bundle, np.arange(len(kept)) == view)
         try:
-            posed = adjust(replace(alone, cameras=adjusted.bundle.cameras), held)
+            posed = _adjust(replace(alone, cameras=adjusted.bundle.cameras), held)
         except InputError:  # no pose fits: as far out as can be
             continue
         out[:, view] = posed.view_rms[:, 0]

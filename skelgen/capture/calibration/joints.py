@@ -18,10 +18,10 @@ from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
-from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
+from skelgen.kinematics import JointFit, TypeChoice, choose_joint_type, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import JOINT_KINDS, TargetJoint
+from skelgen.model.rig import JOINT_TYPES, TargetJoint
 
 MIN_FRAMES = 20
 """Frames that show all targets of a chain at once, below which its joints are not fitted together."""
@@ -107,7 +107,7 @@ def calibrate_joints(
     ------
     InputError
         If a request names a target that is not there, two targets are not seen together, or their motion does not tell
-        the kind of a joint that a request leaves open.
+        the type of a joint that a request leaves open.
     """
     world, own = _pose_tables(frames, bodies)
     poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
@@ -150,18 +150,18 @@ def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -
     return world, own
 
 
-def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
-    choice = choose_kind(poses, request.parent, request.child, own, wanted=request.kind or None)
+def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoice:
+    choice = choose_joint_type(poses, request.parent, request.child, own, wanted=request.kind or None)
     if request.kind:
         return choice
     if choice.kind == "universal":
-        return choose_kind(poses, request.parent, request.child, own, wanted="ball")
-    if choice.kind not in JOINT_KINDS:
-        raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its kind")
+        return choose_joint_type(poses, request.parent, request.child, own, wanted="ball")
+    if choice.kind not in JOINT_TYPES:
+        raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its type")
     return choice
 
 
-def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, KindChoice]]:
+def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, TypeChoice]]:
     """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
     hierarchy = find_hierarchy(poses, covariances=own)
     order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]

@@ -1,13 +1,8 @@
-"""Calibration of one camera from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8)."""
-
-from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+"""One camera and its lens, from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8)."""
 
 import numpy as np
 
-from skelgen.capture.calibration.board import Board, BoardView
+from skelgen.capture.calibration.board import Board
 from skelgen.capture.calibration.bundle_adjustment import (
     LEAST_VIEWS,
     N_INTRINSIC,
@@ -30,61 +25,6 @@ _NO_CAMERA = "no camera explains these views of the board; see that its corners 
 
 AUTO = "auto"
 """The lens model that the views themselves ask for: the least Bayesian information criterion."""
-
-
-@dataclass(frozen=True, eq=False)
-class CameraCalibration:
-    """A calibrated camera.
-
-    Attributes
-    ----------
-    camera : Camera
-        Its frame is the world.
-    std : ndarray, shape (9,)
-        Standard deviations of fx, fy, cx, cy [px], k1, k2, p1, p2, k3; zero where a number was held at zero.
-    rms : float, px
-        Root mean square distance of the corners from where they are expected.
-    kept : ndarray of bool, shape (n_views,)
-        Which views it rests on.
-    view_rms : ndarray, shape (n_views,), px
-        The same for each view, those left out as well.
-    """
-
-    camera: Camera
-    std: Floats
-    rms: float
-    kept: Bools
-    view_rms: Floats
-
-
-def calibrate_camera(
-    views: Sequence[BoardView], board: Board, size: tuple[int, int], lens: str = AUTO
-) -> CameraCalibration:
-    """Return the camera that saw a board in some poses.
-
-    Parameters
-    ----------
-    views : sequence of BoardView
-        At least three, that lean differently.
-    board : Board
-        What was seen.
-    size : tuple of int, px
-        Width and height of the images.
-    lens : str
-        ``auto``, ``radial``, ``tangential`` or ``full``.
-
-    Raises
-    ------
-    InputError
-        If the views are too few, too alike, or do not fit each other.
-    """
-    corners = np.stack([view.corners for view in views]) if views else np.empty((0, 0, 2))
-    camera, poses = guess_camera(corners, board, size)
-    every = np.ones(len(views), dtype=np.bool_)
-    found = adjust_lens(Bundle((camera,), poses, board.points, corners[np.newaxis]), every, lens)
-    adjusted = found.adjusted
-    std = np.sqrt(np.diag(adjusted.covariance))
-    return CameraCalibration(adjusted.bundle.cameras[0], std, adjusted.rms, found.kept, found.view_rms[0])
 
 
 def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Camera, Floats]:

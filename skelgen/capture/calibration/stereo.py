@@ -4,8 +4,6 @@ Each camera is guessed alone, the second is placed by the pair that most others 
 adjusted together: lenses, the cameras' places, the poses of the board.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +16,7 @@ from skelgen.capture.calibration.bundle_adjustment import LEAST_VIEWS, N_INTRINS
 from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform
@@ -163,7 +161,7 @@ def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
     The pairs that agree are the second value.
     """
     (left, left_poses), (right, right_poses) = (guess_camera(side, board, size) for side in corners)
-    pairing = pair_cameras(right, left_poses, right_poses, corners[1], board)
+    pairing = _pair_cameras(right, left_poses, right_poses, corners[1], board)
     ordered = np.take_along_axis(corners[1], pairing.orders[..., np.newaxis], axis=1)
     right = replace(right, camera_from_world=pairing.right_from_left)
     agrees = pairing.error <= DISAGREEMENT * np.median(pairing.error)
@@ -248,7 +246,7 @@ class Pairing(NamedTuple):
     error: Floats
 
 
-def pair_cameras(
+def _pair_cameras(
     right: Camera, left_poses: Floats, right_poses: Floats, right_corners: Floats, board: Board
 ) -> Pairing:
     """Return where the right camera stands.

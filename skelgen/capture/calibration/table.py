@@ -1,7 +1,5 @@
 """The numbers of calibrations as rows of texts, for the command line and the window alike."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 
@@ -21,13 +19,13 @@ INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2",
 def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
     """Return what is measured of both cameras: its name, the left and the right value, each with its deviation."""
     left, right = (
-        [with_std(*pair) for pair in zip(intrinsic(eye), std.tolist(), strict=True)]
+        [_with_std(*pair) for pair in zip(intrinsic(eye), std.tolist(), strict=True)]
         for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
     )
     rows = list(zip(INTRINSIC, left, right, strict=True))
     shifts = zip("xyz", found.rig.right_from_left[:3, 3].tolist(), found.translation_std.tolist(), strict=True)
-    rows += [(f"translation {axis} [mm]", "", with_std(*rest)) for axis, *rest in shifts]
-    return [*rows, ("baseline [mm]", "", with_std(found.rig.baseline, found.baseline_std))]
+    rows += [(f"translation {axis} [mm]", "", _with_std(*rest)) for axis, *rest in shifts]
+    return [*rows, ("baseline [mm]", "", _with_std(found.rig.baseline, found.baseline_std))]
 
 
 def intrinsic(eye: Camera) -> list[float]:
@@ -74,7 +72,7 @@ def _hundredths(value: float, std: float) -> str:
     return f"{value:.2f} ± {std:.2f}" if std > 0 else f"{value:.2f}"
 
 
-def with_std(value: float, std: float) -> str:
+def _with_std(value: float, std: float) -> str:
     """Return a value with two digits of its standard deviation, as a text.
 
     Parameters

@@ -3,8 +3,6 @@
 Calibrations themselves look at all frames once more: what is found here is to be shown while the cameras run.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a calibration is worth, in plain words: good, usable or to be repeated, and what would make it better."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ its covariance holds all information of its balls, so that this equals Gaschler'
 Derivatives are differences; the unknowns of the frames are eliminated one frame after the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

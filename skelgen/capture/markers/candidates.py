@@ -5,10 +5,10 @@ and need not be long: where a second ball is nearly as near, a track ends and an
 little memory until the recording ends.
 """
 
-from __future__ import annotations
-
 from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,3 +172,65 @@ class BallTracks:
         others = np.minimum(gaps.min(axis=1), gaps.min(axis=0)[now])
         is_sure: Bools = is_mutual & (nearest < self._reach) & (MIN_RATIO * nearest < others)
         return before[is_sure], now[is_sure]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameCandidates:
+    """Candidates of one frame.
+
+    Attributes
+    ----------
+    points, covariance : ndarray, shape (n, 3) and (n, 3, 3), mm and mm^2
+        In the rig's world.
+    left, right : ndarray of intp, shape (n,)
+        Tracks of the two balls.
+    pairs : ndarray of intp, shape (n,)
+        The pair of tracks or the marker that each is.
+    """
+
+    points: Floats
+    covariance: Floats
+    left: Ints
+    right: Ints
+    pairs: Ints
+
+    @classmethod
+    def of(cls, candidates: Candidates, indices: Ints, pairs: Ints) -> Self:
+        """Return some of all candidates.
+
+        Parameters
+        ----------
+        candidates : Candidates
+            All pairs of balls of a recording.
+        indices : ndarray of intp, shape (n,)
+            Which.
+        pairs : ndarray of intp, shape (n_candidates,)
+            The pair of tracks or the marker of each candidate.
+        """
+        left, right = (tracks[indices].astype(np.intp) for tracks in (candidates.left, candidates.right))
+        return cls(candidates.points[indices], candidates.covariance(indices), left, right, pairs[indices])
+
+    def distances_to(self, other: Self) -> tuple[Floats, Floats]:
+        """Return distances [mm] to others, shape (n, n_others), and variances; infinite where they share a ball."""
+        between = self.points[:, np.newaxis] - other.points
+        lengths = np.linalg.norm(between, axis=2)
+        along = between / np.where(lengths > 0, lengths, 1.0)[..., np.newaxis]
+        own = np.einsum("abi,aij,abj->ab", along, self.covariance, along)
+        theirs = np.einsum("abi,bij,abj->ab", along, other.covariance, along)
+        shared = (self.left[:, np.newaxis] == other.left) | (self.right[:, np.newaxis] == other.right)
+        return np.where(shared | (lengths == 0), np.inf, lengths), own + theirs
+
+
+def frames_of(candidates: Candidates, wanted: Bools) -> Iterator[tuple[int, int]]:
+    """Yield the first candidate and the one after the last of each wanted frame that has any.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        All pairs of balls of a recording.
+    wanted : ndarray of bool, shape (n_frames,)
+        Frames.
+    """
+    ends = np.cumsum(candidates.per_frame)
+    for frame in np.flatnonzero(wanted & (candidates.per_frame > 0)).tolist():
+        yield int(ends[frame] - candidates.per_frame[frame]), int(ends[frame])

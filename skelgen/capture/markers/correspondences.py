@@ -11,8 +11,6 @@ that share a ball are then weighed again by the rigid triangles that they make w
 of known targets count, too.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -129,7 +127,7 @@ def noise_scale(candidates: Candidates, noise: float) -> float:
     float
         Above 0, at most 1.
     """
-    return min(1.0, typical_misfit(candidates.misfit.astype(np.float64)) / noise) or 1.0
+    return min(1.0, _typical_misfit(candidates.misfit.astype(np.float64)) / noise) or 1.0
 
 
 def share_a_ball(candidates: Candidates, possible: Bools) -> Bools:
@@ -228,13 +226,13 @@ def evidence_over_time(candidates: Candidates, pairs: TrackPairs, noise: float) 
     """
     together = pairs.last.min(axis=1) - pairs.first.max(axis=1) + 1
     misfit = candidates.misfit.astype(np.float64)
-    deviation = max(typical_misfit(misfit), noise)
+    deviation = max(_typical_misfit(misfit), noise)
     fits = np.log(CHANCE_SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, MAX_LOSS)
     counts = np.bincount(pairs.of_candidate, minlength=len(pairs))
     return np.asarray(np.bincount(pairs.of_candidate, fits, len(pairs)) - MISMATCH * (together - counts))
 
 
-def typical_misfit(misfit: Floats) -> float:
+def _typical_misfit(misfit: Floats) -> float:
     """Return the standard deviation [px] of the misfits of right pairs, by the median: most candidates are right."""
     return SIGMA_OF_MEDIAN * float(np.median(misfit)) if len(misfit) else 0.0
 

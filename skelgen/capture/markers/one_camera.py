@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from skelgen.capture.markers.candidates import Candidates
 from skelgen.capture.markers.correspondences import TrackPairs, markers_of_pairs
 from skelgen.capture.markers.rigidity import rigid_edges
-from skelgen.capture.optics.projection import undistort
+from skelgen.capture.optics import undistort
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, StereoRig

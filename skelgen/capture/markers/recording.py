@@ -1,7 +1,5 @@
 """From the images of a recording to unlabelled markers, image by image; only points are kept in memory."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor

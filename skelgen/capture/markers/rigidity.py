@@ -9,7 +9,7 @@ that are surely right make triangles, and how often the same do at wrong depths.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skelgen.capture.bodies.finder import table_of_target
-from skelgen.capture.markers.candidates import Candidates
+from skelgen.capture.markers.candidates import Candidates, FrameCandidates, frames_of
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
@@ -35,6 +35,14 @@ CHECKED_FRAMES = 300
 
 NO_PAIR = -1
 """Stands for the pair of tracks of a triangle that is known of a target."""
+GATE = 3.0
+"""Standard deviations within which two distances are the same."""
+
+MIN_FRAMES = 6
+"""Frames in which two pairs of tracks must be seen together before their distance can count as constant."""
+
+SPAN_FRAMES = 200
+"""Frames that are summed at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,16 +276,6 @@ def _learning_frames(n_frames: int) -> Bools:
     return is_wanted
 
 
-GATE = 3.0
-"""Standard deviations within which two distances are the same."""
-
-MIN_FRAMES = 6
-"""Frames in which two pairs of tracks must be seen together before their distance can count as constant."""
-
-SPAN_FRAMES = 200
-"""Frames that are summed at once."""
-
-
 @dataclass(frozen=True, eq=False)
 class RigidEdges:
     """Distances that stay constant over time.
@@ -327,68 +325,6 @@ def rigid_edges(
     std = scale * np.sqrt(variances / counts * np.maximum(misfit / expected, 1.0) / counts)
     ends = np.stack(np.divmod(keys.astype(np.int64), int(names.max(initial=-1)) + 1), axis=1).astype(np.intp)
     return RigidEdges(ends[is_rigid], mean[is_rigid], std[is_rigid])
-
-
-@dataclass(frozen=True, eq=False)
-class FrameCandidates:
-    """Candidates of one frame.
-
-    Attributes
-    ----------
-    points, covariance : ndarray, shape (n, 3) and (n, 3, 3), mm and mm^2
-        In the rig's world.
-    left, right : ndarray of intp, shape (n,)
-        Tracks of the two balls.
-    pairs : ndarray of intp, shape (n,)
-        The pair of tracks or the marker that each is.
-    """
-
-    points: Floats
-    covariance: Floats
-    left: Ints
-    right: Ints
-    pairs: Ints
-
-    @classmethod
-    def of(cls, candidates: Candidates, indices: Ints, pairs: Ints) -> FrameCandidates:
-        """Return some of all candidates.
-
-        Parameters
-        ----------
-        candidates : Candidates
-            All pairs of balls of a recording.
-        indices : ndarray of intp, shape (n,)
-            Which.
-        pairs : ndarray of intp, shape (n_candidates,)
-            The pair of tracks or the marker of each candidate.
-        """
-        left, right = (tracks[indices].astype(np.intp) for tracks in (candidates.left, candidates.right))
-        return cls(candidates.points[indices], candidates.covariance(indices), left, right, pairs[indices])
-
-    def distances_to(self, other: FrameCandidates) -> tuple[Floats, Floats]:
-        """Return distances [mm] to others, shape (n, n_others), and variances; infinite where they share a ball."""
-        between = self.points[:, np.newaxis] - other.points
-        lengths = np.linalg.norm(between, axis=2)
-        along = between / np.where(lengths > 0, lengths, 1.0)[..., np.newaxis]
-        own = np.einsum("abi,aij,abj->ab", along, self.covariance, along)
-        theirs = np.einsum("abi,bij,abj->ab", along, other.covariance, along)
-        shared = (self.left[:, np.newaxis] == other.left) | (self.right[:, np.newaxis] == other.right)
-        return np.where(shared | (lengths == 0), np.inf, lengths), own + theirs
-
-
-def frames_of(candidates: Candidates, wanted: Bools) -> Iterator[tuple[int, int]]:
-    """Yield the first candidate and the one after the last of each wanted frame that has any.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        All pairs of balls of a recording.
-    wanted : ndarray of bool, shape (n_frames,)
-        Frames.
-    """
-    ends = np.cumsum(candidates.per_frame)
-    for frame in np.flatnonzero(wanted & (candidates.per_frame > 0)).tolist():
-        yield int(ends[frame] - candidates.per_frame[frame]), int(ends[frame])
 
 
 def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence[tuple[int, int]]) -> Floats:

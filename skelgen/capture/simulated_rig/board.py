@@ -1,20 +1,16 @@
 """A chessboard before the simulated rig, held here and there as one does to calibrate cameras, with its truth."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from skelgen._kernels.rendering import PADDING
 from skelgen.capture.calibration.board import Board, coverage, shortest_side
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig.source import due_pairs
+from skelgen.capture.simulated_rig.source import RenderedPairs
 from skelgen.capture.simulated_rig.view import corner_rays
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import InputError
@@ -59,7 +55,7 @@ class BoardTruth:
     right: Floats
 
 
-class SimulatedBoard:
+class SimulatedBoard(RenderedPairs):
     """A chessboard before two simulated cameras; a `FrameSource` to try calibrations with.
 
     The board goes from place to place, one a second, so that the places cover both images, and is held still at each.
@@ -90,23 +86,8 @@ class SimulatedBoard:
         seed: int = 0,
         paced: bool = False,
     ) -> None:
-        self.board, self.rig = board or Board(), rig or reference_rig()
-        self.name, self.size = "simulated board", self.rig.left.size
-        self.rate, self.n_frames, self.n_dropped = rate, n_frames, 0
-        self._seed, self._paced = seed, paced
-
-    def __enter__(self) -> Self:
-        """Return itself: there is nothing to open."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Do nothing: there is nothing to close."""
-
-    def __iter__(self) -> Iterator[FramePair]:
-        """Deliver the pairs in order."""
-        for index, dropped in due_pairs(self.n_frames, self.rate, self._paced):
-            self.n_dropped += dropped
-            yield self.render(index, dropped)[0]
+        super().__init__("simulated board", rig or reference_rig(), n_frames, rate, paced)
+        self.board, self._seed = board or Board(), seed
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, BoardTruth]:
         """Return any pair with its truth; the same index gives the same pair.
@@ -142,7 +123,7 @@ class SimulatedBoard:
 
     def _image(self, camera: Camera, pose: Floats, noise_of: tuple[int, int]) -> Image:
         light = np.full((camera.height, camera.width), _ROOM)
-        draw_board(light, camera, self.board, pose)
+        _draw_board(light, camera, self.board, pose)
         light = gaussian_filter(light, _BLUR)
         noise = np.random.default_rng([self._seed, *noise_of]).normal(0.0, _NOISE, light.shape)
         image: Image = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
@@ -150,7 +131,7 @@ class SimulatedBoard:
         return image
 
 
-def draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> None:
+def _draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> None:
     """Draw a chessboard with its white border into an image.
 
     Parameters

@@ -1,7 +1,5 @@
 """Images of balls as the two cameras of a rig take them, with their truth; or their noisy centres without rendering."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +8,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, NearerBalls, Sensor, draw_ball, expose
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics import in_image, project
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.simulated_rig.scene import Scene
 from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at

@@ -1,14 +1,12 @@
 """What moves before the simulated rig: a simulated structure, or rigid targets on paths of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from skelgen.capture.optics.projection import in_image, project, view_centre
+from skelgen.capture.optics import in_image, project, view_centre
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector

@@ -1,8 +1,7 @@
 """The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside."""
 
-from __future__ import annotations
-
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
@@ -19,7 +18,62 @@ from skelgen.model.rig import CaptureSettings, StereoRig
 _SMALLEST_BALL = 7.0  # px across: half as much again as 4 x 4 px, with room for what is farther away
 
 
-class SimulatedRig:
+class RenderedPairs(ABC):
+    """Pairs that two simulated cameras take, as fast as they are asked for or by the clock; a `FrameSource`.
+
+    Parameters
+    ----------
+    name : str
+        What stands before the cameras.
+    rig : StereoRig
+        The cameras.
+    n_frames : int
+        Pairs until it ends.
+    rate : float, Hz
+        Pairs a second.
+    paced : bool
+        Whether to wait until a pair is due, and to leave out and count those that nobody took in time.
+    """
+
+    def __init__(self, name: str, rig: StereoRig, n_frames: int, rate: float, paced: bool) -> None:
+        self.name, self.rig, self.size = name, rig, rig.left.size
+        self.rate, self.n_frames, self.n_dropped, self._paced = rate, n_frames, 0, paced
+
+    def __enter__(self) -> Self:
+        """Return itself: there is nothing to open."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:  # noqa: B027 - what is rendered needs no closing
+        """Do nothing: there is nothing to close."""
+
+    def __iter__(self) -> Iterator[FramePair]:
+        """Deliver the pairs in order."""
+        begin, index = time.monotonic(), 0
+        while index < self.n_frames:
+            lost = 0
+            if self._paced:
+                ahead = begin + index / self.rate - time.monotonic()
+                time.sleep(max(ahead, 0.0))
+                lost = min(int(max(-ahead, 0.0) * self.rate), self.n_frames - 1 - index)
+                index += lost
+            self.n_dropped += lost
+            yield self.render(index, lost)[0]
+            index += 1
+
+    @abstractmethod
+    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, object]:
+        """Return any pair with its truth; the same index gives the same pair.
+
+        Parameters
+        ----------
+        index : int
+            Which, from 0.
+        dropped : int
+            Number of pairs lost before it.
+        """
+
+
+class SimulatedRig(RenderedPairs):
     """Two cameras that need no hardware; a `FrameSource`.
 
     Parameters
@@ -52,12 +106,8 @@ class SimulatedRig:
         seed: int = 0,
         paced: bool = False,
     ) -> None:
-        self.scene = scene
-        self.rig = rig or reference_rig()
-        self.parameters = parameters or RenderParameters()
-        self._seed, self._paced = seed, paced
-        self.name, self.size = f"simulated {scene.name}", self.rig.left.size
-        self.rate, self.n_frames, self.n_dropped = scene.rate, scene.n_frames, 0
+        super().__init__(f"simulated {scene.name}", rig or reference_rig(), scene.n_frames, scene.rate, paced)
+        self.scene, self.parameters, self._seed = scene, parameters or RenderParameters(), seed
         if self.rig.left.size != self.rig.right.size:
             left, right = ("{} x {}".format(*camera.size) for camera in (self.rig.left, self.rig.right))
             raise InputError(f"the left camera takes {left} pixels and the right one {right}; a pair has one size")
@@ -66,19 +116,6 @@ class SimulatedRig:
     def settings(self) -> CaptureSettings:
         """The settings that a perfect calibration would find: rig, bodies and joints."""
         return CaptureSettings(self.rig, self.scene.bodies, self.scene.joints)
-
-    def __enter__(self) -> Self:
-        """Return itself: there is nothing to open."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Do nothing: there is nothing to close."""
-
-    def __iter__(self) -> Iterator[FramePair]:
-        """Deliver the pairs of the scene in order."""
-        for index, dropped in due_pairs(self.n_frames, self.rate, self._paced):
-            self.n_dropped += dropped
-            yield self.render(index, dropped)[0]
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
         """Return any pair of the scene with its truth; the same index gives the same pair.
@@ -155,27 +192,3 @@ def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
     return parameters.replace(
         bright_distance=max(parameters.bright_distance, distance), diameter=max(parameters.diameter, least)
     )
-
-
-def due_pairs(n_frames: int, rate: float, paced: bool) -> Iterator[tuple[int, int]]:
-    """Deliver the index of each pair, and how many were lost before it.
-
-    Parameters
-    ----------
-    n_frames : int
-        Number of pairs.
-    rate : float, Hz
-        How many are due in a second.
-    paced : bool
-        Whether to wait until a pair is due, and to leave out those that nobody took in time.
-    """
-    begin, index = time.monotonic(), 0
-    while index < n_frames:
-        lost = 0
-        if paced:
-            ahead = begin + index / rate - time.monotonic()
-            time.sleep(max(ahead, 0.0))
-            lost = min(int(max(-ahead, 0.0) * rate), n_frames - 1 - index)
-            index += lost
-        yield index, lost
-        index += 1

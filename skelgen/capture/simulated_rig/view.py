@@ -1,7 +1,5 @@
 """What one camera of the simulated rig sees before its sensor: where balls are, how bright, and what else shines."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels.rendering import PADDING
-from skelgen.capture.optics.projection import project, undistort
+from skelgen.capture.optics import project, undistort
 from skelgen.capture.parameters import RenderParameters
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import Camera

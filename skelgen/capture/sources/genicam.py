@@ -1,7 +1,5 @@
 """What GigE Vision and GenTL cameras have in common: a clock of their own, a count of frames, formats of pixels."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, Protocol
 
@@ -9,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.sources.pairs import Shot
-from skelgen.capture.sources.text import GenicamOptions
+from skelgen.capture.sources.table import GenicamOptions
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError
 

@@ -1,7 +1,5 @@
 """Cameras of a GenTL producer (a maker's .cti file: GigE, USB3, CoaXPress), by harvesters."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time as clock
@@ -14,7 +12,7 @@ from typing import Any
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
-from skelgen.capture.sources.text import GenicamOptions, check_two_cameras
+from skelgen.capture.sources.table import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"

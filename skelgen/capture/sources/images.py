@@ -1,7 +1,5 @@
 """A frame source of image files, which belong together by their names in a folder or by a list."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.text import FileOptions
+from skelgen.capture.sources.table import FileOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content

@@ -1,13 +1,11 @@
 """Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol, Self
 
-from skelgen.capture.sources.text import CameraOptions
+from skelgen.capture.sources.table import CameraOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError
 

@@ -1,7 +1,5 @@
 """Pairs from two video files that were recorded together."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +8,7 @@ import numpy as np
 
 from skelgen.capture.images import opencv
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.text import VideoOptions
+from skelgen.capture.sources.table import VideoOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 

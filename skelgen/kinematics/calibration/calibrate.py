@@ -21,9 +21,8 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
-from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
 from skelgen.kinematics.inverse.poses import MAX_STEPS, fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 

@@ -1,7 +1,5 @@
 """Calibration of a chain with its kinematic loops closed: limbs, joints, axes, loops and all poses together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 

@@ -20,13 +20,13 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.calibration.calibrate import Calibration
+from skelgen.kinematics.calibration.uncertainty import scaled_spectrum
 from skelgen.kinematics.chain.articulation import Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.inverse.poses import LEAST_NOISE
+from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model.arrays import Floats
 
 FAINT = 1e-4
@@ -36,9 +36,6 @@ FRAME_ONLY = 0.05
 """Of a limb's size: undetermined changes that move points of limbs against each other by less only rotate frames."""
 
 _WITH_AXES = ("hinge", "universal")
-
-RANK_TOLERANCE = 1e-8
-"""Of the largest: information below this part is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +55,6 @@ class HingeShifts:
     axes: Floats
     distances: Floats
     open_changes: Floats
-
-    @classmethod
-    def none(cls, chain: Chain) -> HingeShifts:
-        """Return no shifts."""
-        n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-        return cls(np.zeros((2, chain.n_limbs, 3)), np.zeros(chain.n_limbs), np.zeros((n_places, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +120,7 @@ class LimbErrors:
 
     def _change_of_shift(self, child: int, limb: int, turn: Floats) -> Floats:
         """How a joint that was shifted along its axis follows the errors of the axis [mm], shape (3, n)."""
-        if self.articulation.kinds[child] != "hinge":
+        if self.articulation.types[child] != "hinge":
             return np.zeros_like(turn)
         moved = -turn if limb == child else self.tilt(child) - turn
         return np.asarray(-cross_matrix(self._shift(child, limb)) @ moved)
@@ -139,7 +130,15 @@ class LimbErrors:
         return np.asarray(self.shifts.distances[child] * self.shifts.axes[int(limb == child), child])
 
     def axis(self, child: int, limb: int) -> Floats:
-        """Return the change of a joint's axis that is fixed in a limb, shape (3, n); parameters as for `joint`."""
+        """Return the change of a joint's axis that is fixed in a limb, shape (3, n).
+
+        Parameters
+        ----------
+        child : int
+            Limb below the joint.
+        limb : int
+            The child, or its parent.
+        """
         _, _, turn = self._points[limb].rigid_motion
         if limb == child:
             axis, moved = self.articulation.in_child[child], -turn
@@ -276,9 +275,7 @@ class _Points:
         return centre, shift, turn
 
 
-def limb_errors(
-    last: Calibration, shifts: HingeShifts | None = None, *, growth: float = 1.0, tolerance: float = RANK_TOLERANCE
-) -> LimbErrors:
+def limb_errors(last: Calibration, shifts: HingeShifts, growth: float) -> LimbErrors:
     """Return the errors of a calibrated chain's constants.
 
     Directions that the information does not determine are uncertain by the size of a limb, axes by 1 rad.
@@ -287,23 +284,18 @@ def limb_errors(
     ----------
     last : Calibration
         The calibrated chain.
-    shifts : HingeShifts, optional
+    shifts : HingeShifts
         Shifts of hinges along their axes after the calibration.
     growth : float
         How many frames determine as much as one independent frame.
-    tolerance : float
-        Information below this part of the largest is none.
     """
     chain, articulation, information = last.chain, last.articulation, last.information
-    shifts = shifts or HingeShifts.none(chain)
     deviation = max(last.noise, LEAST_NOISE) * np.sqrt(growth)
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
     sizes = np.ones(len(information))
     sizes[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
+    values, vectors, scale, determined = scaled_spectrum(information)
     prior = deviation**2 / sizes / scale**2
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    determined = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
     clear, free = vectors[:, determined], vectors[:, ~determined]
     level = np.einsum("cq,c,cq->q", clear, prior, clear)
     root = deviation * clear / np.sqrt(values[determined] + level) / scale[:, np.newaxis]
@@ -316,9 +308,9 @@ def limb_errors(
 
 def _without_frames(errors: LimbErrors) -> Floats:
     """Root of errors without those that only rotate the limbs' frames, shape (n_constants, n_open)."""
-    chain, kinds = errors.chain, errors.articulation.kinds
+    chain, types = errors.chain, errors.articulation.types
     size = max(float(np.sqrt((chain.offsets**2).sum(axis=1).mean())), 1.0)
-    rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
+    rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(types) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
         rows.append(points.against(points.rigid_motion).reshape(-1, errors.root.shape[1]))

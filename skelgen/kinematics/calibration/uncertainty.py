@@ -12,16 +12,13 @@ limbs, a hinge along its axis) are left out.
 The Cramer-Rao bound is the same at the truth: no unbiased method can locate the joints better.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, world_arms
 from skelgen.kinematics.chain.normal_equations import frame_blocks, frames_together, total_information
-from skelgen.kinematics.chain.observed_chain import ObservedChain
 from skelgen.kinematics.inverse.poses import weak_prior
 from skelgen.model.arrays import Bools, Floats
 
@@ -53,10 +50,28 @@ class FrameCovariances:
 
 def inverse_root(information: Floats) -> Floats:
     """Return W with W W^T the inverse of an information matrix where it is determined, shape (n, n_determined)."""
+    values, vectors, scale, determined = scaled_spectrum(information)
+    return np.asarray(vectors[:, determined] / np.sqrt(values[determined]) / scale[:, np.newaxis])
+
+
+def scaled_spectrum(information: Floats) -> tuple[Floats, Floats, Floats, Bools]:
+    """Return eigenvalues and eigenvectors of an information matrix whose diagonal is scaled to 1.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+        Eigenvalues, rising.
+    vectors : ndarray, shape (n, n)
+        Eigenvectors, as columns.
+    scale : ndarray, shape (n,)
+        What rows and columns were divided by.
+    determined : ndarray of bool, shape (n,)
+        Directions whose information is more than rounding.
+    """
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     determined = values > RANK_TOLERANCE * max(float(values[-1]), np.finfo(np.float64).tiny)
-    return np.asarray(vectors[:, determined] / np.sqrt(values[determined]) / scale[:, np.newaxis])
+    return values, vectors, scale, determined
 
 
 def frame_covariances(observed: ObservedChain, root: Floats, noise: float) -> FrameCovariances:

@@ -30,7 +30,7 @@ class Articulation:
 
     Attributes
     ----------
-    kinds : tuple of str, length n_limbs
+    types : tuple of str, length n_limbs
         Of the joint above each limb; that of the root is ``ball``.
     in_parent, in_child : ndarray, shape (n_limbs, 3)
         Unit axes: of a hinge in both limbs, of a universal joint that fixed in the parent and that fixed in the child.
@@ -40,7 +40,7 @@ class Articulation:
         Rotation child against parent of rigid joints; their mean rotation if it is not given.
     """
 
-    kinds: tuple[str, ...]
+    types: tuple[str, ...]
     in_parent: Floats
     in_child: Floats
     between: Floats
@@ -55,17 +55,17 @@ class Articulation:
     @property
     def is_free(self) -> bool:
         """Whether every limb rotates freely."""
-        return all(FREEDOMS[kind] == 3 for kind in self.kinds)
+        return all(FREEDOMS[kind] == 3 for kind in self.types)
 
     @property
     def columns(self) -> list[slice]:
         """Freedoms of each limb's rotation; the root's translation comes first."""
-        return _slices([FREEDOMS[kind] for kind in self.kinds], 3)
+        return _slices([FREEDOMS[kind] for kind in self.types], 3)
 
     @property
     def constant_columns(self) -> list[slice]:
         """Constants of the axis above each limb."""
-        return _slices([AXIS_CONSTANTS[kind] for kind in self.kinds], 0)
+        return _slices([AXIS_CONSTANTS[kind] for kind in self.types], 0)
 
     @property
     def n_freedoms(self) -> int:
@@ -96,7 +96,7 @@ class Articulation:
         tilts = np.zeros((n_frames, 3 + 3 * n_limbs, self.n_constants))
         turns[:, :3, :3] = np.eye(3)
         columns, constants = self.columns, self.constant_columns
-        for limb, kind in enumerate(self.kinds):
+        for limb, kind in enumerate(self.types):
             rows = slice(3 + 3 * limb, 6 + 3 * limb)
             if FREEDOMS[kind] == 3:
                 turns[:, rows, columns[limb]] = np.eye(3)
@@ -121,9 +121,9 @@ class Articulation:
         """
         first = parent @ self.in_parent[limb]
         tilt = parent @ across(self.in_parent[limb])
-        if self.kinds[limb] == "hinge":
+        if self.types[limb] == "hinge":
             return first[:, :, np.newaxis], tilt
-        if self.kinds[limb] == "rigid":
+        if self.types[limb] == "rigid":
             return np.zeros((len(parent), 3, 0)), np.zeros((len(parent), 3, 0))
         second = child @ self.in_child[limb]
         normal = _unit(np.cross(first, second))
@@ -145,7 +145,7 @@ class Articulation:
             return self, rotations
         new = rotations.copy()
         axes, between = self.in_parent.copy(), self.between.copy()
-        for limb, (kind, own) in enumerate(zip(self.kinds, self.constant_columns, strict=True)):
+        for limb, (kind, own) in enumerate(zip(self.types, self.constant_columns, strict=True)):
             if FREEDOMS[kind] == 3:
                 continue
             parent, axis, tilt = int(parents[limb]), self.in_parent[limb], change[own]
@@ -172,7 +172,7 @@ class Articulation:
             World from limb.
         """
         result = np.zeros(rotations.shape[:3])
-        for limb, kind in enumerate(self.kinds):
+        for limb, kind in enumerate(self.types):
             if kind == "hinge":
                 result[:, limb] = rotations[:, parents[limb]] @ self.in_parent[limb]
         return result
@@ -189,9 +189,17 @@ class Articulation:
         return np.asarray(np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :])
 
     def projected(self, parents: Ints, rotations: Floats) -> Floats:
-        """Return the nearest rotations that the joints allow, from the root outward; parameters as `hinge_axes`."""
+        """Return the nearest rotations that the joints allow, from the root outward.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        """
         new = rotations.copy()
-        for limb, kind in enumerate(self.kinds):
+        for limb, kind in enumerate(self.types):
             if FREEDOMS[kind] < 3:
                 parent = int(parents[limb])
                 turned = new[:, parent] @ rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
@@ -224,7 +232,7 @@ class Articulation:
         parent, child : ndarray, shape (n_frames, 3, 3)
             World from parent, and world from limb.
         """
-        kind = self.kinds[limb]
+        kind = self.types[limb]
         if FREEDOMS[kind] == 3:
             return child
         relative = parent.swapaxes(1, 2) @ child
@@ -239,7 +247,15 @@ class Articulation:
         return np.asarray(parent @ turn @ relative)
 
     def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
-        """Return the joints with rigid ones fixed as they are in the first frame; parameters as `hinge_axes`."""
+        """Return the joints with rigid ones fixed as they are in the first frame.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        """
         relative = rotations[0, np.maximum(parents, 0)].swapaxes(1, 2) @ rotations[0]
         return replace(self, rest=relative)
 

@@ -6,8 +6,6 @@ joint's parent. So all blocks are sums of rotations and of arms, and no Jacobian
 the poses of a frame and the constants is called their coupling.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +14,7 @@ from skelgen._kernels.gradient import add_pulls
 from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, world_arms
-from skelgen.kinematics.chain.observed_chain import ObservedChain, rows, writable
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, residuals, rows, world_arms, writable
 from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000
@@ -82,10 +79,10 @@ def frame_blocks(observed: ObservedChain, *, poses_only: bool = False) -> FrameB
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
         coupling = turns.swapaxes(1, 2) @ coupling
-    return FrameBlocks(with_ridge(hessian), coupling, turns, tilts, constants)
+    return FrameBlocks(_with_ridge(hessian), coupling, turns, tilts, constants)
 
 
-def with_ridge(own: Floats) -> Floats:
+def _with_ridge(own: Floats) -> Floats:
     """Return frames' normal matrices, made regular in directions that no marker determines."""
     diagonal = np.einsum("fqq->fq", own)
     level = np.empty_like(diagonal)
@@ -163,7 +160,7 @@ def total_information(observed: ObservedChain) -> Floats:
     observed : ObservedChain
         Where to linearise. Of the measured markers only the weights count.
     """
-    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros((len(order), len(order)))
     for part in observed.in_parts(CHUNK_FRAMES):
         found = np.zeros_like(total)
@@ -183,7 +180,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     observed : ObservedChain
         Where to linearise.
     """
-    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros(len(order))
     for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
@@ -193,7 +190,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     return total
 
 
-def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
     """Return where kernels keep the constants of each limb, and which constant each of their columns is.
 
     Parameters
@@ -218,7 +215,7 @@ def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]
     limbs[:, ORDER] = order
     limbs[order, FIRST] = np.cumsum(sizes[order]) - sizes[order]
     limbs[:, LAST] = limbs[:, FIRST] + below @ sizes
-    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.kinds]
+    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.types]
     directions = np.zeros((n_limbs, 2, 3))
     for limb in np.flatnonzero(limbs[:, N_TILTS]).tolist():
         directions[limb] = across(articulation.in_parent[limb]).T

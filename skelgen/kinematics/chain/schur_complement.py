@@ -103,7 +103,7 @@ def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     given = contiguous(linear.residuals, linear.constants, linear.angles)
     own_inverse, follow, alone, reduced, left, normal, gradient = eliminate(*given)
-    covariance, unknown = pseudo_inverse(normal)
+    covariance, unknown = _pseudo_inverse(normal)
     constants = covariance @ gradient
     angles, residuals = alone - follow @ constants, left - reduced @ constants
     return BorderedSolution(constants, angles, covariance, residuals, unknown, own_inverse, follow, reduced)
@@ -172,7 +172,7 @@ class Minimum(Generic[State]):
     solution: BorderedSolution
 
 
-def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
+def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
     """Return the inverse of an information matrix on what is determined, and unit directions of the rest."""
     if not len(matrix):
         return matrix, matrix

@@ -6,8 +6,6 @@ rotations, the neighbours' markers and the marker's own positions before and aft
 is done in the frame of a neighbouring limb, or in the world.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

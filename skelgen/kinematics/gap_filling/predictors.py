@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform, rotation_by_svd
-from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.gap_filling.gaussian_process import Features
+from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 

@@ -4,8 +4,6 @@ Limbs are posed from the root outward in closed form (Schönauer 2007, 3.8.2). T
 markers at once, and joints rotate only as their types allow. Every joint's angles come with standard deviations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,7 +88,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     >>> posture.angles[0].shape, posture.angle_std[0].shape  # of the first joint
     ((5, 3), (5, 3))
     """
-    check_method(method)
+    _check_method(method)
     positions = np.asarray(positions, dtype=np.float64)
     positions = positions[np.newaxis] if positions.ndim == 2 else positions
     positions = check_floats(positions, (None, len(skeleton.limb_of_marker), 3), "positions")
@@ -101,17 +99,17 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
         if not seen.any(axis=1).all():
             frame = int(np.argmin(seen.any(axis=1)))
             raise InputError(f"frame {frame} shows no marker of limb {tree.limbs[0]} and those beyond it: leave it out")
-        found.append(solve_tree(tree, positions[:, tree.markers], method))
+        found.append(_solve_tree(tree, positions[:, tree.markers], method))
     return posture(skeleton, trees, found)
 
 
-def check_method(method: str) -> None:
+def _check_method(method: str) -> None:
     """Raise `InputError` if there is no such method."""
     if method not in METHODS:
         raise InputError(f"there is no method {method!r} of inverse kinematics; there are {', '.join(METHODS)}")
 
 
-def solve_tree(tree: SkeletonTree, positions: Floats, method: str, before: Floats | None = None) -> PosedTree:
+def _solve_tree(tree: SkeletonTree, positions: Floats, method: str, before: Floats | None = None) -> PosedTree:
     """Pose one tree of a skeleton.
 
     Parameters
@@ -234,7 +232,7 @@ class LiveSkeleton:
     """
 
     def __init__(self, skeleton: Skeleton, *, method: str = "root-outward", noise: float | None = None) -> None:
-        check_method(method)
+        _check_method(method)
         self._skeleton, self._method = skeleton, method
         self._trees = [SkeletonTree(skeleton, int(root), noise) for root in skeleton.roots]
         self._before: list[ChainPoses | None] = [None] * len(self._trees)
@@ -265,7 +263,7 @@ class LiveSkeleton:
     def _posed(self, index: int, positions: Floats) -> PosedTree:
         tree, before = self._trees[index], self._before[index]
         if not np.isnan(positions[:, :, 0]).all():
-            return solve_tree(tree, positions, self._method, None if before is None else before.rotations[0])
+            return _solve_tree(tree, positions, self._method, None if before is None else before.rotations[0])
         if before is None:
             raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
         unknown = pose_covariances(tree.observed(before, positions), tree.noise)

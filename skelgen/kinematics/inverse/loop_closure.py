@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, transform_from
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, world_arms
 from skelgen.kinematics.chain.normal_equations import FrameBlocks, normal_equations
-from skelgen.kinematics.chain.observed_chain import ObservedChain
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats, Ints
@@ -91,11 +90,26 @@ class KinematicLoops:
         return np.asarray(placed[:, :, 0] - placed[:, :, 1])
 
     def gap(self, chain: Chain, poses: ChainPoses) -> Floats:
-        """Return the root mean square gap of each loop [mm], shape (n_loops,); parameters as for `gaps`."""
+        """Return the root mean square gap of each loop [mm], shape (n_loops,).
+
+        Parameters
+        ----------
+        chain : Chain
+            The limbs.
+        poses : ChainPoses
+            Their poses.
+        """
         return np.asarray(np.sqrt((self.gaps(chain, poses) ** 2).sum(axis=2).mean(axis=0)))
 
     def slopes(self, chain: Chain, poses: ChainPoses) -> tuple[Floats, Floats]:
-        """Return the derivatives of the gaps; parameters as for `gaps`.
+        """Return the derivatives of the gaps.
+
+        Parameters
+        ----------
+        chain : Chain
+            The limbs.
+        poses : ChainPoses
+            Their poses.
 
         Returns
         -------

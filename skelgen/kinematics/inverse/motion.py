@@ -4,8 +4,6 @@ A long take keeps its poses, and computes transforms, carried markers and residu
 forty markers at 200 Hz would take four gigabytes otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -3,8 +3,6 @@
 They are maximum likelihood for Gaussian noise (Gaschler 2011, 5.3).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +10,7 @@ import numpy as np
 from skelgen._kernels.pose_covariances import walk_outward
 from skelgen._kernels.posing import settle_frames
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, seen_weights
-from skelgen.kinematics.chain.observed_chain import ObservedChain, chain_table, rows, writable
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, chain_table, rows, seen_weights, writable
 from skelgen.model.arrays import Floats
 
 MAX_STEPS = 15

@@ -11,19 +11,17 @@ the markers at arms a, the limb's rotation errs by
 where P projects on the rotations that the joint allows. Covariances are carried outward with the poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator, fit_transform, moments_about, rotation_by_quaternion
 from skelgen.geometry.rotations import cross_matrix, fill_rotations, fill_vectors
-from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN, PoseCovariances
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
+from skelgen.kinematics.rigid_bodies import FLATNESS, determines_pose
 from skelgen.model.arrays import Bools, Floats
 
 
@@ -283,10 +281,10 @@ def _inertia(arms: Floats) -> Floats:
 def _allowed_turns(articulation: Articulation, limb: int, parent: Floats, child: Floats) -> Floats:
     """Projectors on the turns that a joint allows, shape (n_frames, 3, 3)."""
     every = np.broadcast_to(np.eye(3), parent.shape)
-    if FREEDOMS[articulation.kinds[limb]] in {0, 3}:
-        return every if FREEDOMS[articulation.kinds[limb]] else np.zeros_like(every)
+    if FREEDOMS[articulation.types[limb]] in {0, 3}:
+        return every if FREEDOMS[articulation.types[limb]] else np.zeros_like(every)
     first = parent @ articulation.in_parent[limb]
-    if articulation.kinds[limb] == "hinge":
+    if articulation.types[limb] == "hinge":
         return np.asarray(first[:, :, np.newaxis] * first[:, np.newaxis])
     normal = np.cross(first, child @ articulation.in_child[limb])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(np.float64).tiny)

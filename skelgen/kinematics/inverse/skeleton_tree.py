@@ -1,12 +1,9 @@
 """One tree of a calibrated skeleton as a chain, with covariances of its joints and the noise of its markers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats, Ints
@@ -110,7 +107,7 @@ def noise_of_markers(skeleton: Skeleton, noise: float | None) -> Floats:
 def _articulation(joints: list[Joint | None]) -> Articulation:
     free = Articulation.free(len(joints))
     in_parent, in_child, between = free.in_parent.copy(), free.in_child.copy(), free.between.copy()
-    kinds = ["ball"] * len(joints)
+    types = ["ball"] * len(joints)
     for index, joint in enumerate(joints):
         if joint is None:
             continue
@@ -119,5 +116,5 @@ def _articulation(joints: list[Joint | None]) -> Articulation:
         if joint.second_axis is not None and joint.axis is not None:
             in_child[index] = joint.second_axis
             between[index] = np.arccos(np.clip(joint.axis @ joint.second_axis, -1.0, 1.0))
-        kinds[index] = joint.kind if joint.axis is not None or FREEDOMS[joint.kind] in {0, 3} else "ball"
-    return Articulation(tuple(kinds), in_parent, in_child, between, np.tile(np.eye(3), (len(joints), 1, 1)))
+        types[index] = joint.kind if joint.axis is not None or FREEDOMS[joint.kind] in {0, 3} else "ball"
+    return Articulation(tuple(types), in_parent, in_child, between, np.tile(np.eye(3), (len(joints), 1, 1)))

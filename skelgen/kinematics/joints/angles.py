@@ -10,8 +10,6 @@ Small rotations :math:`\omega` of the child in the parent's axes move a rotation
     J^{-1} = I - \tfrac12 [v]_\times + \left( 1 - \tfrac{|v|}2 \cot \tfrac{|v|}2 \right) \frac{[v]_\times^2}{|v|^2} .
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_from_matrix

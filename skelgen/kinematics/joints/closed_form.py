@@ -24,8 +24,6 @@ a time, as a generalised eigenvalue problem of size 3, from directions all over 
 both axes are taken to meet in one point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -241,8 +239,8 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     second, variances = alternated(moments, mean.ravel(), _half_sphere(N_STARTS), N_ROUNDS)
     moments = moments.reshape(3, 3, 3, 3)
     best = int(np.argmin(variances))
-    first, _ = best_partners(moments, mean, second[best : best + 1])
-    second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
+    first, _ = _best_partners(moments, mean, second[best : best + 1])
+    second, _ = _best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
     in_parent, in_child = frame_along(first[0]), frame_along(second[0])
     between = in_parent.T @ rotations @ in_child  # its angles are those of the Euler sequence z x z
     cosine = between[:, 2, 2].mean()
@@ -252,7 +250,7 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     return UniversalRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
 
 
-def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
+def _best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
     """Return axes on the left that keep their angle to each of some axes on the right best, and the angles' variances.
 
     Parameters

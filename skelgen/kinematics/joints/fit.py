@@ -3,8 +3,6 @@
 A closed form gives the first estimate, maximum likelihood refines it, and every estimate has a covariance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +10,6 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
-from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.chain.schur_complement import effective_frames, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.joint_model import (
@@ -22,7 +19,8 @@ from skelgen.kinematics.joints.joint_model import (
     fit_joint_model,
     linearised,
 )
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES, ROUNDING, JointType, TypeLimits, find_joint_type
+from skelgen.kinematics.joints.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.joints.rotations import (
     BallRotation,
     HingeRotation,
@@ -36,7 +34,6 @@ from skelgen.model.arrays import Floats, Ints
 UNKNOWN = 1000.0
 """mm; standard deviation of a position along directions that no frame determines: longer than any limb."""
 
-KINDS = ("ball", "hinge", "universal", "rigid")
 
 FREEDOMS_OF_GAP = 3.0
 """Per frame: poses alone show their noise only by the gap between a ball joint's two images."""
@@ -121,16 +118,25 @@ class JointFit:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(2, 3)
 
 
-def fit_ball(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+def fit_joint(
+    kind: str,
+    poses: Poses,
+    parent: int | str,
+    child: int | str,
+    covariances: Floats | None = None,
+    size: float | None = None,
 ) -> JointFit:
-    """Fit a ball joint: the point that is fixed in two bodies.
+    """Fit a joint of one type between two bodies.
 
-    Linear least squares by singular value decomposition (O'Brien 2000, eq. 8-13), then maximum likelihood with a free
-    rotation in every frame (Gaschler 2011, eq. 5.5).
+    A ball joint is the point that is fixed in both: linear least squares by singular value decomposition (O'Brien 2000,
+    eq. 8-13), then maximum likelihood with a free rotation in every frame (Gaschler 2011, eq. 5.5). A hinge has an axis
+    and angles beside, from the solution of rank 5 and the null vector; a universal joint two axes that meet, one fixed
+    in each body; a rigid connection one relative pose for all frames.
 
     Parameters
     ----------
+    kind : str
+        ``ball``, ``hinge``, ``universal`` or ``rigid``.
     poses : Poses
         Bodies with orientation.
     parent, child : int or str
@@ -144,39 +150,24 @@ def fit_ball(
     Raises
     ------
     InputError
-        If there is no such body, or too few frames show both.
+        If there is no such type or body, or too few frames show both.
     """
-    return fit_kind("ball", relative_poses(poses, parent, child, covariances, size))
+    _check_type(kind)
+    return fit_joint_type(kind, relative_poses(poses, parent, child, covariances, size))
 
 
-def fit_hinge(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a hinge: axis, position and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
-    return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
+def _check_type(kind: str) -> None:
+    if kind not in DETERMINED_TYPES:
+        raise InputError(f"there is no joint of type {kind!r}; types are {', '.join(DETERMINED_TYPES)}")
 
 
-def fit_universal(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
-    return fit_kind("universal", relative_poses(poses, parent, child, covariances, size))
-
-
-def fit_rigid(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
-) -> JointFit:
-    """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
-    return fit_kind("rigid", relative_poses(poses, parent, child, covariances, size))
-
-
-def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
+def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
     """Fit a joint of one type to relative poses.
 
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `JOINT_TYPES`.
     measured : RelativePoses
         From `relative_poses`.
     """
@@ -273,7 +264,7 @@ def _frame(joint: JointModel, where: str) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class KindChoice:
+class TypeChoice:
     """The type of a joint, and the evidence for it.
 
     Attributes
@@ -282,13 +273,13 @@ class KindChoice:
         ``ball``, ``hinge``, ``universal``, ``rigid``, or ``undetermined``.
     fit : JointFit
         Fit of that type; of an undetermined joint, of the simplest type that explains what is seen.
-    evidence : JointKind
+    evidence : JointType
         How well each type that was tried explains the rotations.
     """
 
     kind: str
     fit: JointFit
-    evidence: JointKind
+    evidence: JointType
 
     @property
     def sentence(self) -> str:
@@ -297,7 +288,7 @@ class KindChoice:
         if self.kind == "undetermined":
             last = list(self.evidence.type_fits.values())[-1]
             hidden = f"noise could hide {np.rad2deg(last.hidden):.2g} deg"
-            return f"not enough motion to tell the kind of joint: it {turn}, and {hidden}"
+            return f"not enough motion to tell the type of joint: it {turn}, and {hidden}"
         values = " ".join(f"{value:.2g}" for value in self.fit.singular_values)
         tried = ", ".join(
             f"{name} leaves {left.ratio:.3g} times the noise (limit {left.limit:.3g})"
@@ -306,7 +297,7 @@ class KindChoice:
         return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "") + f"; singular values {values}"
 
 
-def choose_kind(
+def choose_joint_type(
     poses: Poses,
     parent: int | str,
     child: int | str,
@@ -314,35 +305,35 @@ def choose_kind(
     size: float | None = None,
     *,
     wanted: str | None = None,
-) -> KindChoice:
+) -> TypeChoice:
     """Find the type of the joint between two bodies, and fit it.
 
     Parameters
     ----------
     poses, parent, child, covariances, size
-        As for `fit_ball`.
+        As for `fit_joint`.
     wanted : str, optional
         A type that is stated; it is fitted without question.
 
     Raises
     ------
     InputError
-        If `wanted` is no kind, there is no such body, or too few frames show both.
+        If `wanted` is no type, there is no such body, or too few frames show both.
 
     Examples
     --------
     >>> import skelgen
     >>> truth = skelgen.simulate("human", n_frames=200).truth
     >>> poses = skelgen.Poses(truth.world_from_limb, truth.limb_names, truth.rate)
-    >>> choose_kind(poses, "left thigh", "left shank").kind
+    >>> choose_joint_type(poses, "left thigh", "left shank").kind
     'hinge'
     """
-    if wanted is not None and wanted not in KNOWN_KINDS:
-        raise InputError(f"there is no joint of kind {wanted!r}; kinds are {', '.join(KNOWN_KINDS)}")
+    if wanted is not None:
+        _check_type(wanted)
     return choose(relative_poses(poses, parent, child, covariances, size), wanted)
 
 
-def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimits | None = None) -> KindChoice:
+def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None) -> TypeChoice:
     """Find the type of the joint behind relative poses, and fit it.
 
     Parameters
@@ -350,12 +341,12 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimit
     measured : RelativePoses
         From `relative_poses`.
     wanted, limits
-        As for `find_kind`.
+        As for `find_joint_type`.
     """
     rotations, covariances = _refined_rotations(measured)
-    evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
+    evidence = find_joint_type(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
-    return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
+    return TypeChoice(evidence.kind, fit_joint_type(simplest, measured), evidence)
 
 
 def _refined_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.relative_poses import RelativePoses, whitener
 from skelgen.kinematics.chain.schur_complement import (
     BorderedSolution,
     LinearisedProblem,
@@ -31,6 +30,7 @@ from skelgen.kinematics.chain.schur_complement import (
     gain_of_frames,
     gauss_newton,
 )
+from skelgen.kinematics.joints.relative_poses import RelativePoses, whitener
 from skelgen.kinematics.joints.rotations import HingeRotation, JointRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats
 
@@ -142,10 +142,10 @@ def conventional(joint: JointModel) -> JointModel:
         along = (in_parent @ first + in_child @ second) / 2
         in_parent, in_child = in_parent - along * first, in_child - along * second
     rotation = _signed(rotation)
-    parent = conventional_frame(rotation.in_parent[:, 2], in_parent)
-    child = conventional_frame(rotation.in_child[:, 2], in_child)
+    parent = _conventional_frame(rotation.in_parent[:, 2], in_parent)
+    child = _conventional_frame(rotation.in_child[:, 2], in_child)
     # The joint's frames turn about their axes to the convention; the angles take up the difference.
-    before, after = turn_between(rotation.in_parent, parent), turn_between(rotation.in_child, child)
+    before, after = _turn_between(rotation.in_parent, parent), _turn_between(rotation.in_child, child)
     if isinstance(rotation, HingeRotation):
         return JointModel(HingeRotation(parent, child, _wrapped(rotation.angles - before + after)), in_parent, in_child)
     angles = _wrapped(rotation.angles + np.array([-before, after]))
@@ -186,7 +186,7 @@ def _wrapped(angles: Floats) -> Floats:
     return np.asarray(unwrapped - 2 * np.pi * np.round(unwrapped[0] / (2 * np.pi)))
 
 
-def conventional_frame(axis: Floats, centre: Floats) -> Floats:
+def _conventional_frame(axis: Floats, centre: Floats) -> Floats:
     """Return the frame of an axis in a body: z along it, x from the body's origin to it, shape (3, 3).
 
     The plane of x and z holds the body's origin (Gaschler 2011, 5.2.2). The source's products (eq. 5.12, 5.13) give a
@@ -207,7 +207,7 @@ def conventional_frame(axis: Floats, centre: Floats) -> Floats:
     return np.stack([np.cross(y, axis), y, axis], axis=1)
 
 
-def turn_between(old: Floats, new: Floats) -> float:
+def _turn_between(old: Floats, new: Floats) -> float:
     """Return the angle [rad] about their common z that rotates one frame of an axis into another, shape (3, 3) each."""
     between = old.T @ new
     return float(np.arctan2(between[1, 0], between[0, 0]))

@@ -18,9 +18,9 @@ from scipy.special import fdtri
 from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import Parts, descended, linearised
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.bodies.relative_poses import whitener
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, effective_frames_of_both, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.relative_poses import whitener
 from skelgen.kinematics.joints.rotations import (
     ConstrainedRotation,
     JointRotation,
@@ -58,7 +58,7 @@ LEAST_FREEDOMS = 3.0
 LEAST_BETWEEN = np.deg2rad(30.0)
 """rad; axes of universal joints are farther apart. Nearer ones together explain any small rotation."""
 
-KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
+DETERMINED_TYPES = ("rigid", "hinge", "universal", "ball")
 """From the simplest to the one that allows all rotations."""
 
 
@@ -73,7 +73,7 @@ class TypeFit:
     ratio : float
         Variance of the residuals, in units of that of the noise: 1 for the true type.
     limit : float
-        Ratio that noise alone exceeds with the probability of `KindLimits.doubt`.
+        Ratio that noise alone exceeds with the probability of `TypeLimits.doubt`.
     wobble : float, rad
         Root mean square rotation that is left over, noise included.
     true_wobble : float, rad
@@ -97,7 +97,7 @@ class TypeFit:
 
 
 @dataclass(frozen=True, eq=False)
-class JointKind:
+class JointType:
     """The type of a joint.
 
     Attributes
@@ -128,8 +128,14 @@ class JointKind:
     type_fits: dict[str, TypeFit]
     axis_covariance: Floats
 
-    def with_frames(self, parent: Floats, child: Floats) -> JointKind:
-        """Return the type for limbs whose frames were rotated: `parent` and `child` are new from old, shape (3, 3)."""
+    def with_frames(self, parent: Floats, child: Floats) -> JointType:
+        """Return the type for limbs whose frames were rotated.
+
+        Parameters
+        ----------
+        parent, child : ndarray, shape (3, 3)
+            New frame from old frame of both limbs.
+        """
         turn = np.zeros((6, 6))
         turn[:3, :3], turn[3:, 3:] = parent, child
         first, second = parent @ self.axis_in_parent, child @ self.axis_in_child
@@ -154,7 +160,7 @@ class JointKind:
 
 
 @dataclass(frozen=True)
-class KindLimits:
+class TypeLimits:
     """Limits between the types of joints.
 
     Attributes
@@ -172,9 +178,9 @@ class KindLimits:
     least_turn: float = 1e-4
 
 
-def find_kind(
-    rotations: Floats, covariances: Floats, freedoms: float, limits: KindLimits | None = None, wanted: str | None = None
-) -> JointKind:
+def find_joint_type(
+    rotations: Floats, covariances: Floats, freedoms: float, limits: TypeLimits | None = None, wanted: str | None = None
+) -> JointType:
     """Classify a joint.
 
     Parameters
@@ -185,16 +191,16 @@ def find_kind(
         Of small rotations of each, in the parent's axes.
     freedoms : float
         Freedoms per frame from which the scale of the covariances was estimated.
-    limits : KindLimits, optional
+    limits : TypeLimits, optional
         Limits between the types.
     wanted : str, optional
         A type that the user states: it is fitted and returned without question.
     """
-    limits = limits or KindLimits()
+    limits = limits or TypeLimits()
     u, singular, vt = np.linalg.svd(rotations.mean(axis=0))
     weight = whitener(covariances + ROUNDING**2 * np.eye(3))
     kind, type_fits = "ball", dict[str, TypeFit]()
-    for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
+    for name in DETERMINED_TYPES[:-1] if wanted is None else (wanted,):
         if name == "ball":
             break
         left = type_fits[name] = _type_fit(name, rotations, weight, singular, freedoms, limits)
@@ -208,11 +214,11 @@ def find_kind(
     main_turn = float(np.sqrt(max(2 * (1 - singular[1]), 0.0)))
     true_wobble = last.true_wobble if last is not None and kind != "ball" else 0.0
     covariance = type_fits[kind].axis_covariance if kind in type_fits else np.zeros((6, 6))
-    return JointKind(kind, axes[0], axes[1], main_turn, true_wobble, singular, type_fits, covariance)
+    return JointType(kind, axes[0], axes[1], main_turn, true_wobble, singular, type_fits, covariance)
 
 
 def _type_fit(
-    name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: KindLimits
+    name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: TypeLimits
 ) -> TypeFit:
     """Fit one type, and compare its residuals with the noise."""
     start = _start(name, rotations)

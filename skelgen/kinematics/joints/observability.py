@@ -1,7 +1,5 @@
 """What the motion of a joint does not determine of its position, in plain sentences."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,7 +103,7 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         limbs, size = (joint.parent, joint.child), limb_size(skeleton, joint.child)
         sentence = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
         if joint.kind == "undetermined":
-            unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its kind"
+            unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its type"
             sentence = f"{unknown}; {sentence}" if sentence else unknown
         found.append(Observed(turned, vectors[:, -1], worst, sentence))
     return tuple(found)

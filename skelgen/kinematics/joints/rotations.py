@@ -82,7 +82,15 @@ class BallRotation:
         return np.zeros((n_frames, 3, 0)), np.tile(np.eye(3), (n_frames, 1, 1))
 
     def stepped(self, constants: Floats, angles: Floats) -> BallRotation:
-        """Rotate every frame on its own."""
+        """Rotate every frame on its own.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
         return BallRotation(matrix_from_vector(angles) @ self.free)
 
 
@@ -112,7 +120,15 @@ class RigidRotation:
         return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
 
     def stepped(self, constants: Floats, angles: Floats) -> RigidRotation:
-        """Rotate all frames together."""
+        """Rotate all frames together.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
         return RigidRotation(matrix_from_vector(constants) @ self.rotation, self.n_frames)
 
 
@@ -155,7 +171,15 @@ class HingeRotation:
         return np.concatenate([tilts, turned], axis=2), np.tile(self.in_parent[:, 2:], (n_frames, 1, 1))
 
     def stepped(self, constants: Floats, angles: Floats) -> HingeRotation:
-        """Tilt the axis and rotate about it."""
+        """Tilt the axis and rotate about it.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
         in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:])
         return HingeRotation(in_parent, in_child, self.angles + angles[:, 0])
 
@@ -205,7 +229,15 @@ class UniversalRotation:
         return constants, np.concatenate([own, both[:, :, 2:]], axis=2)
 
     def stepped(self, constants: Floats, angles: Floats) -> UniversalRotation:
-        """Tilt the axes and rotate about them."""
+        """Tilt the axes and rotate about them.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
         in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:4])
         return UniversalRotation(in_parent, in_child, self.between + float(constants[4]), self.angles + angles)
 

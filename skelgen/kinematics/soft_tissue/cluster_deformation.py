@@ -5,8 +5,6 @@ may be an error of the pose. Where the deformation follows the flexions of a joi
 nothing shows, does so too by all experience.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +13,7 @@ import numpy as np
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.chain.chain import Chain, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
-from skelgen.kinematics.soft_tissue.model import SoftTissue
-from skelgen.kinematics.soft_tissue.normal_equations import RigidDisplacements
+from skelgen.kinematics.soft_tissue.model import RigidDisplacements, SoftTissue
 from skelgen.model.arrays import Floats, Ints
 
 VARIANCES = np.geomspace(1e-4, 1e4, 161)

@@ -7,17 +7,14 @@ most likely: how clusters deform, and how their joints fail to meet. The common 
 may be off by displacements that nothing shows.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals_in_limbs
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed, residuals_in_limbs
 from skelgen.kinematics.chain.normal_equations import constant_gradient
-from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, fit_poses
 from skelgen.kinematics.soft_tissue.cluster_deformation import (
@@ -25,10 +22,11 @@ from skelgen.kinematics.soft_tissue.cluster_deformation import (
     deformation_slopes,
     observe_deformations,
 )
-from skelgen.kinematics.soft_tissue.model import SoftTissue, soft_tissue_at_rest
-from skelgen.kinematics.soft_tissue.normal_equations import (
+from skelgen.kinematics.soft_tissue.model import (
+    SoftTissue,
     SoftTissueEquations,
     rigid_displacements,
+    soft_tissue_at_rest,
     soft_tissue_equations,
 )
 from skelgen.model.arrays import Floats, Ints, evenly_spread

@@ -98,7 +98,7 @@ def markers_by_sets(
     longest[np.argsort(-sets.lengths, kind="stable")[:MOST_SETS]] = True
     sets = sets.chosen(longest)
     wanted = n_markers or sets.most_at_once(method.least_length)
-    group, nearest = group_sets(cloud.points, sets, wanted, method, monitor)
+    group, nearest = _group_sets(cloud.points, sets, wanted, method, monitor)
     markers = sets.merged(group)
     trusted = (markers.lengths >= method.stand_alone) | (nearest <= method.limit)
     kept = np.zeros(len(markers), dtype=np.bool_)
@@ -106,7 +106,7 @@ def markers_by_sets(
     return markers.chosen(kept).tracklet_of_all_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
 
 
-def group_sets(
+def _group_sets(
     points: Floats, sets: TrackletPoints, n_groups: int, method: SetMethod, monitor: Monitor = SILENT
 ) -> tuple[Ints, Floats]:
     """Group Marker Sets into markers.
@@ -207,9 +207,21 @@ def join_nearest(distance: Floats, overlaps: Bools, n_groups: int, limit: float,
 def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, limit: float, seed: int) -> Ints:
     """Cluster sets by their affinity to each other, then part those of a cluster that overlap.
 
-    The affinity of two sets is exp(-d^2 / (s_i s_j)) with local scales s, and 0 where they overlap. Arguments and
-    result are those of `join_nearest`; a set that fits into no cluster, or lies farther than `limit` from all sets of
-    the one it would fit, becomes a group of its own.
+    The affinity of two sets is exp(-d^2 / (s_i s_j)) with local scales s, and 0 where they overlap. A set that fits
+    into no cluster, or lies farther than `limit` from all sets of the one it would fit, becomes a group of its own.
+
+    Parameters
+    ----------
+    distance : ndarray, shape (n_sets, n_sets), mm
+        Distances between sets, infinite where not known.
+    overlaps : ndarray of bool, shape (n_sets, n_sets)
+        Sets that cannot be in one group.
+    n_groups : int
+        Wanted number of groups.
+    limit : float, mm
+        Farther sets are not joined.
+    seed : int
+        Of the random numbers of the clustering.
     """
     n_sets = len(distance)
     if n_sets <= n_groups:

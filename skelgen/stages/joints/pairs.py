@@ -14,8 +14,7 @@ from skelgen._kernels.ball_joint import both_images, mean_distances
 from skelgen.geometry.statistics import quantile_of
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats
-from skelgen.stages.classic.conjugate_gradient import minimise
-from skelgen.stages.classic.joint_cost import joint_cost, local_optimum
+from skelgen.stages.classic.joint_cost import joint_cost, local_optimum, minimise
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 

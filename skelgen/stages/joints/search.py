@@ -5,7 +5,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from skelgen.kinematics.bodies.shape import LimbShape
+from skelgen.kinematics.rigid_bodies import LimbShape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.model.topology import joint_children

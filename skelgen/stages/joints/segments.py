@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.shape import LimbShape, distinct_rows, fit_shape
+from skelgen.kinematics.rigid_bodies import LimbShape, distinct_rows, fit_shape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.joints.parameters import JointParameters
@@ -116,12 +117,12 @@ class Segment:
         """World positions of the markers [mm], shape (n_frames, n_markers, 3)."""
         return self.points[:, : self.n_markers]
 
-    @property
+    @cached_property
     def centre(self) -> Floats:
         """Centroid of the markers in the limb's frame [mm]; undetermined joints are drawn there."""
         return np.asarray(self.shape.points[: self.n_markers].mean(axis=0))
 
-    @property
+    @cached_property
     def lacks_poses(self) -> bool:
         """Whether too few frames determine its pose for more than a start."""
         return int(self.shape.posed.sum()) < min(ENOUGH_FRAMES, int(self.is_seen.sum()))
@@ -132,7 +133,7 @@ class Segment:
         posed = self.shape.posed
         return posed if posed.any() else self.is_seen
 
-    @property
+    @cached_property
     def is_seen(self) -> Bools:
         """Frames that show any of its points, shape (n_frames,)."""
         return np.asarray(~np.isnan(self.points[:, :, 0]).all(axis=1))

@@ -20,9 +20,8 @@ from skelgen.stages.labels.input_checks import check_cloud, frame_rate, guessed_
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points, least_length, stand_alone_frames
 from skelgen.stages.labels.tracking.take import typical_spacing
-from skelgen.stages.labels.tracking.tracklets import find_tracklets, least_length, stand_alone_frames
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
 from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take

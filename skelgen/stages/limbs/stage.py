@@ -155,7 +155,7 @@ class _Grouping:
         if groups is not None and n_limbs in (None, len(np.unique(groups))):
             return groups
         complete = _complete(deviation)
-        k = n_limbs if n_limbs is not None else count_limbs(complete, parameters, self._seed)
+        k = n_limbs if n_limbs is not None else _count_limbs(complete, parameters, self._seed)
         if parameters.method == "greedy":
             return greedy_clusters(complete, k)
         return spectral_clusters(complete, k, parameters.spectral, self._seed)
@@ -175,7 +175,7 @@ class _Grouping:
         return groups
 
 
-def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
+def _count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
     """Find the number of limbs, for the clusterings that need it.
 
     Parameters

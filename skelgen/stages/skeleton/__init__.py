@@ -1,7 +1,7 @@
 """Stage 4: fit a skeleton of rigid limbs, and fit it back to every frame.
 
 `stage` is the order of its steps: `assembly` averages limbs and joins them, `fitting` fits one tree with its `joints`
-and `loops`, `posing` finds its poses without outliers, `long_takes` does so block by block, `result` gathers all trees.
+and `loops`, `posing` finds its poses without outliers, `long_takes` does so block by block.
 """
 
 from skelgen.stages.skeleton.assembly import Body, StructuredTake, assemble

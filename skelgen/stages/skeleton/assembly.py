@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import fill_rotations
-from skelgen.kinematics.bodies.shape import LimbShape, fit_shape
 from skelgen.kinematics.chain.chain import Chain
+from skelgen.kinematics.rigid_bodies import LimbShape, fit_shape
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import outward_order

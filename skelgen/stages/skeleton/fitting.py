@@ -14,7 +14,7 @@ from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.root_outward import pose_outward
-from skelgen.kinematics.joints.joint_type import JointKind, KindLimits
+from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
@@ -50,7 +50,7 @@ class FittedBody:
         Whether rotations rest on markers of the frame.
     outliers : ndarray of bool, shape (n_frames, n_markers)
         Positions that were left out because they cannot belong to their marker.
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     errors : LimbErrors
         Errors of limbs and joints, in frames of the limbs that `chain_from_errors` brings to those of the chain.
@@ -75,7 +75,7 @@ class FittedBody:
     poses: ChainPoses
     seen: Bools
     outliers: Bools
-    kinds: list[JointKind]
+    types: list[JointType]
     errors: LimbErrors
     chain_from_errors: Floats
     rotation_covariances: Floats
@@ -114,15 +114,15 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
     found, seen = fitter.first(chain)
     if parameters.fit == "whole-chain":
         found = fitter.closed(fitter.without_slides(fitter.whole(found)), loops)
-    last, kinds, poses = found.last, found.kinds, found.poses
-    freedom = body_joints.axis_freedom(kinds, last.noise)
-    shifts = body_joints.shifts_along_axes(last.chain, kinds, freedom)
-    chain, closed = body_joints.shifted(last.chain, kinds, shifts), found.loops
+    last, types, poses = found.last, found.types, found.poses
+    freedom = body_joints.axis_freedom(types, last.noise)
+    shifts = body_joints.shifts_along_axes(last.chain, types, freedom)
+    chain, closed = body_joints.shifted(last.chain, types, shifts), found.loops
     if parameters.fit == "whole-chain":
-        closed = None if closed is None else closed.shifted(kinds, shifts)
+        closed = None if closed is None else closed.shifted(types, shifts)
         held = ConstrainedChain(chain, last.articulation, None if closed is None else closed.joints)
         poses = held.fit_in_time(poses, found.inliers, seen)
-    errors = body_joints.errors_of_limbs(last, kinds, shifts, freedom, found.correlated, parameters.rank_tolerance)
+    errors = body_joints.errors_of_limbs(last, types, shifts, freedom, found.correlated)
     if closed is not None and isinstance(last, ClosedCalibration):
         closed = closed.with_errors(errors, last, last.noise * np.sqrt(found.correlated))
     shared = evenly_spread(found.used, ROTATION_FRAMES)
@@ -137,7 +137,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         poses=poses,
         seen=seen,
         outliers=np.isnan(found.inliers[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
-        kinds=_in_other_frames(kinds, chain.parents, rotation),
+        types=_in_other_frames(types, chain.parents, rotation),
         errors=errors,
         chain_from_errors=rotation,
         rotation_covariances=above @ covariances @ above.swapaxes(1, 2),
@@ -157,7 +157,7 @@ class _Fit:
     ----------
     last : Calibration
         The last fit.
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     poses : ChainPoses
         All frames.
@@ -174,7 +174,7 @@ class _Fit:
     """
 
     last: Calibration
-    kinds: list[JointKind]
+    types: list[JointType]
     poses: ChainPoses
     inliers: Floats
     used: Ints
@@ -188,7 +188,7 @@ class _Fitter:
 
     def __init__(self, body: Body, parameters: SkeletonParameters, are_poses: bool) -> None:
         self._body, self._parameters, self._are_poses = body, parameters, are_poses
-        stated = ((place, parameters.stated_kind(limb)) for place, limb in enumerate(body.limbs.tolist()))
+        stated = ((place, parameters.stated_type(limb)) for place, limb in enumerate(body.limbs.tolist()))
         self._stated = {place: kind for place, kind in stated if kind}
 
     def first(self, chain: Chain) -> tuple[_Fit, Bools]:
@@ -206,30 +206,30 @@ class _Fitter:
             fit = body_joints.with_noise_of_poses(fit)
         elif whole:
             fit = self._robust(fit, FIRST_ROUNDS)
-        limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
-        kinds = body_joints.find_kinds(fit, fixed[frames], self._stated, limits, self._are_poses)
+        limits = TypeLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
+        types = body_joints.find_joint_types(fit, fixed[frames], self._stated, limits, self._are_poses)
         rotator, flatness = parameters.rotator, parameters.flatness
         poses, seen = pose_outward(fit.chain, inliers, self._body.raw_joints, rotator=rotator, flatness=flatness)
-        return _Fit(fit, kinds, poses, inliers, frames, body_joints.correlation_time(fit, inliers[frames])), seen
+        return _Fit(fit, types, poses, inliers, frames, body_joints.correlation_time(fit, inliers[frames])), seen
 
     def whole(self, first: _Fit) -> _Fit:
         """Fit limbs, joints and poses of as many frames as count together, joints held to their types."""
-        inliers, kinds = first.inliers, first.kinds
+        inliers, types = first.inliers, first.types
         seen = np.flatnonzero((~np.isnan(inliers[:, :, 0])).any(axis=1))
         used = evenly_spread(seen, self._parameters.refine_samples)
-        articulation = body_joints.articulation_of(kinds, set(self._stated))
+        articulation = body_joints.articulation_of(types, set(self._stated))
         weights = seen_weights(inliers[used])
         start = first.poses[used]
         last = calibrate(first.last.chain, start, inliers[used], None, articulation, weights)
-        kinds, poses = _followed(kinds, last, start), _posed_as(last, first.poses, used)
+        types, poses = _followed(types, last, start), _posed_as(last, first.poses, used)
         if self._are_poses:
             last = body_joints.with_noise_of_poses(last)
         else:
             before, last = last.poses, self._robust(last, None)
-            kinds, poses = _followed(kinds, last, before), _posed_as(last, poses, used)
+            types, poses = _followed(types, last, before), _posed_as(last, poses, used)
             inliers = inliers.copy()
             inliers[used] = last.positions
-        return _Fit(last, kinds, poses, inliers, used, body_joints.correlation_time(last, inliers[used]))
+        return _Fit(last, types, poses, inliers, used, body_joints.correlation_time(last, inliers[used]))
 
     def without_slides(self, found: _Fit) -> _Fit:
         """Fit once more to positions without the slides of soft tissue, if there are any.
@@ -248,8 +248,8 @@ class _Fitter:
             return found
         poses = ConstrainedChain(last.chain, last.articulation).projected(poses)
         inliers = found.inliers - refined.tissue.displacements(last.chain, poses)
-        kinds = _followed(found.kinds, last, found.poses[used])
-        return _Fit(last, kinds, poses, inliers, used, refined.growth, tissue=refined.tissue)
+        types = _followed(found.types, last, found.poses[used])
+        return _Fit(last, types, poses, inliers, used, refined.growth, tissue=refined.tissue)
 
     def closed(self, found: _Fit, loops: Ints) -> _Fit:
         """Close loops."""
@@ -257,9 +257,9 @@ class _Fitter:
             return found
         are_stated = self._parameters.loops.strip() != FOUND
         last, poses, closed = closed_body(found.last, found.poses, found.used, loops, are_stated)
-        kinds = body_joints.with_axes(found.kinds, last.articulation)
+        types = body_joints.with_axes(found.types, last.articulation)
         correlated = body_joints.correlation_time(last, found.inliers[found.used])
-        return replace(found, last=last, kinds=kinds, poses=poses, correlated=correlated, loops=closed)
+        return replace(found, last=last, types=types, poses=poses, correlated=correlated, loops=closed)
 
     def _robust(self, fit: Calibration, n_rounds: int | None) -> Calibration:
         """The fit without outliers; itself if there are none."""
@@ -279,11 +279,11 @@ def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
     return ChainPoses(root, rotations)
 
 
-def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> list[JointKind]:
+def _followed(types: list[JointType], last: Calibration, before: ChainPoses) -> list[JointType]:
     """Joint types with the axes that were fitted, and with the others in the frames that limbs have now."""
     after, earlier = (one.rotations.swapaxes(0, 1).reshape(last.chain.n_limbs, -1, 3) for one in (last.poses, before))
     rotation = nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
-    return body_joints.with_axes(_in_other_frames(kinds, last.chain.parents, rotation), last.articulation)
+    return body_joints.with_axes(_in_other_frames(types, last.chain.parents, rotation), last.articulation)
 
 
 def _squares(fit: Calibration) -> float:
@@ -291,9 +291,9 @@ def _squares(fit: Calibration) -> float:
     return float((residuals(fit.chain, fit.poses, fit.positions) ** 2).sum())
 
 
-def _in_other_frames(kinds: list[JointKind], parents: Ints, rotation: Floats) -> list[JointKind]:
+def _in_other_frames(types: list[JointType], parents: Ints, rotation: Floats) -> list[JointType]:
     """Joint types for limbs whose frames were rotated: nothing holds the frame of a limb while it is fitted."""
-    return [kind.with_frames(rotation[parents[limb]], rotation[limb]) for limb, kind in enumerate(kinds, start=1)]
+    return [kind.with_frames(rotation[parents[limb]], rotation[limb]) for limb, kind in enumerate(types, start=1)]
 
 
 def _with_reference_axes(chain: Chain, poses: ChainPoses, reference: int) -> tuple[Chain, ChainPoses, Floats]:

@@ -6,16 +6,15 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.chain import variances_across
-from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.calibration.limb_errors import HingeShifts, LimbErrors, limb_errors
 from skelgen.kinematics.calibration.uncertainty import frame_covariances, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, residuals_in_limbs
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
-from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
+from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
 from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats
 
@@ -33,9 +32,9 @@ EXACT_FRAMES = 2000
 """Frames whose part is computed; the others of a long take have that of the nearest one."""
 
 
-def find_kinds(
-    fit: Calibration, fixed: Bools, stated: dict[int, str], limits: KindLimits, are_poses: bool = False
-) -> list[JointKind]:
+def find_joint_types(
+    fit: Calibration, fixed: Bools, stated: dict[int, str], limits: TypeLimits, are_poses: bool = False
+) -> list[JointType]:
     """Find the type of the joint above each limb but the root.
 
     Parameters
@@ -47,7 +46,7 @@ def find_kinds(
         if there are none.
     stated : dict of int to str
         Types that the user states, by limb.
-    limits : KindLimits
+    limits : TypeLimits
         Where one type ends and the next begins.
     are_poses : bool
         Whether the markers stand for bodies with orientation.
@@ -57,30 +56,30 @@ def find_kinds(
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
     n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
     freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
-    kinds = []
+    types = []
     for limb in range(1, chain.n_limbs):
         parent = chain.parents[limb]
         both = fixed[:, limb] & fixed[:, parent]
         use = both if both.sum() >= MIN_FRAMES else np.ones_like(both)
         relative = (poses.rotations[:, parent].swapaxes(1, 2) @ poses.rotations[:, limb])[use]
-        kinds.append(find_kind(relative, covariances[use, limb], freedoms_of_pair, limits, stated.get(limb)))
-    return kinds
+        types.append(find_joint_type(relative, covariances[use, limb], freedoms_of_pair, limits, stated.get(limb)))
+    return types
 
 
-def articulation_of(kinds: list[JointKind], stated: set[int]) -> Articulation:
+def articulation_of(types: list[JointType], stated: set[int]) -> Articulation:
     """Return what the joints allow: a joint is held to its type if noise alone explains the residual rotations.
 
     Parameters
     ----------
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     stated : set of int
         Limbs for which the user states the type: they are held to it in any case.
     """
-    free = Articulation.free(len(kinds) + 1)
-    held, between = ["ball"], np.zeros(len(kinds) + 1)
+    free = Articulation.free(len(types) + 1)
+    held, between = ["ball"], np.zeros(len(types) + 1)
     in_parent, in_child = free.in_parent.copy(), free.in_child.copy()
-    for limb, kind in enumerate(kinds, start=1):
+    for limb, kind in enumerate(types, start=1):
         left = kind.type_fits.get(kind.kind)
         holds = left is not None and (limb in stated or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
@@ -90,21 +89,21 @@ def articulation_of(kinds: list[JointKind], stated: set[int]) -> Articulation:
     return Articulation(tuple(held), in_parent, in_child, between)
 
 
-def with_axes(kinds: list[JointKind], articulation: Articulation) -> list[JointKind]:
+def with_axes(types: list[JointType], articulation: Articulation) -> list[JointType]:
     """Return joint types with the axes of an articulation where it holds them.
 
     Parameters
     ----------
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     articulation : Articulation
         With axes that were fitted.
     """
     return [
         replace(kind, axis_in_parent=articulation.in_parent[limb], axis_in_child=articulation.in_child[limb])
-        if articulation.kinds[limb] in {"hinge", "universal"}
+        if articulation.types[limb] in {"hinge", "universal"}
         else kind
-        for limb, kind in enumerate(kinds, start=1)
+        for limb, kind in enumerate(types, start=1)
     ]
 
 
@@ -121,7 +120,7 @@ def with_noise_of_poses(fit: Calibration) -> Calibration:
     return replace(fit, noise=float(np.sqrt(squares / max(NUMBERS_OF_POSE * n_bodies - free, 1))))
 
 
-def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> dict[int, float]:
+def shifts_along_axes(chain: Chain, types: list[JointType], freedom: Floats) -> dict[int, float]:
     """Return how far [mm] hinges are moved along their axes, where data leave the choice, by their child limbs.
 
     Each hinge is moved towards the centroids of its two limbs' markers and, with little weight, towards the other
@@ -131,19 +130,19 @@ def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
     ----------
     chain : Chain
         The limbs.
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     freedom : ndarray, shape (n_limbs,)
         How free each joint is along its axis, see `axis_freedom`.
     """
-    hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
+    hinges = [index for index, kind in enumerate(types) if kind.kind == "hinge"]
     if not hinges:
         return {}
     column = {limb + 1: position for position, limb in enumerate(hinges)}
     rows: list[Floats] = []
     right: list[Floats] = []
     for limb in range(chain.n_limbs):
-        places = _attachments(chain, kinds, limb, column)
+        places = _attachments(chain, types, limb, column)
         own = chain.limb_of_marker == limb
         centre = (chain.offsets[own].mean(axis=0), np.zeros((3, len(hinges))))
         near = [(1.0, place, centre) for place in places]
@@ -155,21 +154,21 @@ def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
     return {limb: float(freedom[limb] * shifts[position]) for limb, position in column.items()}
 
 
-def axis_freedom(kinds: list[JointKind], noise: float) -> Floats:
+def axis_freedom(types: list[JointType], noise: float) -> Floats:
     """Return how free the joint above each limb is along its axis, 0 .. 1, shape (n_limbs,).
 
     Parameters
     ----------
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     noise : float, mm
         Standard deviation of a marker's coordinate.
     """
-    return np.array([0.0] + [kind.freedom_along_axis(noise) for kind in kinds])
+    return np.array([0.0] + [kind.freedom_along_axis(noise) for kind in types])
 
 
 def _attachments(
-    chain: Chain, kinds: list[JointKind], limb: int, column: dict[int, int]
+    chain: Chain, types: list[JointType], limb: int, column: dict[int, int]
 ) -> list[tuple[Floats, Floats]]:
     """Joints of a limb: place before any shift, and how it follows the shifts, shape (3, n_hinges)."""
     places = []
@@ -177,27 +176,27 @@ def _attachments(
     for joint in ([limb] if limb else []) + children:
         follows = np.zeros((3, len(column)))
         if joint in column:
-            kind = kinds[joint - 1]
+            kind = types[joint - 1]
             follows[:, column[joint]] = kind.axis_in_child if joint == limb else kind.axis_in_parent
         places.append((np.zeros(3) if joint == limb else chain.joints[joint], follows))
     return places
 
 
-def shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> Chain:
+def shifted(chain: Chain, types: list[JointType], shifts: dict[int, float]) -> Chain:
     """Return a chain whose joints are moved along their axes.
 
     Parameters
     ----------
     chain : Chain
         The limbs.
-    kinds : list of JointKind
+    types : list of JointType
         Of the joints above limbs 1, 2, ...
     shifts : dict of int to float
         How far [mm], by child limb.
     """
     joints, offsets = chain.joints.copy(), chain.offsets.copy()
     for limb, shift in shifts.items():
-        kind = kinds[limb - 1]
+        kind = types[limb - 1]
         joints[limb] += shift * kind.axis_in_parent
         offsets[chain.limb_of_marker == limb] -= shift * kind.axis_in_child
         joints[chain.parents == limb] -= shift * kind.axis_in_child
@@ -206,11 +205,10 @@ def shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> C
 
 def errors_of_limbs(
     last: Calibration,
-    kinds: list[JointKind],
+    types: list[JointType],
     shifts: dict[int, float],
     freedom: Floats,
     correlation_time: float,
-    tolerance: float,
 ) -> LimbErrors:
     """Return the errors of a chain whose hinges were moved along their axes.
 
@@ -218,28 +216,26 @@ def errors_of_limbs(
     ----------
     last : Calibration
         The fit.
-    kinds, shifts, freedom
-        The kinds of its joints, and how hinges were moved.
+    types, shifts, freedom
+        The types of its joints, and how hinges were moved.
     correlation_time : float
         Frames of residuals that are worth one independent frame.
-    tolerance : float
-        Information below this part of the largest is none.
     """
     chain = last.chain
     axes, distances = np.zeros((2, chain.n_limbs, 3)), np.zeros(chain.n_limbs)
     for limb, shift in shifts.items():
-        axes[:, limb], distances[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
-    along = HingeShifts(axes, distances, _along_hinges(chain, kinds, freedom))
-    return limb_errors(last, along, growth=correlation_time, tolerance=tolerance)
+        axes[:, limb], distances[limb] = (types[limb - 1].axis_in_parent, types[limb - 1].axis_in_child), shift
+    along = HingeShifts(axes, distances, _along_hinges(chain, types, freedom))
+    return limb_errors(last, along, correlation_time)
 
 
-def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floats:
+def _along_hinges(chain: Chain, types: list[JointType], freedom: Floats) -> Floats:
     """Changes of offsets and joints by moving each hinge along its axis, by the size of its limb where it is free."""
     still = chain.moved(np.zeros_like(chain.joints), np.zeros_like(chain.offsets))
     columns = []
-    for limb, kind in enumerate(kinds, start=1):
+    for limb, kind in enumerate(types, start=1):
         if kind.kind == "hinge":
-            moved = shifted(still, kinds, {limb: float(np.sqrt(freedom[limb])) * limb_size(chain, limb)})
+            moved = shifted(still, types, {limb: float(np.sqrt(freedom[limb])) * limb_size(chain, limb)})
             columns.append(np.concatenate([moved.offsets.ravel(), moved.joints[1:].ravel()]))
     return np.array(columns).reshape(len(columns), 3 * (chain.n_markers + chain.n_limbs - 1)).T
 

@@ -13,7 +13,7 @@ from skelgen.kinematics.calibration.closed_loops import ClosedCalibration, close
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import ChainPoses, residuals
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops
-from skelgen.kinematics.joints.joint_type import JointKind
+from skelgen.kinematics.joints.joint_type import JointType
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints import limb_pairs
 from skelgen.stages.skeleton.assembly import StructuredTake
@@ -51,19 +51,19 @@ class ClosedLoops:
     left_open: dict[tuple[int, int], float]
     covariances: Floats
 
-    def shifted(self, kinds: list[JointKind], shifts: dict[int, float]) -> ClosedLoops:
+    def shifted(self, types: list[JointType], shifts: dict[int, float]) -> ClosedLoops:
         """Return the loops for limbs whose frames were moved along hinges.
 
         Parameters
         ----------
-        kinds : list of JointKind
+        types : list of JointType
             Of the joints above limbs 1, 2, ...
         shifts : dict of int to float
             How far [mm] the frames of limbs were moved.
         """
         places = self.joints.places.copy()
         for limb, shift in shifts.items():
-            places[self.joints.limbs == limb] -= shift * kinds[limb - 1].axis_in_child
+            places[self.joints.limbs == limb] -= shift * types[limb - 1].axis_in_child
         return replace(self, joints=replace(self.joints, places=places))
 
     def turned(self, turn: Floats) -> ClosedLoops:

@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 from skelgen.errors import ParameterError
 from skelgen.geometry.orientation import ROTATORS, Rotator
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
+from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.parameters import StageParameters, declare
 
 
@@ -16,7 +16,7 @@ class SkeletonParameters(StageParameters):
 
     stage: ClassVar[str] = "skeleton"
     config_section: ClassVar[str] = "SkeletonFitter"
-    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI"}
+    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI", "rank_tolerance": "JointFinder/POLYEPS"}
 
     rotation: str = declare(
         "horn",
@@ -87,13 +87,6 @@ class SkeletonParameters(StageParameters):
         config_name="TINYEPS",
         config_section="JointFinder",
     )
-    rank_tolerance: float = declare(
-        1e-8,
-        "directions of the skeleton's constants whose information is below this part of the largest are not determined",
-        within=(1e-15, 1e-2),
-        config_name="POLYEPS",
-        config_section="JointFinder",
-    )
     kind_doubt: float = declare(
         0.001,
         "probability with which noise alone makes a joint seem to turn in more ways than it does",
@@ -114,29 +107,29 @@ class SkeletonParameters(StageParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._stated_kinds()
+        self._stated_types()
 
     @property
     def rotator(self) -> Rotator:
         """Closed form of absolute orientation."""
         return ROTATORS[self.rotation]
 
-    def stated_kind(self, limb: int) -> str | None:
+    def stated_type(self, limb: int) -> str | None:
         """Return the type that the user states for the joint above a limb, or None."""
-        stated = self._stated_kinds()
+        stated = self._stated_types()
         return stated.get(limb, stated.get(None))
 
-    def with_kinds(self, kinds: Mapping[int, str]) -> Self:
+    def with_joint_types(self, types: Mapping[int, str]) -> Self:
         """Return parameters that state more types of joints, by the joint's child limb; those given last count."""
-        more = " ".join(f"{limb}={kind}" for limb, kind in kinds.items())
+        more = " ".join(f"{limb}={kind}" for limb, kind in types.items())
         return self.replace(kinds=f"{self.kinds} {more}".strip())
 
-    def _stated_kinds(self) -> dict[int | None, str]:
+    def _stated_types(self) -> dict[int | None, str]:
         stated: dict[int | None, str] = {}
         for part in self.kinds.replace(",", " ").split():
             limb, _, kind = part.rpartition("=")
-            if kind not in KNOWN_KINDS or (limb and not limb.isdecimal()):
-                choices = ", ".join(KNOWN_KINDS)
-                raise ParameterError(f"kinds: {part!r} is neither a kind ({choices}) nor limb=kind such as 3=hinge")
+            if kind not in DETERMINED_TYPES or (limb and not limb.isdecimal()):
+                choices = ", ".join(DETERMINED_TYPES)
+                raise ParameterError(f"kinds: {part!r} is neither a type ({choices}) nor limb=type such as 3=hinge")
             stated[int(limb) if limb else None] = kind
         return stated

@@ -17,8 +17,7 @@ import numpy as np
 from skelgen.geometry.rotations import fill_rotations
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.kinematics.inverse.root_outward import pose_outward

@@ -79,7 +79,7 @@ def pose_subject(
     Parameters
     ----------
     skeleton : Skeleton
-        The limbs, with kinds and axes of joints.
+        The limbs, with types and axes of joints.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers in the skeleton's order, NaN where unseen.
     parameters : SkeletonParameters, optional

@@ -19,7 +19,7 @@ from scipy.stats import ttest_ind
 
 from skelgen.geometry.orientation import fit_transform, rotation_by_svd
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.bodies.shape import determines_pose
+from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton import SkeletonParameters

@@ -186,3 +186,14 @@ def test_of_four_balls_far_away_the_likelier_order_is_taken_or_none(targets, mak
             n_found += 1
             assert (step < 1.0).all()  # other orders and strays are farther off
     assert n_found >= 425
+
+
+def test_a_matching_that_the_noise_denies_gives_way_to_the_next(targets):
+    """All five balls fit best in mm, but the fourth is off by more than the noise; without it the noise agrees."""
+    seen = [[27.0, 115.0, 981.5], [19.0, 115.3, 1037.8], [-50.3, 121.5, 1021.5], [-18.8, 67.1, 1001.7]]
+    covariance, indices = np.tile(np.diag(FAR**2), (5, 1, 1)), np.arange(5)
+    points = np.array([*seen, [-6.2, 158.1, 1062.5]])
+    (body,) = find_bodies(
+        StereoPoints(points, covariance, indices, indices, np.zeros(5), np.zeros(5, bool)), targets[:1]
+    )
+    assert body.points.tolist() == [1, 0, 2, -1, 3]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.calibration.board import Board, BoardView
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 

@@ -7,7 +7,7 @@ from skelgen.capture.calibration.body import calibrate_body
 from skelgen.capture.values import StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.bodies.rigid_body import normal_form
+from skelgen.kinematics.rigid_bodies import normal_form
 from skelgen.model.rig import BodyTarget
 
 BALLS = np.array([[0.0, 0, 0], [61, 0, 0], [17, 72, 0], [-33, 25, 40], [40, 38, -52]])

@@ -123,7 +123,7 @@ def test_kind_is_found_where_it_is_left_open():
 
 
 def test_joint_that_does_not_move_is_refused_with_the_reason():
-    with pytest.raises(InputError, match=r"joint 'elbow' is .*; move it further, or state its kind"):
+    with pytest.raises(InputError, match=r"joint 'elbow' is .*; move it further, or state its type"):
         calibrate_joints(moving_arm(0, swing=0.001), NAMES, [JointRequest("elbow", "upper", "lower")])
 
 
@@ -133,7 +133,7 @@ def test_unknown_body_is_named():
 
 
 def test_unknown_kind_is_refused():
-    with pytest.raises(InputError, match="kinds are ball, hinge"):
+    with pytest.raises(InputError, match="types are ball, hinge"):
         JointRequest("elbow", "upper", "lower", "saddle")
 
 

@@ -6,7 +6,8 @@ import pytest
 pytest.importorskip("cv2")
 
 from skelgen.capture.calibration.board import Board, board_from_text, coverage, find_board, uncovered
-from skelgen.capture.calibration.single_camera import calibrate_camera
+from skelgen.capture.calibration.bundle_adjustment import Bundle
+from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import InputError, ParameterError
 
@@ -33,25 +34,32 @@ def test_edges_of_a_blurred_board_are_wider_whatever_the_direction_of_the_blur(b
         assert find_board(blurred, board).edge > 1.5 * sharp
 
 
+def calibrated(views, board, lens=AUTO):
+    corners = np.stack([view.corners for view in views])
+    camera, poses = guess_camera(corners, board, (640, 480))
+    bundle = Bundle((camera,), poses, board.points, corners[np.newaxis])
+    return adjust_lens(bundle, np.ones(len(views), dtype=np.bool_), lens)
+
+
 def test_one_camera_is_found_without_the_view_that_does_not_fit(seen_pairs, board):
     views = [left for left, _ in seen_pairs(10, noise=0.1)]
     views[3].corners[:5] += 4.0  # five corners that slipped
-    found = calibrate_camera(views, board, (640, 480))
+    found = calibrated(views, board)
     truth = reference_rig().left
     assert np.flatnonzero(~found.kept).tolist() == [3]
-    error = (found.camera.matrix - truth.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]]
-    assert (np.abs(error) < 5 * found.std[:4]).all()
+    error = (found.adjusted.bundle.cameras[0].matrix - truth.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]]
+    assert (np.abs(error) < 5 * np.sqrt(np.diag(found.adjusted.covariance))[:4]).all()
 
 
 def test_a_lens_of_no_known_name_is_refused(seen_pairs, board):
     views = [left for left, _ in seen_pairs(4, noise=0.1)]
     with pytest.raises(ParameterError, match="auto, radial, tangential, full"):
-        calibrate_camera(views, board, (640, 480), lens="fisheye")
+        calibrated(views, board, "fisheye")
 
 
 def test_two_views_are_too_few(seen_pairs, board):
     with pytest.raises(InputError, match="at least 3"):
-        calibrate_camera([left for left, _ in seen_pairs(2, noise=0.1)], board, (640, 480))
+        calibrated([left for left, _ in seen_pairs(2, noise=0.1)], board)
 
 
 def test_boards_are_read_from_text():

@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.capture.markers.candidates import BallTracks, CandidateStore
 from skelgen.capture.markers.correspondences import track_pairs
-from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
 from skelgen.geometry.rotations import matrix_from_vector

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.detection import detect_balls
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import (
     RenderParameters,

@@ -71,7 +71,7 @@ def test_joints_are_named_once_between_two_targets(qtbot, requests):
     names(qtbot, requests, "elbow", "upper arm", "lower arm")
     names(qtbot, requests, "elbow", "torso", "lower arm")
     assert requests.requests == (JointRequest("elbow", "upper arm", "lower arm"),)
-    assert requests.table.item(0, 3).text() == "kind is found"
+    assert requests.table.item(0, 3).text() == "type is found"
 
 
 def test_joints_of_targets_that_are_gone_go_with_them(qtbot, requests):

@@ -12,7 +12,7 @@ from skelgen_gui.model.matrix import Region, cell_sentence
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.theme import colour_of_limb, theme_palette
 
-from skelgen.app.drawing.matrix import find_deviation_matrix
+from skelgen.app.drawing.measures import find_deviation_matrix
 from skelgen.model import Project
 
 

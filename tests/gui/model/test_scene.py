@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.model.floor import find_floor, round_step
-from skelgen_gui.model.lines import N_AGES, trail_lines
-from skelgen_gui.model.picking import BONE, JOINT, MARKER, Pick, distances_to_lines, markers_within, pick
-from skelgen_gui.model.picture import Canvas, take_picture
+from skelgen_gui.model.picture import N_AGES, Canvas, take_picture, trail_lines
 from skelgen_gui.model.scene import Scene, State, joint_covariances
+from skelgen_gui.model.selection import BONE, JOINT, MARKER, Pick, distances_to_lines, markers_within, pick
+from skelgen_gui.model.view_camera import find_floor, round_step
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import DOWN, Viewpoint
 

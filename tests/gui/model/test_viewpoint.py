@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from skelgen_gui.model.lines import frustum
+from skelgen_gui.model.cameras import frustum
 from skelgen_gui.model.viewpoint import BORDER, DOWN, FIT_MARGIN, Viewpoint, sign_of
 
 SIZE = (900, 700)

@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QEvent, QObject, QPointF
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.model.lines import frustum
+from skelgen_gui.model.cameras import frustum
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import DOWN

@@ -7,8 +7,14 @@ from collections import Counter
 import pytest
 from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QMainWindow, QToolBar
-from skelgen_gui.widgets.dialogs import ShortcutsDialog
-from skelgen_gui.widgets.shortcuts import COMMANDS, SEPARATOR, fill_menu_bar, fill_tool_bar, make_actions
+from skelgen_gui.widgets.shortcuts import (
+    COMMANDS,
+    SEPARATOR,
+    ShortcutsDialog,
+    fill_menu_bar,
+    fill_tool_bar,
+    make_actions,
+)
 
 ALL = [command for command in COMMANDS if command.id != SEPARATOR]
 

@@ -188,7 +188,7 @@ def test_named_joints_have_their_names_and_kinds(qtbot, page, takes, clicks, arm
     qtbot.waitUntil(lambda: requests.parent_box.count() == 3, timeout=WAIT)
     for name, parent, child, kind in (
         ("shoulder", "torso", "upper arm", "ball"),
-        ("elbow", "upper arm", "lower arm", "kind is found"),
+        ("elbow", "upper arm", "lower arm", "type is found"),
         ("wrist", "lower arm", "torso", "hinge"),
     ):
         qtbot.keyClicks(requests.name, name)

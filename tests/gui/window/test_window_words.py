@@ -25,7 +25,7 @@ from skelgen_gui.widgets.errors import sentence_of
 
 from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing.graph import find_cost_graph
-from skelgen.app.drawing.matrix import find_deviation_matrix
+from skelgen.app.drawing.measures import find_deviation_matrix
 from skelgen.model.project import STAGES
 
 COMPUTED = {"What is open", "What came out of this step", "What will be written"}

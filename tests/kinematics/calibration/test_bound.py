@@ -9,9 +9,8 @@ from skelgen.evaluation.bound import true_chain as chain_of_truth
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.calibration.uncertainty import cramer_rao_bound, expected_distance
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import ChainPoses
+from skelgen.kinematics.chain.chain import ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, total_information
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.simulation import simulate
 
 STEP = 1e-6
@@ -84,7 +83,7 @@ def test_bound_lacks_only_free_frames_and_places_along_hinges(tree):
     scale = np.sqrt(np.diag(information))
     values = np.linalg.eigvalsh(information / np.outer(scale, scale))
     free = {"ball": 3, "universal": 1, "hinge": 2}
-    n_free = 3 + sum(free[kind] for kind in articulation.kinds)  # three shifts of the root
+    n_free = 3 + sum(free[kind] for kind in articulation.types)  # three shifts of the root
     assert values[n_free - 1] < 1e-8 * values[-1] < values[n_free]
 
 
@@ -94,7 +93,7 @@ def test_bound_grows_with_the_noise_and_falls_with_constraints(tree):
     louder = cramer_rao_bound(observed(chain, articulation, poses, case.take.positions), 1.0)
     free = cramer_rao_bound(observed(chain, Articulation.free(chain.n_limbs), poses, case.take.positions), 0.5)
     np.testing.assert_allclose(louder.distance, 2 * held.distance, rtol=1e-3)
-    balls = np.array([kind == "ball" for kind in articulation.kinds])
+    balls = np.array([kind == "ball" for kind in articulation.types])
     balls[0] = False  # the root has no joint
     assert (held.distance[:, balls] <= free.distance[:, balls] * (1 + 1e-6)).all()
 
@@ -104,8 +103,8 @@ def test_fit_of_the_whole_chain_reaches_the_bound(tree):
     bound = cramer_rao_bound(observed(chain, articulation, poses, case.take.positions), 0.5)
     found = calibrate(chain, poses, case.take.positions, articulation=articulation)
     gap = (found.poses.origins(found.chain) - poses.origins(chain))[:, 1:]
-    error = np.linalg.norm(gap[:, [kind != "hinge" for kind in articulation.kinds[1:]]], axis=2).mean()
-    smallest = bound.distance[:, [kind != "hinge" for kind in articulation.kinds]][:, 1:].mean()
+    error = np.linalg.norm(gap[:, [kind != "hinge" for kind in articulation.types[1:]]], axis=2).mean()
+    smallest = bound.distance[:, [kind != "hinge" for kind in articulation.types]][:, 1:].mean()
     assert error < REACH * smallest
 
 

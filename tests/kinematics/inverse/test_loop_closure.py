@@ -7,8 +7,7 @@ import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import ChainPoses
-from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.chain.chain import ChainPoses, observed
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_poses
 
 STEP = 1e-5  # mm and rad; central differences err by its square

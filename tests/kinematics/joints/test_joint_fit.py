@@ -7,16 +7,16 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import fit_ball, fit_hinge, fit_rigid, fit_universal
-from skelgen.kinematics.bodies.relative_poses import relative_poses
+from skelgen.kinematics import fit_joint
+from skelgen.kinematics.joints.relative_poses import relative_poses
 
-FITS = {"ball": fit_ball, "hinge": fit_hinge, "universal": fit_universal, "rigid": fit_rigid}
+TYPES = ("ball", "hinge", "universal", "rigid")
 EXACT = 1e-6  # mm, rad
 COVERAGE = (0.90, 0.98)  # of 95 % intervals, over all coordinates
 N_TAKES = 60  # with 3 coordinates or more: the coverage is known to some 2 %
 RMS_TOLERANCE = 0.15  # relative, of a root mean square over so many takes
 
-by_kind = pytest.mark.parametrize("kind", FITS)
+by_kind = pytest.mark.parametrize("kind", TYPES)
 turning = pytest.mark.parametrize("kind", ["ball", "hinge", "universal"])
 known = pytest.mark.parametrize("is_known", [True, False], ids=["covariances", "poses alone"])
 
@@ -32,7 +32,7 @@ def fitted(tracked_joint):
             cases = [tracked_joint(kind, seed, **options) for seed in range(n_takes)]
             covariances = [case.covariances if is_known else None for case in cases]
             done[key] = [
-                (case, FITS[kind](case.poses, "upper", "lower", one))
+                (case, fit_joint(kind, case.poses, "upper", "lower", one))
                 for case, one in zip(cases, covariances, strict=True)
             ]
         return done[key]
@@ -63,7 +63,7 @@ def same_way(axis, wanted):
 @turning
 def test_exact_poses_give_the_exact_joint(tracked_joint, kind):
     case = tracked_joint(kind, noise=0.0)
-    fit = FITS[kind](case.poses, "upper", "lower")
+    fit = fit_joint(kind, case.poses, "upper", "lower")
     assert np.abs(errors(kind, case, fit)[0]).max() < EXACT
     assert fit.gap < EXACT
 
@@ -71,7 +71,7 @@ def test_exact_poses_give_the_exact_joint(tracked_joint, kind):
 @pytest.mark.parametrize("kind", ["hinge", "universal"])
 def test_exact_poses_give_the_exact_axes(tracked_joint, kind):
     case = tracked_joint(kind, noise=0.0)
-    fit = FITS[kind](case.poses, "upper", "lower")
+    fit = fit_joint(kind, case.poses, "upper", "lower")
     np.testing.assert_allclose(same_way(fit.axis_in_parent, case.first), case.first, atol=EXACT)
     np.testing.assert_allclose(same_way(fit.axis_in_child, case.second), case.second, atol=EXACT)
 
@@ -135,7 +135,7 @@ def test_a_hinge_taken_for_a_ball_is_not_sure_of_its_place_along_the_axis(tracke
     inside = []
     for seed in range(20):
         case = tracked_joint("hinge", seed)
-        fit = fit_ball(case.poses, "upper", "lower", case.covariances)
+        fit = fit_joint("ball", case.poses, "upper", "lower", case.covariances)
         error = (fit.in_parent - case.in_parent) @ case.first
         inside.append(abs(error) < 1.96 * np.sqrt(case.first @ fit.covariance[:3, :3] @ case.first))
     assert np.mean(inside) >= COVERAGE[0]
@@ -143,7 +143,7 @@ def test_a_hinge_taken_for_a_ball_is_not_sure_of_its_place_along_the_axis(tracke
 
 def test_what_no_frame_tells_is_stated_as_unknown(tracked_joint):
     case = tracked_joint("hinge", noise=0.0)
-    fit = fit_ball(case.poses, "upper", "lower")
+    fit = fit_joint("ball", case.poses, "upper", "lower")
     both = np.concatenate([case.first, case.second]) / np.sqrt(2)
     assert np.sqrt(both @ fit.covariance @ both) > 500  # mm
     across = np.cross(case.first, [1.0, 0.0, 0.0])
@@ -184,7 +184,7 @@ def test_rigid_bodies_keep_their_relative_pose(fitted):
 
 
 def test_frames_of_a_hinge_follow_the_convention(tracked_joint):
-    fit = fit_hinge(tracked_joint("hinge").poses, "upper", "lower")
+    fit = fit_joint("hinge", tracked_joint("hinge").poses, "upper", "lower")
     for frame in (fit.parent_from_joint, fit.child_from_joint):
         np.testing.assert_allclose(frame[:3, :3] @ frame[:3, :3].T, np.eye(3), atol=1e-12)
         assert np.linalg.det(frame[:3, :3]) == pytest.approx(1)
@@ -197,7 +197,7 @@ def test_frames_of_a_hinge_follow_the_convention(tracked_joint):
 @pytest.mark.parametrize("kind", ["hinge", "universal"])
 def test_frames_and_angles_reproduce_the_relative_rotation(tracked_joint, kind):
     case = tracked_joint(kind, noise=0.0)
-    fit = FITS[kind](case.poses, "upper", "lower")
+    fit = fit_joint(kind, case.poses, "upper", "lower")
     along = np.array([0.0, 0.0, 1.0])
     turn = matrix_from_vector(fit.angles[:, :1] * along)
     if kind == "universal":
@@ -209,7 +209,7 @@ def test_frames_and_angles_reproduce_the_relative_rotation(tracked_joint, kind):
 
 @turning
 def test_singular_values_tell_how_many_axes_turn(tracked_joint, kind):
-    fit = FITS[kind](tracked_joint(kind, noise=0.0).poses, "upper", "lower")
+    fit = fit_joint(kind, tracked_joint(kind, noise=0.0).poses, "upper", "lower")
     assert (np.diff(fit.singular_values) <= 0).all()
     assert (fit.singular_values[-1] < EXACT) == (kind == "hinge")
 
@@ -217,7 +217,7 @@ def test_singular_values_tell_how_many_axes_turn(tracked_joint, kind):
 @by_kind
 def test_exchanged_bodies_give_the_exchanged_joint(tracked_joint, kind):
     poses = tracked_joint(kind).poses
-    one, other = FITS[kind](poses, 0, 1), FITS[kind](poses, 1, 0)
+    one, other = fit_joint(kind, poses, 0, 1), fit_joint(kind, poses, 1, 0)
     if kind != "rigid":
         np.testing.assert_allclose(one.in_parent, other.in_child, atol=0.1)  # mm: weighed from one side
     assert one.noise == pytest.approx(other.noise, rel=1e-2)
@@ -227,7 +227,7 @@ def test_unseen_frames_have_no_angle(tracked_joint):
     case = tracked_joint("hinge")
     world = np.array(case.poses.world_from_body)
     world[3, 0], world[7, 1] = np.nan, np.nan
-    fit = fit_hinge(type(case.poses)(world, case.poses.names, 30.0), 0, 1)
+    fit = fit_joint("hinge", type(case.poses)(world, case.poses.names, 30.0), 0, 1)
     assert np.flatnonzero(np.isnan(fit.angles[:, 0])).tolist() == [3, 7]
     assert len(fit.frames) == 198
 
@@ -239,14 +239,14 @@ def test_errors_that_last_make_the_joint_less_sure(tracked_joint):
     for each in (1, 20):
         world = np.array(case.poses.world_from_body)
         world[:, 1, :3, 3] += np.repeat(random.normal(size=(200 // each, 3)), each, axis=0)
-        stds.append(fit_ball(type(case.poses)(world, case.poses.names, 30.0), 0, 1, size=100.0).std.mean())
+        stds.append(fit_joint("ball", type(case.poses)(world, case.poses.names, 30.0), 0, 1, size=100.0).std.mean())
     assert stds[1] > 2 * stds[0]  # at most the root of 20
 
 
 @pytest.mark.parametrize("bodies", [(0, 0), (0, 2), ("upper", "middle"), (-1, 0)])
 def test_wrong_bodies_are_refused(tracked_joint, bodies):
     with pytest.raises(InputError):
-        fit_ball(tracked_joint("ball").poses, *bodies)
+        fit_joint("ball", tracked_joint("ball").poses, *bodies)
 
 
 def test_bodies_never_seen_together_are_refused(tracked_joint):
@@ -254,9 +254,9 @@ def test_bodies_never_seen_together_are_refused(tracked_joint):
     world = np.array(case.poses.world_from_body)
     world[:100, 0], world[100:, 1] = np.nan, np.nan
     with pytest.raises(InputError, match="0 frames"):
-        fit_ball(type(case.poses)(world, case.poses.names, 30.0), 0, 1)
+        fit_joint("ball", type(case.poses)(world, case.poses.names, 30.0), 0, 1)
 
 
 def test_covariances_of_another_shape_are_refused(tracked_joint):
     with pytest.raises(InputError, match="covariances"):
-        fit_ball(tracked_joint("ball").poses, 0, 1, np.eye(6)[np.newaxis])
+        fit_joint("ball", tracked_joint("ball").poses, 0, 1, np.eye(6)[np.newaxis])

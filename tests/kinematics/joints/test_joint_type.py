@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.joints.joint_type import KindLimits, find_kind
+from skelgen.kinematics.joints.joint_type import TypeLimits, find_joint_type
 
 N_FRAMES = 500
 AXIS, SECOND = np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0])
@@ -21,7 +21,7 @@ def found(vectors, noise=ROUNDING, seed=0, limits=None, wanted=None):
     exact = matrix_from_vector(vectors) if vectors.ndim == 2 else vectors
     shaken = matrix_from_vector(np.random.default_rng(seed).normal(size=(len(exact), 3)) * noise)
     covariances = np.tile(np.eye(3) * noise**2, (len(exact), 1, 1))
-    return find_kind(exact @ shaken, covariances, FREEDOMS, limits, wanted)
+    return find_joint_type(exact @ shaken, covariances, FREEDOMS, limits, wanted)
 
 
 def wave(size, speed):
@@ -64,7 +64,7 @@ def test_turn_about_all_axes_is_a_ball(noise):
 
 @pytest.mark.parametrize(("vectors", "kind"), [(wave(0.5, 20) * AXIS, "hinge"), (np.zeros((N_FRAMES, 3)), "rigid")])
 def test_exact_rotations_with_no_stated_noise_are_told(vectors, kind):
-    assert find_kind(matrix_from_vector(vectors), np.zeros((N_FRAMES, 3, 3)), FREEDOMS).kind == kind
+    assert find_joint_type(matrix_from_vector(vectors), np.zeros((N_FRAMES, 3, 3)), FREEDOMS).kind == kind
 
 
 @NOISES
@@ -83,7 +83,7 @@ def test_noise_as_large_as_the_turn_leaves_the_kind_undetermined(bend):
 def test_errors_that_last_count_as_few(bend):
     lasting = np.repeat(np.random.default_rng(1).normal(size=(N_FRAMES // 25, 3)) * 0.03, 25, axis=0)
     rotations = matrix_from_vector(bend) @ matrix_from_vector(lasting)
-    kind = find_kind(rotations, np.tile(np.eye(3) * 0.02**2, (N_FRAMES, 1, 1)), FREEDOMS)
+    kind = find_joint_type(rotations, np.tile(np.eye(3) * 0.02**2, (N_FRAMES, 1, 1)), FREEDOMS)
     assert kind.type_fits["hinge"].limit > 1.8  # as of some twenty frames
     assert kind.kind == "hinge"
 
@@ -98,7 +98,7 @@ def test_wobble_within_the_limit_stays_a_hinge(bend):
 
 def test_wobble_beyond_a_stricter_limit_is_no_hinge(bend):
     rotations = matrix_from_vector(bend) @ matrix_from_vector(wave(0.05, 40) * SECOND)
-    assert found(rotations, limits=KindLimits(wobble_share=0.01)).kind == "universal"
+    assert found(rotations, limits=TypeLimits(wobble_share=0.01)).kind == "universal"
 
 
 @pytest.mark.parametrize("wanted", ["rigid", "hinge", "universal", "ball"])

@@ -86,7 +86,7 @@ def test_determined_place_is_not_talked_about(joined):
 
 def test_joint_whose_kind_nothing_tells_says_so(joined):
     said = joined("undetermined", (5, 3, 2), [1, 1, 1]).sentence
-    assert said == "the joint between limb 0 and 1 turns too little to tell its kind"
+    assert said == "the joint between limb 0 and 1 turns too little to tell its type"
 
 
 def test_joint_without_frames_that_show_it_has_no_range():

@@ -10,11 +10,10 @@ import pytest
 from skelgen.evaluation.joints import joint_distances
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, reduced_information
-from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
-from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
-from skelgen.kinematics.soft_tissue.normal_equations import soft_tissue_equations
+from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest, soft_tissue_equations
 
 TISSUE = 3.0  # mm, per coordinate; half of its variance follows the flexions
 N_FRAMES = 600
@@ -53,7 +52,7 @@ def test_joints_are_nearer_to_the_truth_without_the_displacements(tissue):
         settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration
         before.append(joint_errors(case, last).mean())
         after.append(joint_errors(case, settled).mean())
-    assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all kinds free
+    assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all types free
 
 
 def test_information_of_joints_is_less_where_markers_may_slide(tissue):

@@ -9,7 +9,7 @@ from skelgen.model import PointCloud
 from skelgen.stages.classic.aligned_distances import Alignment, find_distances
 from skelgen.stages.classic.marker_sets import cut_spectrally, join_nearest
 from skelgen.stages.labels import LabelParameters
-from skelgen.stages.labels.tracking.tracklets import find_tracklets
+from skelgen.stages.labels.tracking.follow import find_tracklets
 
 RATE = 100.0
 # Distances of rigid bodies are 0 up to the rounding of coordinates of some 1000 mm.

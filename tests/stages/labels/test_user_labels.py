@@ -16,12 +16,16 @@ from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.cli import main
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Identities, Identity, PointCloud, Project, Trajectories
-from skelgen.model.corrections import identities_of
 from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.labels.point_labels import find_points
 from skelgen.stages.labels.user_labels.statements import ANYBODY, NOBODY, find_constraints, most_doubtful_link
 
 METHODS = ("sets", "rigidity")
+
+
+def identities_of(named):
+    """Identities from (name, frame, position [mm])."""
+    return Identities(tuple(Identity(name, frame, tuple(map(float, at))) for name, frame, at in named))
 
 
 @pytest.fixture(scope="module")

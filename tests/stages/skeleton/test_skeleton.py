@@ -369,7 +369,7 @@ def test_known_kinds_are_obeyed(simulated, reconstructed, kinds):
     parameters = SkeletonParameters(kinds=kinds)
     skeleton, _ = fit_skeleton(project.trajectories, project.limbs, project.topology, parameters)
     for joint in skeleton.joints:
-        wanted = parameters.stated_kind(joint.child)
+        wanted = parameters.stated_type(joint.child)
         assert wanted is None or joint.kind == wanted
 
 
@@ -385,3 +385,7 @@ def test_limbs_that_never_move_against_each_other_are_rigid_or_undetermined(simu
     skeleton, motion = fit_skeleton(case.take, limbs, find_joints(case.take, limbs))
     assert {joint.kind for joint in skeleton.joints} <= {"rigid", "undetermined"}
     assert np.isfinite(motion.joint_positions).all()
+
+
+def test_settings_of_earlier_versions_are_read_and_change_nothing():
+    assert SkeletonParameters.from_mapping({"rank_tolerance": 1e-6, "robust": 5.0}) == SkeletonParameters(robust=5.0)

@@ -1,7 +1,5 @@
 """The IEEE 1394 bus: which cameras are on it, what both can do, and both started on one frame."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
@@ -11,7 +9,7 @@ from pathlib import Path
 from skelgen.capture.sources.firewire import library as dc
 from skelgen.capture.sources.firewire.camera import FireWireCamera, Modes, Setting
 from skelgen.capture.sources.pairs import LivePairs, OpenPair
-from skelgen.capture.sources.text import FireWireOptions, check_two_cameras
+from skelgen.capture.sources.table import FireWireOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "firewire:00accef000001000,00accef000001001"

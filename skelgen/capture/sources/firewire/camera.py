@@ -1,7 +1,5 @@
 """One IIDC camera on an IEEE 1394 bus: settings within its boundaries, a ring of images, time-outs."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

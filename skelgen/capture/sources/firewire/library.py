@@ -3,8 +3,6 @@
 The layouts have not changed since 2.2.0 (soname 22 to 26). Nothing here decides anything; see `camera`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import functools

@@ -84,7 +84,7 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
         meeting = seen_at_once(cloud, extended, n_extended)
         meeting[:n_markers, :n_markers] = False
         apart |= meeting
-    merged = merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
+    merged = _merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
@@ -131,7 +131,7 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     return together
 
 
-def merge_across_pauses(record: DistanceRecord) -> Ints:
+def _merge_across_pauses(record: DistanceRecord) -> Ints:
     """Merge what is likely one marker, also across pauses in which nothing was seen.
 
     Parameters

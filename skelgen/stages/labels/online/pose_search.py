@@ -1,4 +1,4 @@
-"""Search without knowledge of the frame before: the pose of a known skeleton, or a rigid group of lost markers.
+"""Search without knowledge of the frame before: the pose of the subject, or a rigid group of lost markers.
 
 For each limb, three of its markers are searched among the points by their distances; each match is a candidate pose,
 scored by its log likelihood over chance. The best combination of candidates whose joints agree is found exactly, by

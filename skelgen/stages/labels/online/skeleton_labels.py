@@ -1,4 +1,4 @@
-"""Labels by a known skeleton: its pose predicts every marker, and tracks keep labels from frame to frame."""
+"""Labels by the skeleton of a subject: its pose predicts every marker, and tracks keep labels from frame to frame."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -32,7 +32,7 @@ CLEARLY_MORE = 2
 
 
 class SkeletonLabels:
-    """Labels of points by a known skeleton; a label is the index of the skeleton's marker.
+    """Labels of points by the skeleton of a subject; a label is the index of the skeleton's marker.
 
     Parameters
     ----------

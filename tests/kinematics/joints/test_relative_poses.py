@@ -7,14 +7,14 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.bodies.relative_poses import (
+from skelgen.kinematics.chain.schur_complement import effective_frames, effective_frames_of_both
+from skelgen.kinematics.joints.relative_poses import (
     BODY_SIZE,
     default_covariance,
     noise_size,
     pose_covariance,
     relative_poses,
 )
-from skelgen.kinematics.chain.schur_complement import effective_frames, effective_frames_of_both
 from skelgen.model import Poses
 
 

@@ -9,8 +9,6 @@ The jerk adapts to the motion, for rotation and shift apart: innovations that ar
 ones lower it. So a body at rest is smoothed more than one that is waved about.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -12,8 +12,6 @@ bodies' poses. Where nothing is known of the poses' errors, each body is represe
 sides of its origin: then the fit minimises the symmetric reprojection error (Gaschler 2011, eq. 5.5).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,12 +1,36 @@
-"""Read settings: first every name against a table of what a file may hold, then the values; errors name the line."""
+"""Settings of the stereo capture in one XML file: cameras, noise, bodies, joints, source and detection.
 
-from __future__ import annotations
+The calibrations write it and ``skelgen motion-capture`` reads it. Lengths are in mm, pixels count from the centre of
+the first one, matrices are written row by row; ``a_from_b`` turns coordinates of b into those of a. The left camera's
+frame is the world unless its ``camera_from_world`` says otherwise::
+
+    <capture version="1" unit="mm">
+      <source>recording/</source>
+      <rig noise="0.1">
+        <left name="left" width="640" height="480">
+          <matrix>...9 numbers...</matrix>
+          <distortion>k1 k2 p1 p2 k3</distortion>
+          <camera_from_world>...16 numbers...</camera_from_world>
+        </left>
+        <right ...>...</right>
+      </rig>
+      <detection><parameter name="..." value="..."/></detection>
+      <body name="upper"><point std="0.1 0.1 0.1">0 0 0</point>...</body>
+      <joint name="elbow" kind="hinge" parent="upper" child="lower">
+        <parent_from_joint>...16 numbers...</parent_from_joint>
+        <child_from_joint>...16 numbers...</child_from_joint>
+      </joint>
+    </capture>
+
+Every name is checked: what is unknown, missing or twice there is refused with file, line and what is allowed.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -14,20 +38,25 @@ from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.xml_files import closest_first, read_root
+from skelgen_formats.text import closest_first, read_root, write_lines
+
+__all__ = [
+    "read_settings",
+    "write_settings",
+]
 
 ROOT = "capture"
 VERSION = "1"
 UNIT = "mm"
 FILE_NAME = "settings.xml"
-LARGEST_FILE = 1 << 22
+_LARGEST_FILE = 1 << 22
 """Bytes; a hundred bodies of ten points take 100 kB."""
 
 LEFT, RIGHT = "left", "right"
 
-ONE = "exactly one"
-AT_MOST_ONE = "at most one"
-ANY = "any number"
+_ONE = "exactly one"
+_AT_MOST_ONE = "at most one"
+_ANY = "any number"
 
 
 @dataclass(frozen=True)
@@ -39,7 +68,7 @@ class Element:
     required, optional : tuple of str
         Names of attributes.
     children : mapping of str to str
-        Names of elements, and how many of them: `ONE`, `AT_MOST_ONE` or `ANY`.
+        Names of elements, and how many of them: `_ONE`, `_AT_MOST_ONE` or `_ANY`.
     numbers : int
         Numbers that its text holds; 0 for elements whose text is not of numbers.
     """
@@ -53,29 +82,29 @@ class Element:
 _CAMERA = Element(
     required=("width", "height"),
     optional=("name",),
-    children={"matrix": ONE, "distortion": ONE, "camera_from_world": ONE},
+    children={"matrix": _ONE, "distortion": _ONE, "camera_from_world": _ONE},
 )
 _POSE = Element(numbers=16)
 _PLACED = Element(optional=("std", "axis_std"), numbers=16)
 
-LAYOUT: Mapping[str, Element] = {
+_LAYOUT: Mapping[str, Element] = {
     ROOT: Element(
         required=("version", "unit"),
-        children={"source": AT_MOST_ONE, "rig": ONE, "detection": AT_MOST_ONE, "body": ANY, "joint": ANY},
+        children={"source": _AT_MOST_ONE, "rig": _ONE, "detection": _AT_MOST_ONE, "body": _ANY, "joint": _ANY},
     ),
     "source": Element(),
-    "rig": Element(required=("noise",), children={LEFT: ONE, RIGHT: ONE}),
+    "rig": Element(required=("noise",), children={LEFT: _ONE, RIGHT: _ONE}),
     LEFT: _CAMERA,
     RIGHT: _CAMERA,
     "matrix": Element(numbers=9),
     "distortion": Element(numbers=5),
     "camera_from_world": _POSE,
-    "detection": Element(children={"parameter": ANY}),
+    "detection": Element(children={"parameter": _ANY}),
     "parameter": Element(required=("name", "value")),
-    "body": Element(required=("name",), children={"point": ANY}),
+    "body": Element(required=("name",), children={"point": _ANY}),
     "point": Element(optional=("std",), numbers=3),
     "joint": Element(
-        required=("name", "kind", "parent", "child"), children={"parent_from_joint": ONE, "child_from_joint": ONE}
+        required=("name", "kind", "parent", "child"), children={"parent_from_joint": _ONE, "child_from_joint": _ONE}
     ),
     "parent_from_joint": _PLACED,
     "child_from_joint": _PLACED,
@@ -108,7 +137,7 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
         value is not what it must be; the sentence says file, line and what is allowed.
     """
     path = Path(path)
-    root = read_root(path, ROOT, FILE_NAME, LARGEST_FILE)
+    root = read_root(path, ROOT, FILE_NAME, _LARGEST_FILE)
     _check_names(path, root)
     for name, wanted in (("version", VERSION), ("unit", UNIT)):
         if root.get(name) != wanted:
@@ -126,7 +155,7 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
 
 def _check_names(path: Path, element: Any) -> None:
     """Refuse attributes, elements and text that the layout does not know, and miss those that it demands."""
-    known = LAYOUT[element.tag]
+    known = _LAYOUT[element.tag]
     allowed = (*known.required, *known.optional)
     for name in element.attrib:
         if name not in allowed:
@@ -147,9 +176,9 @@ def _check_counts(path: Path, element: Any, known: Element) -> None:
         raise _error(path, element, f"<{element.tag}> holds text between its elements; {_holds('', known)}")
     for name, count in known.children.items():
         found = element.findall(name)
-        if count == ONE and not found:
+        if count == _ONE and not found:
             raise _error(path, element, f"<{element.tag}> lacks <{name}>; {_holds(name, known)}")
-        if count != ANY and len(found) > 1:
+        if count != _ANY and len(found) > 1:
             line = found[0].sourceline
             raise _error(path, found[1], f"a second <{name}> in <{element.tag}>, the first is in line {line}; keep one")
 
@@ -171,7 +200,7 @@ def _body(path: Path, element: Any) -> BodyTarget:
 
 
 def _joint(path: Path, element: Any, bodies: list[str]) -> TargetJoint:
-    name, kind, parent, child = (element.get(key) for key in LAYOUT["joint"].required)
+    name, kind, parent, child = (element.get(key) for key in _LAYOUT["joint"].required)
     for role, body in (("parent", parent), ("child", child)):
         if body not in bodies:
             known = ", ".join(closest_first(body, bodies)) or "none"
@@ -221,7 +250,7 @@ def _distinct(path: Path, elements: Iterable[Any]) -> list[Any]:
 
 
 def _numbers(path: Path, element: Any) -> Floats:
-    return _parsed(path, element, f"<{element.tag}>", element.text or "", LAYOUT[element.tag].numbers)
+    return _parsed(path, element, f"<{element.tag}>", element.text or "", _LAYOUT[element.tag].numbers)
 
 
 def _attribute_numbers(path: Path, element: Any, name: str, count: int) -> Floats:
@@ -281,3 +310,80 @@ def _holds(name: str, known: Element) -> str:
 
 def _error(path: Path, element: Any, what: str) -> FormatError:
     return FormatError(path, element.sourceline or "", what)
+
+
+_COMMENT = (
+    "lengths in mm, images in px, angles in rad; a_from_b turns coordinates of b into those of a; std as measured"
+)
+
+
+def write_settings(settings: CaptureSettings, path: Path | str) -> None:
+    """Write the settings of a stereo capture; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What to write.
+    path : Path or str
+        The file.
+
+    Raises
+    ------
+    WriteError
+        If a name holds a character that XML forbids, or the file cannot be written.
+    """
+    write_lines(Path(path), [f'<{ROOT} version="{VERSION}" unit="{UNIT}">', *_inside(settings), f"</{ROOT}>"])
+
+
+def _inside(settings: CaptureSettings) -> Iterator[str]:
+    yield f"  <!-- {_COMMENT} -->"
+    if settings.source:
+        yield f"  <source>{escape(settings.source)}</source>"
+    yield f'  <rig noise="{float(settings.rig.noise)!r}">'
+    yield from _camera_lines(LEFT, settings.rig.left)
+    yield from _camera_lines(RIGHT, settings.rig.right)
+    yield "  </rig>"
+    if settings.detection:
+        yield "  <detection>"
+        for name, value in settings.detection.items():
+            yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
+        yield "  </detection>"
+    for body in settings.bodies:
+        yield f"  <body name={quoteattr(body.name)}>"
+        for point, std in zip(body.points, np.asarray(body.std), strict=True):
+            yield f'    <point std="{_text(std)}">{_text(point)}</point>'
+        yield "  </body>"
+    for joint in settings.joints:
+        ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
+        yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
+        for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
+            std = f' std="{_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
+            yield from _matrix("    ", tag, std, getattr(joint, tag))
+        yield "  </joint>"
+
+
+def _parameter(value: ParameterValue) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return repr(float(value))  # NumPy's call themselves by their type
+    return str(value)
+
+
+def _camera_lines(side: str, camera: Camera) -> Iterator[str]:
+    yield f'    <{side} name={quoteattr(camera.name)} width="{camera.width}" height="{camera.height}">'
+    yield from _matrix("      ", "matrix", "", camera.matrix)
+    yield f"      <distortion>{_text(camera.distortion)}</distortion>"
+    yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
+    yield f"    </{side}>"
+
+
+def _matrix(indent: str, tag: str, attributes: str, matrix: Floats) -> Iterator[str]:
+    yield f"{indent}<{tag}{attributes}>"
+    for row in matrix:
+        yield f"{indent}  {_text(row)}"
+    yield f"{indent}</{tag}>"
+
+
+def _text(numbers: Floats) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

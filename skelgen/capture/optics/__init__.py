@@ -1,1 +1,0 @@
-"""From pixels to points in space and back: lens, epipolar geometry, optimal triangulation with its covariance."""

@@ -1,9 +1,0 @@
-"""Seeded random numbers for the tests of optics."""
-
-import numpy as np
-import pytest
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(6)
