@@ -35,8 +35,8 @@ class FormatError(SkelgenError):
     def __init__(self, path: Path | str, place: str | int, what: str) -> None:
         self.path = Path(path)
         self.place = place
-        where = f"{path}:{place}" if place != "" else f"{path}"
-        Exception.__init__(self, f"{where}: {shortened(what)}")  # names of files are not cut
+        where = f"{place}: " if place != "" else " "
+        Exception.__init__(self, f"{path}:{shortened(where + what)}")  # the name of the file is not cut
 
 
 class InputError(SkelgenError):
@@ -77,7 +77,10 @@ _LONGEST, _CUT = 300, " [...] "
 
 
 def shortened(sentence: str) -> str:
-    """Return a sentence of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+    """Return one line of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+    if not sentence.isprintable():  # ends of lines, and what a foreign file could tell a terminal to do
+        parts = " ".join(part.strip() for part in sentence.splitlines())
+        sentence = "".join(character if character.isprintable() else "?" for character in parts)
     if len(sentence) <= _LONGEST:
         return sentence
     behind = _LONGEST // 2

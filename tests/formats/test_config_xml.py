@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -196,3 +197,12 @@ def test_mutated_file_is_read_or_a_skelgen_error(tmp_path, at, length, patch):
         read_config(path, STAGES)
     except SkelgenError as error:
         assert "config.xml" in str(error)
+
+
+def test_name_of_a_megabyte_is_refused_in_no_time(tmp_path):
+    path = tmp_path / "config.xml"
+    path.write_text(f"<Parameters><{'alpha' * 180_000}/></Parameters>")
+    start = time.perf_counter()
+    with pytest.raises(ParameterError, match="is unknown"):
+        read_config(path, STAGES)
+    assert time.perf_counter() - start < 2.0
