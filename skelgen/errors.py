@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 
@@ -87,7 +88,17 @@ def shortened(sentence: str) -> str:
     return sentence[: _LONGEST - behind - len(_CUT)] + _CUT + sentence[-behind:]
 
 
-def out_of_memory(error: MemoryError) -> str:
-    """Return the sentence on an error that is nobody's fault, but which the user can do something about."""
-    reason = f" ({shortened(str(error))})" if str(error) else ""
-    return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"
+def out_of_memory(error: BaseException) -> str:
+    """Return the sentence on an error that came of too little memory, itself or by one that led to it; else nothing."""
+    seen: list[BaseException] = []
+    at: BaseException | None = error
+    while at is not None and at not in seen:
+        if isinstance(at, MemoryError) or getattr(at, "errno", None) == errno.ENOMEM or _NO_MEMORY in str(at).lower():
+            reason = f" ({shortened(str(at))})" if str(at) else ""
+            return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"
+        seen.append(at)
+        at = at.__cause__ or at.__context__
+    return ""
+
+
+_NO_MEMORY = "cannot allocate memory"  # of libraries that are loaded: the system's words
