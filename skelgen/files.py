@@ -127,9 +127,9 @@ def arriving_together(folder: Path) -> Iterator[Path]:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the checksum of a file's content as a hexadecimal text; raises OSError if it cannot be read."""
+    """Return the checksum of a file's content as a hexadecimal text; errors as of `open_regular`, and OSError."""
     digest = hashlib.sha256()
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         while block := stream.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

@@ -78,6 +78,7 @@ def mutated_bytes(dice: random.Random, content: bytes) -> bytes:
     changed = bytearray(content)
     for _ in range(dice.choice((1, 1, 1, 2, 2, 3, 6))):
         _damage(dice, changed)
+        del changed[MOST_BYTES:]
     return bytes(changed[:MOST_BYTES])
 
 
@@ -114,8 +115,7 @@ def mutated_text(dice: random.Random, content: bytes) -> bytes:
     """Return a text with some tokens or lines replaced, doubled, taken away; sometimes in another encoding."""
     text = content.decode("utf-8", "surrogateescape")
     for _ in range(dice.choice((1, 1, 2, 3, 8))):
-        text = _changed_line(dice, text) if dice.random() < 0.35 else _changed_token(dice, text)
-    text = text[:MOST_BYTES]
+        text = (_changed_line if dice.random() < 0.35 else _changed_token)(dice, text)[:MOST_BYTES]
     encoding = dice.choice(("utf-8",) * 12 + ("utf-8-sig", "utf-16", "latin-1"))
     if dice.random() < 0.05:
         text = text.replace("\n", dice.choice(("\r", "\r\n", "\n\n")))
@@ -137,7 +137,7 @@ def _changed_token(dice: random.Random, text: str) -> str:
         case 3:
             return text[:start] + other + text[end:]
         case 4:
-            return text[:start] + text[start:end] * dice.choice((2, 3, 60, 2000)) + text[end:]
+            return text[:start] + text[start:end][:500] * dice.choice((2, 3, 60, 2000)) + text[end:]
         case _:
             return text[:start] + text[end:]
 
@@ -149,7 +149,7 @@ def _changed_line(dice: random.Random, text: str) -> str:
         case 0:
             del lines[at]
         case 1:
-            lines[at:at] = [lines[at]] * dice.choice((1, 1, 2, 500))
+            lines[at:at] = [lines[at][:2000]] * dice.choice((1, 1, 2, 500))
         case 2:
             lines[at], lines[other] = lines[other], lines[at]
         case 3:
