@@ -1,5 +1,6 @@
 """The errors that skelgen raises on purpose: one root, one sentence each, always with what to do."""
 
+import errno
 from pathlib import Path
 
 
@@ -33,8 +34,8 @@ class FormatError(SkelgenError):
     def __init__(self, path: Path | str, place: str | int, what: str) -> None:
         self.path = Path(path)
         self.place = place
-        where = f"{path}:{place}" if place != "" else f"{path}"
-        Exception.__init__(self, f"{where}: {shortened(what)}")  # names of files are not cut
+        where = f"{place}: " if place != "" else " "
+        Exception.__init__(self, f"{path}:{shortened(where + what)}")  # the name of the file is not cut
 
 
 class InputError(SkelgenError):
@@ -75,14 +76,27 @@ _LONGEST, _CUT = 300, " [...] "
 
 
 def shortened(sentence: str) -> str:
-    """Return a sentence of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+    """Return one line of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+    if not sentence.isprintable():  # ends of lines, and what a foreign file could tell a terminal to do
+        parts = " ".join(part.strip() for part in sentence.splitlines())
+        sentence = "".join(character if character.isprintable() else "?" for character in parts)
     if len(sentence) <= _LONGEST:
         return sentence
     behind = _LONGEST // 2
     return sentence[: _LONGEST - behind - len(_CUT)] + _CUT + sentence[-behind:]
 
 
-def out_of_memory(error: MemoryError) -> str:
-    """Return the sentence on an error that is nobody's fault, but which the user can do something about."""
-    reason = f" ({shortened(str(error))})" if str(error) else ""
-    return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"
+def out_of_memory(error: BaseException) -> str:
+    """Return the sentence on an error that came of too little memory, itself or by one that led to it; else nothing."""
+    seen: list[BaseException] = []
+    at: BaseException | None = error
+    while at is not None and at not in seen:
+        if isinstance(at, MemoryError) or getattr(at, "errno", None) == errno.ENOMEM or _NO_MEMORY in str(at).lower():
+            reason = f" ({shortened(str(at))})" if str(at) else ""
+            return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"
+        seen.append(at)
+        at = at.__cause__ or at.__context__
+    return ""
+
+
+_NO_MEMORY = "cannot allocate memory"  # of libraries that are loaded: the system's words

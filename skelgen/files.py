@@ -4,12 +4,12 @@ import contextlib
 import hashlib
 import os
 import stat
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.interrupts import unfinished, uninterrupted
 
 UNFINISHED = ".skelgen-"
 """Beginning of the names of what is not finished yet: a program that is killed leaves such files and folders."""
@@ -68,24 +68,23 @@ def replacing(path: Path) -> Iterator[Path]:
     >>> Path("walk.txt").read_text()
     'one, two'
     """
-    temporary: Path | None = None
+    folder, created, arrived = path.parent, _missing(path.parent), False
+    beginning, suffix = path.name[:_SHOWN_OF_NAME], path.suffix[:_SHOWN_OF_NAME]  # a name may be as long as it can
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beginning, suffix = path.name[:_SHOWN_OF_NAME], path.suffix[:_SHOWN_OF_NAME]  # a name may be as long as it can
-        handle, name = tempfile.mkstemp(prefix=f"{UNFINISHED}{beginning}.", suffix=suffix, dir=path.parent)
-        os.close(handle)
-        temporary = Path(name)
-        yield temporary
-        _use_ordinary_rights(temporary)
-        temporary.replace(path)
-        temporary = None
+        folder.mkdir(parents=True, exist_ok=True)
+        with unfinished(folder / f"{UNFINISHED}{beginning}.{_random()}{suffix}") as temporary:
+            temporary.touch(exist_ok=False)
+            yield temporary
+            with uninterrupted():
+                temporary.replace(path)
+                arrived = True
     except OSError as error:
         raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from error
     except UnicodeError as error:
         raise WriteError(f"{path}: cannot be written: a name in it, or its own, does not fit") from error
     finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        if not arrived:
+            _remove_empty(created)
 
 
 @contextlib.contextmanager
@@ -102,33 +101,33 @@ def arriving_together(folder: Path) -> Iterator[Path]:
     WriteError
         If the folder cannot be written, or writing into the temporary one fails; tells of `folder` only.
     """
-    created = _create(folder)
-    arrived = False
+    created, arrived = _missing(folder), False
     try:
-        with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=folder) as name:
-            with _telling_of(folder, instead_of=name):
-                yield Path(name)
-            arrived_files = sorted(Path(name).iterdir())
-            for file in arrived_files:
+        _create(folder)
+        with unfinished(folder / f"{UNFINISHED}{_random()}") as temporary:
+            temporary.mkdir()
+            with _telling_of(folder, instead_of=str(temporary)):
+                yield temporary
+            files = sorted(temporary.iterdir())
+            for file in files:
                 if (folder / file.name).is_dir():
                     what = "cannot be written: a folder has this name; nothing was written"
                     raise WriteError(f"{folder / file.name}: {what}")
-            for file in arrived_files:
-                file.replace(folder / file.name)
-            arrived = True
+            with uninterrupted():  # all of them, or none
+                for file in files:
+                    file.replace(folder / file.name)
+                arrived = True
     except OSError as error:
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
         if not arrived:
-            for made in created:
-                with contextlib.suppress(OSError):  # somebody else put something there: then it stays
-                    made.rmdir()
+            _remove_empty(created)
 
 
 def sha256_of(path: Path) -> str:
-    """Return the checksum of a file's content as a hexadecimal text; raises OSError if it cannot be read."""
+    """Return the checksum of a file's content as a hexadecimal text; errors as of `open_regular`, and OSError."""
     digest = hashlib.sha256()
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         while block := stream.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()
@@ -142,19 +141,25 @@ def _telling_of(folder: Path, instead_of: str) -> Iterator[None]:
         raise WriteError(str(error).replace(instead_of, str(folder))) from error.__cause__
 
 
-def _create(folder: Path) -> list[Path]:
-    """Create a folder with its parents and return what was created, the innermost first."""
-    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+def _missing(folder: Path) -> list[Path]:
+    """Return which of a folder and its parents are not there yet, the innermost first."""
+    return [place for place in (folder, *folder.parents) if not place.exists()]
+
+
+def _create(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         raise WriteError(f"{folder}: cannot be created: there is a file of this name") from error
     except OSError as error:
         raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
-    return missing
 
 
-def _use_ordinary_rights(path: Path) -> None:
-    mask = os.umask(0)
-    os.umask(mask)
-    path.chmod(0o666 & ~mask)
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        with contextlib.suppress(OSError):  # somebody else put something there: then it stays
+            folder.rmdir()
+
+
+def _random() -> str:
+    return os.urandom(8).hex()

@@ -39,6 +39,9 @@ The AMC states no frame rate; CMU's were recorded at 120 Hz.
 
 from __future__ import annotations
 
+from array import array
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -117,14 +120,14 @@ def _skeleton_of(path: Path) -> Path:
 def _frames(path: Path, asf: Asf) -> dict[str, Floats]:
     """Values of each bone, shape (n_frames, n_freedoms)."""
     wanted = {bone.name: len(bone.freedoms) for bone in asf.bones}
-    values: dict[str, list[list[float]]] = {name: [] for name in wanted}
+    values, n_rows = {name: array("d") for name in wanted}, Counter[str]()
     n_frames, last, lines = 0, 0.0, read_lines(path)
     for number, line in lines.numbered():
         words = line.partition("#")[0].split()
         if not words or words[0].startswith(":"):
             continue
         if len(words) == 1 and words[0].lstrip("+-").isdigit():
-            _check_whole(path, number, values, wanted, n_frames)
+            _check_whole(path, number, n_rows, wanted, n_frames)
             count = number_in(path, number, words[0], "the number of a frame")
             if n_frames and count != last + 1:
                 raise FormatError(path, number, f"frame {count:g} follows frame {last:g}; frames are missing")
@@ -134,7 +137,7 @@ def _frames(path: Path, asf: Asf) -> dict[str, Floats]:
             raise FormatError(path, number, f"{words[0][:40]!r} before the number of the first frame; this is not AMC")
         if words[0] not in wanted:
             raise FormatError(path, number, f"the skeleton has no bone {words[0][:40]!r}; is it of another ASF?")
-        if len(values[words[0]]) == n_frames:
+        if n_rows[words[0]] == n_frames:
             raise FormatError(path, number, f"{words[0]!r} twice in one frame")
         if len(words) - 1 != wanted[words[0]]:
             count_here, count = len(words) - 1, wanted[words[0]]
@@ -142,17 +145,16 @@ def _frames(path: Path, asf: Asf) -> dict[str, Floats]:
         row = [number_in(path, number, word, f"a value of {words[0]!r}") for word in words[1:]]
         if any(abs(value) > LARGEST_MM for value in row):
             raise FormatError(path, number, f"a value of {words[0]!r} is larger than anything that moves")
-        values[words[0]].append(row)
-    _check_whole(path, len(lines), values, wanted, n_frames)
+        values[words[0]].extend(row)
+        n_rows[words[0]] += 1
+    _check_whole(path, len(lines), n_rows, wanted, n_frames)
     if n_frames == 0:
         raise FormatError(path, len(lines), "no frame; this is not AMC, or it is cut off")
-    return {name: np.array(rows).reshape(n_frames, wanted[name]) for name, rows in values.items()}
+    return {name: np.frombuffer(numbers).reshape(n_frames, wanted[name]) for name, numbers in values.items()}
 
 
-def _check_whole(
-    path: Path, number: int, values: dict[str, list[list[float]]], wanted: dict[str, int], n_frames: int
-) -> None:
-    missing = [name for name, count in wanted.items() if count and len(values[name]) < n_frames]
+def _check_whole(path: Path, number: int, n_rows: Mapping[str, int], wanted: dict[str, int], n_frames: int) -> None:
+    missing = [name for name, count in wanted.items() if count and n_rows[name] < n_frames]
     if missing:
         what = f"the frame before has no line for {missing[0]!r}"
         raise FormatError(path, number, f"{what}; the file may be cut off, or be of another ASF")

@@ -113,10 +113,11 @@ def bone_unit(
     if unit != AUTO:
         return _stated(unit), ()
     reach = np.zeros(len(parents))
-    for bone, parent in enumerate(parents.tolist()):
-        if parent >= 0:
-            reach[bone] = reach[parent] + np.linalg.norm(offsets[bone])
-    longest = max(reach[bone] + np.linalg.norm(ends, axis=1).max(initial=0.0) for bone, ends in enumerate(tips))
+    with np.errstate(over="ignore"):  # what is infinite is refused below
+        for bone, parent in enumerate(parents.tolist()):
+            if parent >= 0:
+                reach[bone] = reach[parent] + np.linalg.norm(offsets[bone])
+        longest = max(reach[bone] + np.linalg.norm(ends, axis=1).max(initial=0.0) for bone, ends in enumerate(tips))
     if not 0 < longest < LARGEST_MM:
         raise FormatError(path, "", "no bone has a length, so that the unit cannot be found; give --motion-unit")
     best = min(_CANDIDATES, key=lambda name: abs(np.log(longest * MM_PER_UNIT[name] / _USUAL_MM)))

@@ -41,14 +41,15 @@ def read_identities(path: Path | str) -> Identities:
     """
     path = Path(path)
     filled = (numbered for numbered in read_lines(path).numbered() if numbered[1].strip(" \t,;"))
-    lines = [(number, line) for number, line in filled if not line.lstrip().startswith(_COMMENT)]
-    if not lines:
+    lines = ((number, line) for number, line in filled if not line.lstrip().startswith(_COMMENT))
+    number, header = next(lines, (0, ""))
+    if not header:
         raise FormatError(path, "", "holds no line but comments; a header such as 'name,frame,x,y,z' was expected")
-    number, header = lines[0]
     columns = _columns(path, number, split_cells(path, header, number, ","))
-    if len(lines) == 1:
+    entries = tuple(_entry(path, number, line, columns) for number, line in lines)
+    if not entries:
         raise FormatError(path, "", "holds a header and no identity below it")
-    return Identities(tuple(_entry(path, number, line, columns) for number, line in lines[1:]), str(path))
+    return Identities(entries, str(path))
 
 
 def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:

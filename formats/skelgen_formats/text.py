@@ -327,6 +327,7 @@ def _shown(text: str) -> str:
     return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...")
 
 
+_COMPARED = 64  # characters of names: the comparison takes time as the square of their length
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 
 
@@ -419,6 +420,6 @@ def closest_first(name: object, known: Sequence[str]) -> list[str]:
     """
 
     def likeness(one: str) -> float:
-        return difflib.SequenceMatcher(None, str(name).lower(), one.lower()).ratio()
+        return difflib.SequenceMatcher(None, str(name)[:_COMPARED].lower(), one[:_COMPARED].lower()).ratio()
 
     return sorted(known, key=likeness, reverse=True)

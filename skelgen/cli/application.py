@@ -8,9 +8,9 @@ import inspect
 import io
 import os
 import sys
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import Annotated
 
@@ -33,10 +33,12 @@ from skelgen.errors import SkelgenError, out_of_memory
 EXIT_BUG = 1
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
+EXIT_READER_GONE = 141
 
 _EPILOG = (
-    "Exit codes: 0 all is well; 1 a bug in skelgen; 2 bad input or usage, with one sentence that says where and what; "
-    "130 interrupted. No file is ever left half-written."
+    "Exit codes: 0 all is well; 1 a bug in skelgen; 2 bad input or usage, too little memory or disk, with one sentence "
+    "that says where and what; 129 the terminal was closed; 130 interrupted; 141 nobody reads the output any more; 143 "
+    "terminated. No file is ever left half-written."
 )
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
@@ -47,15 +49,15 @@ _FORMER_NAMES = {"label": "labels", "cluster": "limbs", "fit": "skeleton"}
 Options = Callable[[], Iterable[inspect.Parameter]]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
+def run(arguments: Sequence[str]) -> int:
+    """Run a command and return its exit code.
 
     Parameters
     ----------
-    arguments : sequence of str, optional
-        Words after ``skelgen``; those of the process if left out.
+    arguments : sequence of str
+        Words after ``skelgen``.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    words = list(arguments) or ["--help"]
     for name in _THREAD_VARIABLES:  # one thread: the matrices are small, and workers are processes of their own
         os.environ.setdefault(name, "1")
     for stream in (sys.stdout, sys.stderr):  # names that the terminal cannot show cost a question mark, not the run
@@ -63,21 +65,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     if "--debug" not in words:
         sys.excepthook = _say_that_it_is_a_bug
-        if arguments is None and not sys.warnoptions:  # what NumPy warns its programmers of is nothing for a user
-            warnings.simplefilter("ignore")
-            os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes
     try:
         command = typer.main.get_command(build_app(called=called_command(words)))
         code = command.main(args=words, prog_name="skelgen", standalone_mode=False)
-    except SkelgenError as error:
-        return _failed(str(error), error.exit_code)
-    except MemoryError as error:
-        return _failed(out_of_memory(error), EXIT_INPUT)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
         return _failed("interrupted", EXIT_INTERRUPTED)
     except _USAGE_ERROR as error:
         sentence = str(getattr(error, "format_message", error.__str__)()).rstrip(".")
         return _failed(f"{sentence}; `skelgen --help` lists what there is", EXIT_INPUT)
+    except Exception as error:
+        sentence = out_of_memory(error) or _lack_of_folder(error)
+        if not (sentence or isinstance(error, SkelgenError)):
+            raise
+        return _failed(sentence or str(error), getattr(error, "exit_code", EXIT_INPUT))
     if code == EXIT_INTERRUPTED:  # newer typer answers Ctrl-C itself
         return _failed("interrupted", EXIT_INTERRUPTED)
     return code if isinstance(code, int) else 0
@@ -155,7 +157,19 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
     ]
 
 
+def _lack_of_folder(error: Exception) -> str:
+    """Say that the working folder is gone, if that is why files are not found."""
+    if any(isinstance(one, FileNotFoundError) for one in (error, error.__cause__, error.__context__)):
+        try:
+            Path.cwd()
+        except OSError:
+            return "the folder in which you work is gone; change to one that exists"
+    return ""
+
+
 def _failed(sentence: str, code: int) -> int:
+    if code == EXIT_READER_GONE:
+        return code
     one_line = " ".join(sentence.split())
     print(f"skelgen: {one_line}" if code == EXIT_INTERRUPTED else f"skelgen: error: {one_line}", file=sys.stderr)
     return code

@@ -73,6 +73,7 @@ def motion_capture(
     from skelgen.capture.live import Pictures
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
+    from skelgen.cli.process import ReaderGoneError
 
     rig = read_capture_settings(settings)
     columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
@@ -101,8 +102,8 @@ def motion_capture(
                     _write(columns.line(captured))
                 if interrupted.is_set():
                     break
-    except (KeyboardInterrupt, BrokenPipeError):  # the usual end of a live capture: what was recorded is closed
-        pass
+    except (KeyboardInterrupt, BrokenPipeError, ReaderGoneError):
+        pass  # the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
 

@@ -40,8 +40,9 @@ def watched_interrupt() -> Iterator[threading.Event]:
     interrupted = threading.Event()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        interrupted.set()
-        raise KeyboardInterrupt
+        if not interrupted.is_set():  # a second one shall not disturb the end that the first one brings about
+            interrupted.set()
+            raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():  # where signals never arrive
         yield interrupted

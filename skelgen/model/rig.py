@@ -227,7 +227,8 @@ def check_pose(pose: Floats, what: str) -> Floats:
     """
     clean = check_floats(pose, (4, 4), what, finite=True)
     turn = clean[:3, :3]
-    wrong = np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(turn) < 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        wrong = not np.abs(turn @ turn.T - np.eye(3)).max() <= _ROTATION_TOLERANCE or np.linalg.det(turn) < 0
     if wrong or (clean[3] != (0, 0, 0, 1)).any():
         raise InputError(f"{what} is not a rotation with a translation")
     return clean

@@ -248,9 +248,10 @@ class Poses:
         unseen: Bools = np.asarray(np.isnan(transforms).any(axis=(2, 3)))
         seen = transforms[~unseen]
         rotations = seen[:, :3, :3]
-        off = np.abs(rotations @ rotations.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.abs(rotations @ rotations.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
         mirrored = bool((np.linalg.det(rotations) < 0).any()) if len(seen) else False
-        if off > _ROTATION_TOLERANCE or mirrored:
+        if not off <= _ROTATION_TOLERANCE or mirrored:
             raise InputError("a pose holds a matrix that is not a proper rotation")
         if unseen.any():
             transforms = np.where(unseen[..., np.newaxis, np.newaxis], np.nan, transforms)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import struct
+import warnings
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -182,7 +183,8 @@ def read_truth(path: Path | str) -> Truth:
     """
     path = Path(path)
     try:
-        with open_regular(path) as stream, np.load(stream, allow_pickle=False) as archive:
+        with open_regular(path) as stream, warnings.catch_warnings(), np.load(stream, allow_pickle=False) as archive:
+            warnings.simplefilter("ignore")  # of headers as Python 2 wrote them
             size = sum(member.file_size for member in archive.zip.infolist())
             if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
                 raise FormatError(path, "", f"announces arrays of {size} bytes, far more than such a file holds")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from skelgen_formats.config_xml import read_config, write_config
+from skelgen_formats.xml_files import closest_first
 
 from skelgen.errors import FormatError, ParameterError, SkelgenError, WriteError
 from skelgen.parameters import StageParameters, declare
@@ -196,3 +198,9 @@ def test_mutated_file_is_read_or_a_skelgen_error(tmp_path, at, length, patch):
         read_config(path, STAGES)
     except SkelgenError as error:
         assert "config.xml" in str(error)
+
+
+def test_name_of_a_megabyte_is_compared_in_no_time():
+    start = time.perf_counter()
+    assert closest_first("alpha" * 200_000, ["beta" * 50_000, "alpha" * 50_000])[0][:5] == "alpha"
+    assert time.perf_counter() - start < 1.0

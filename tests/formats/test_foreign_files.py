@@ -28,11 +28,13 @@ PEAK = """
 import resource, sys
 import numba, scipy.spatial.transform
 from pathlib import Path
-from skelgen_formats import c3d, mfml, trc
+from skelgen_formats import c3d, classic_xml, mfml, trc
 from skelgen.errors import FormatError
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 try:
-    {".c3d": c3d.read_c3d, ".mfml": mfml.read_mfml, ".trc": trc.read_trc}[Path(sys.argv[1]).suffix](Path(sys.argv[1]))
+    readers = {".c3d": c3d.read_c3d, ".mfml": mfml.read_mfml, ".trc": trc.read_trc}
+    readers |= {".xml": classic_xml.read_classic_xml}
+    readers[Path(sys.argv[1]).suffix](Path(sys.argv[1]))
 except FormatError:
     pass
 print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
@@ -149,3 +151,12 @@ def test_c3d_takes_no_more_than_four_times_the_file(put, walk, tmp_path):
     path = put("long.c3d", bytes(head) + frame * n_frames)
     assert read_take(path).n_frames == n_frames
     assert megabytes_to_read(path) < 4 * len(frame) * n_frames / 2**20
+
+
+def test_elements_that_nobody_takes_do_not_pile_up(small_project, put, tmp_path):
+    content = write_file(small_project, tmp_path / "all.xml", "classic-xml")[0].read_bytes()
+    head, rest = content.split(b"<MarkerNames", 1)
+    path = put("junk.xml", head + b"<a/>" * 2**23 + b"<MarkerNames" + rest)
+    assert megabytes_to_read(path) < 700  # an element takes 120 bytes, however short it is
+    with pytest.raises(FormatError, match="without a bone, a key, a joint or a frame"):
+        read_take(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -89,3 +90,14 @@ def test_a_cycle_of_parents_is_an_input_error(truth: Truth) -> None:
     parents[1], parents[2] = 2, 1
     with pytest.raises(InputError):
         dataclasses.replace(truth, parents=parents)
+
+
+def test_arrays_that_are_far_larger_than_their_file_are_refused_before_they_are_made(tmp_path):
+    path = tmp_path / "bomb.truth.npz"
+    np.savez_compressed(path, skelgen_truth=np.array(1), world_from_limb=np.zeros((2**20, 4, 4)))
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"announces arrays of 13421\d+ bytes"):
+        read_truth(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**22

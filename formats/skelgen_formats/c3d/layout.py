@@ -141,7 +141,8 @@ def read_layout(path: Path) -> C3dLayout:
 def dec_floats(raw: bytes) -> NDArray[np.float32]:
     """Return numbers in DEC's 32-bit layout: 16-bit halves swapped, exponent biased by two more."""
     halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
-    return np.asarray(np.ascontiguousarray(halves).view("<f4").reshape(-1) / 4, dtype=np.float32)
+    with np.errstate(invalid="ignore"):  # a NaN that signals is a NaN
+        return np.asarray(np.ascontiguousarray(halves).view("<f4").reshape(-1) / 4, dtype=np.float32)
 
 
 def _parameter_section(path: Path, head: bytes, stream: Any, size: int) -> tuple[str, bool, bytes]:

@@ -4,7 +4,7 @@ import re
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 from lxml import etree
 
@@ -24,6 +24,7 @@ from skelgen_formats.classic_xml.writer import DEVIATIONS, ROOT, VERSION
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
 _JOINT_TAG = re.compile(r"joint(\d{1,9})-(\d{1,9})")
 _NAN3 = [float("nan")] * 3
+_MOST_WAITING = 1 << 24  # bytes: a frame of a hundred thousand markers
 _LAST_CERTAIN_LINE = 65534  # libxml2 keeps line numbers of elements in 16 bits and stops counting there
 
 _KEY_PLACES, _JOINT_PLACES = list("0120123"), list("012")
@@ -61,8 +62,25 @@ def _finished_elements(path: Path, tags: tuple[str, ...]) -> Iterator[Any]:
             _check_root(path, root)
             break
     with open_regular(path) as stream:
-        context = etree.iterparse(stream, tag=tags, remove_comments=True, remove_pis=True, **safe)
-        yield from (element for _, element in context)
+        source = _Source(path, stream)
+        for _, element in etree.iterparse(source, tag=tags, remove_comments=True, remove_pis=True, **safe):
+            source.n_waiting = 0
+            yield element
+
+
+class _Source:
+    """A file that lxml reads; it ends the reading where elements pile up that nobody takes."""
+
+    def __init__(self, path: Path, stream: BinaryIO) -> None:
+        self._path, self._stream, self.n_waiting = path, stream, 0
+
+    def read(self, size: int) -> bytes:
+        """Return the next bytes; lxml asks for some thousand at a time."""
+        self.n_waiting += size
+        if self.n_waiting > _MOST_WAITING:
+            what = f"holds {_MOST_WAITING} bytes without a bone, a key, a joint or a frame; none of these files does"
+            raise FormatError(self._path, f"byte {self._stream.tell()}", what)
+        return self._stream.read(size)
 
 
 def _check_root(path: Path, root: Any) -> None:

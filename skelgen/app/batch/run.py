@@ -182,7 +182,7 @@ class _Gathered:
         """Write manifest and page."""
         manifest = manifest_of(self._job.as_mapping(), self._records.values())
         write_json(manifest, self._output / MANIFEST)
-        _write_page(manifest, self._output / PAGE)
+        write_page(manifest, self._output / PAGE)
 
     def end(self) -> None:
         """Tidy up after workers that were ended, and write what is known; a full disk keeps the plan."""
@@ -204,7 +204,7 @@ _COUNTS = ("markers", "limbs", "joints")
 _LINKS = {"picture": ".svg", "report": ".html", "project": ".skelgen"}
 
 
-def _write_page(manifest: Record, path: Path) -> Path:
+def write_page(manifest: Record, path: Path) -> Path:
     """Write the page of a batch; it holds no times, so the same takes give the same page.
 
     Parameters

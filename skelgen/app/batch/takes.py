@@ -12,7 +12,8 @@ from skelgen_formats.registry import SNIFF_BYTES, known_formats
 from skelgen.app.batch.records import MANIFEST, RECORD
 from skelgen.app.outputs import OUTPUTS, stem_of
 from skelgen.app.project_file.archive import SUFFIX
-from skelgen.errors import InputError
+from skelgen.errors import FormatError, InputError
+from skelgen.files import read_content
 
 GENERIC = (".csv", ".tsv", ".xml")
 """Suffixes that say little: in a folder, the content must look like a take's too."""
@@ -135,9 +136,8 @@ def _is_take(path: Path) -> bool:
     if not name.endswith(GENERIC):
         return True
     try:
-        with path.open("rb") as stream:
-            head = stream.read(SNIFF_BYTES)
-    except OSError:
+        head = read_content(path, SNIFF_BYTES)
+    except FormatError:
         return True  # its own error will say why
     return any(entry.sniff(head, path) for entry in readable)
 

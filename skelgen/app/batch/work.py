@@ -189,10 +189,11 @@ def work_on(entry: Entry, job: Job) -> Outcome:
         records.clear(folder)
         record |= _done(entry, job) | {"outcome": records.DONE}
     except SkelgenError as error:
-        return _failed(record, folder, str(error), obstacle=str(error) if _is_of_disk(error) else "")
+        obstacle = str(error) if _is_of_disk(error) else ""
+        return _failed(record, folder, out_of_memory(error) or str(error), obstacle)
     except Exception as error:  # a bug must not cost the other takes
-        bug = f"internal error: {type(error).__name__}: {error} (a bug)"
-        return _failed(record, folder, out_of_memory(error) if isinstance(error, MemoryError) else bug)
+        why = out_of_memory(error) or f"internal error: {type(error).__name__}: {error} (a bug)"
+        return _failed(record, folder, why)
     record["run"] |= {"seconds": time.perf_counter() - started, "peak_bytes": _peak()}
     try:
         records.write_json(record, folder / records.RECORD)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import skelgen
 from skelgen.errors import InputError, ParameterError
+from skelgen.interrupts import remove_unfinished, uninterrupted
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -116,7 +117,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
-        with _one_thread():
+        with _one_thread(), uninterrupted(), _interrupts_blocked():
             self.process.start()
         theirs.close()
         self.entry: Entry | None = None
@@ -199,9 +200,22 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextlib.contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Let processes that start now never hear Ctrl-C, which is for the parent: it ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _serve(connection: Connection[Any, Any], job: Job) -> None:
     """What a worker process does until nobody gives it takes any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it could not be blocked
     threading.Thread(target=_end_with_parent, daemon=True).start()
     from skelgen.app.batch.work import work_on  # noqa: PLC0415 - numpy must see the number of threads first
 
@@ -218,6 +232,7 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
+        remove_unfinished()
         os._exit(1)
 
 

@@ -1,0 +1,156 @@
+"""The process of the command line: from its first moment, signals and standard streams have an answer in words.
+
+Whoever ends a command (`skelgen.interrupts.ENDING`) interrupts it as Ctrl-C does: blocks are left, and what they hold
+is given back. Python drops an interrupt that meets a finalizer, and libraries may; so what does not end thereby is
+ended after a while, or by a second signal, where it stands: then only temporary files are taken away.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Iterator
+from types import FrameType
+from typing import TextIO
+
+from skelgen.errors import SkelgenError, WriteError
+from skelgen.interrupts import ENDING, remove_unfinished
+
+_GRACE = 10.0  # s in which an interrupted command gives back what it holds
+_SENTENCE = "skelgen: interrupted"
+_SHOW_CURSOR = b"\x1b[?25h"  # which a bar hides
+
+
+class ReaderGoneError(SkelgenError):
+    """Nobody reads the standard output any more, as after ``| head -1``: the command ends without a word."""
+
+    exit_code = 141  # that of programs which the signal SIGPIPE ends
+
+
+def run_process() -> int:
+    """Run the command line with the arguments of the process and return the exit code."""
+    signals = _Signals()
+    try:
+        signals.heed()
+        _open_streams()
+        if "--debug" not in sys.argv and not sys.warnoptions:
+            warnings.simplefilter("ignore")  # what NumPy warns its programmers of is nothing for a user
+            os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes
+            os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+        from skelgen.cli.application import run
+
+        code = run(sys.argv[1:])
+        signals.forget(signals.exit_code or code)
+    except BaseException:
+        if not signals.number:
+            raise
+        print(_SENTENCE, file=sys.stderr)
+    remove_unfinished()
+    return signals.exit_code or code
+
+
+class _Signals:
+    """Answers the signals that end a program: the first one interrupts, the next one ends it where it stands."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def heed(self) -> None:
+        """Begin to answer them."""
+        for number in ENDING:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
+                signal.signal(number, self._interrupt)
+        if hasattr(signal, "SIGALRM"):
+            signal.signal(signal.SIGALRM, self._leave)
+        sys.unraisablehook = self._hear_dropped
+
+    @property
+    def exit_code(self) -> int:
+        """What shells make of a program that a signal ends; 0 if none came."""
+        return 128 + self.number if self.number else 0
+
+    def forget(self, code: int) -> None:
+        """Let signals end the process at once with the code of the command, which is done."""
+        if hasattr(signal, "SIGALRM"):
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number in ENDING:
+            if signal.getsignal(number) == self._interrupt:
+                signal.signal(number, lambda *_: os._exit(code))
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        if self.number:
+            self._leave()
+        self.number = number
+        if hasattr(signal, "SIGALRM"):
+            signal.setitimer(signal.ITIMER_REAL, _GRACE)
+        raise KeyboardInterrupt
+
+    def _leave(self, *_: object) -> None:
+        """End the process where it stands."""
+        remove_unfinished()
+        with contextlib.suppress(OSError):
+            os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + f"{_SENTENCE}\n".encode())
+        os._exit(self.exit_code)
+
+    def _hear_dropped(self, dropped: sys.UnraisableHookArgs) -> None:
+        """Do what an interrupt asked for that Python has dropped."""
+        if self.number:
+            self._leave()
+        if dropped.exc_type is not KeyboardInterrupt:
+            sys.__unraisablehook__(dropped)
+
+
+class _Stream(io.TextIOWrapper):
+    """A standard stream that says why it cannot be written any more; what follows then leads nowhere.
+
+    Parameters
+    ----------
+    stream : TextIO
+        As Python opened it.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._holds_results = stream is sys.stdout
+        at_once = not self._holds_results or stream.isatty()
+        super().__init__(stream.buffer, stream.encoding, "replace", line_buffering=at_once)
+
+    def write(self, text: str) -> int:
+        """Write a text, whose lines are shown at once where somebody looks on."""
+        with self._told():
+            super().write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what was kept back."""
+        with self._told():
+            super().flush()
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            if self._holds_results and error.errno == errno.EPIPE:
+                raise ReaderGoneError("nobody reads the standard output any more") from error
+            if self._holds_results:
+                raise WriteError(f"the standard output cannot be written: {error.strerror}") from error
+
+
+def _open_streams() -> None:
+    """Give the process all standard streams: closed ones lead nowhere, and no file gets their number."""
+    with contextlib.suppress(OSError):
+        while os.open(os.devnull, os.O_RDWR) <= 2:
+            pass
+    sys.stdin = sys.stdin or io.TextIOWrapper(io.FileIO(0, closefd=False))
+    sys.stdout = _Stream(sys.stdout) if sys.stdout else _nowhere()
+    sys.stderr = _Stream(sys.stderr) if sys.stderr else _nowhere()
+
+
+def _nowhere() -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.FileIO(os.devnull, "w"), "utf-8", "replace")

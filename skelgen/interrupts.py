@@ -1,0 +1,59 @@
+"""Interrupts: what is not finished yet is known by name, so that it can be taken away however a program ends."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+"""Signals by which somebody ends a program: Ctrl-C, `kill` or a shutdown, a terminal that is closed."""
+
+_unfinished: dict[Path, None] = {}
+
+
+@contextlib.contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Yield a path at which something temporary may be made; what is there at the end of the block is taken away."""
+    _unfinished[path] = None
+    try:
+        yield path
+    finally:
+        _remove(path)
+        _unfinished.pop(path, None)
+
+
+def remove_unfinished() -> None:
+    """Take away everything that is unfinished, before the process ends without leaving its blocks."""
+    for path in list(_unfinished):
+        _remove(path)
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let signals that end the program wait for the end of the block; in the main thread, the only one to hear them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+    handlers = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+    try:
+        for number in handlers:
+            signal.signal(number, lambda arrival, frame: arrived.append(arrival))
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in arrived:
+            signal.raise_signal(number)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink()

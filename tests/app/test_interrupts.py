@@ -1,0 +1,162 @@
+"""How commands end that somebody interrupts, or whose output nobody can take: documented codes, nothing left."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import skelgen
+from skelgen.cli import main
+from skelgen.errors import FormatError, out_of_memory
+from skelgen.files import arriving_together, replacing
+from skelgen.interrupts import uninterrupted
+
+ROOT = Path(__file__).parents[2]
+BENCHMARK = ROOT / "tests" / "benchmarks" / "interrupts.py"
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in (".", "gui", "formats"))}
+SKELGEN = [sys.executable, "-m", "skelgen"]
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and closed streams of POSIX")
+
+
+@pytest.fixture
+def wave(waving, tmp_path, monkeypatch):
+    """The path of a take in an otherwise empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    skelgen.write(waving, tmp_path / "wave.csm")
+    return "wave.csm"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """Commands that are disturbed at moments that a seed chooses."""
+    sys.path.insert(0, str(BENCHMARK.parent))
+    spec = importlib.util.spec_from_file_location("interrupts", BENCHMARK)
+    module = sys.modules["interrupts"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    sys.path.remove(str(BENCHMARK.parent))
+    return module.Bench(tmp_path_factory.mktemp("bench"))
+
+
+def in_shell(line, **options):
+    """Exit code and error output of a line in which ``skelgen`` is the command."""
+    line = f'skelgen() {{ "{sys.executable}" -m skelgen "$@"; }}; {line}'
+    done = subprocess.run(["bash", "-c", line], env=ENVIRONMENT, capture_output=True, text=True, check=False, **options)
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("command", ["convert", "batch"])
+@pytest.mark.parametrize(("sent", "share"), [("INT of the group", 0.5), ("TERM", 0.8), ("KILL", 0.9)])
+def test_what_ends_a_command_leaves_nothing_half_written(bench, command, sent, share):
+    assert bench.disturb(command, sent, share).faults == ()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_signal_while_the_program_is_loaded_is_one_line(wave, number, code):
+    with subprocess.Popen([*SKELGEN, "info", wave], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True) as process:
+        while not handles(process.pid, signal.SIGHUP):
+            time.sleep(0.001)
+        process.send_signal(number)
+        said = process.stderr.read()
+    assert (process.returncode, said) == (code, "skelgen: interrupted\n")
+
+
+def handles(pid, number):
+    status = Path(f"/proc/{pid}/status")
+    if not status.exists():
+        pytest.skip("the system does not say which signals a process handles")
+    caught = next(line.split()[1] for line in status.read_text().splitlines() if line.startswith("SigCgt:"))
+    return int(caught, 16) >> (number - 1) & 1
+
+
+def test_an_interrupt_that_python_drops_ends_the_command_all_the_same():
+    lines = (
+        "import signal, sys",
+        "from skelgen.cli.process import _Signals",
+        "class Ending:",
+        "    def __del__(self): signal.raise_signal(signal.SIGINT)",
+        "signals = _Signals()",
+        "signals.heed()",
+        "one = Ending()",
+        "del one",
+        "print('goes on')",
+    )
+    command = [sys.executable, "-c", "\n".join(lines)]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "skelgen: interrupted\n")
+
+
+def test_files_arrive_all_or_none_however_often_somebody_interrupts(tmp_path):
+    with pytest.raises(KeyboardInterrupt), arriving_together(tmp_path / "new" / "out") as folder:
+        for name in "abc":
+            (folder / name).write_text(name)
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            (folder / "d").write_text("d")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_fails_leaves_no_folder(tmp_path):
+    with pytest.raises(ZeroDivisionError), replacing(tmp_path / "new" / "folder" / "a.txt") as temporary:
+        temporary.write_text("half")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "said"),
+    [
+        ("skelgen formats > /dev/full", 2, "skelgen: error: the standard output cannot be written: No space left"),
+        ("skelgen --help > /dev/full", 2, "skelgen: error: the standard output cannot be written: No space left"),
+        ("skelgen config --json | true; exit ${PIPESTATUS[0]}", 141, ""),
+        ("skelgen info wave.csm --json >&- <&-", 0, ""),
+        ("skelgen info nothing.csm 2> /dev/full", 2, ""),
+        ("skelgen convert wave.csm wave.trc > /dev/null 2>&-", 0, ""),
+    ],
+)
+def test_output_that_nobody_takes_is_told_by_the_code(wave, line, code, said):
+    returned, err = in_shell(line)
+    assert returned == code
+    assert err.startswith(said)
+    assert err.count("\n") == bool(said)
+
+
+@pytest.mark.parametrize(
+    "words", ["info wave.csm", "demo", "run ../wave.csm", "convert ../wave.csm b.trc", "batch x -o y"]
+)
+def test_a_folder_that_is_gone_is_one_sentence(wave, words):
+    returned, err = in_shell(f"mkdir gone; cd gone; rmdir ../gone; skelgen {words} -q")
+    assert returned == 2
+    assert err == "skelgen: error: the folder in which you work is gone; change to one that exists\n"
+
+
+def test_too_little_memory_is_no_bug(wave):
+    wrong = FormatError("a.c3d", "", "cannot be read")
+    wrong.__cause__ = MemoryError("Unable to allocate 2.00 GiB")
+    assert "Unable to allocate 2.00 GiB" in out_of_memory(wrong)
+    assert out_of_memory(FormatError("a.c3d", "", "cannot be read")) == ""
+
+
+def test_too_little_memory_is_told_by_the_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(["simulate", "rods", "-o", "a.c3d", "--n-frames", "60000", "-q"])
+    lines = (
+        "import resource, sys",
+        "import skelgen.app.face, skelgen.app.files, skelgen.app.tables, skelgen_formats.c3d",
+        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()",
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 10_000_000, used + 10_000_000))",
+        "from skelgen.cli import main",
+        "sys.exit(main(['info', 'a.c3d']))",
+    )
+    command = [sys.executable, "-c", "\n".join(lines)]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("skelgen: error: the memory of this computer does not suffice")
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,212 @@
+"""Readers for fuzz.py: each with small sound files to mutate, and what is done with what it accepts."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from skelgen_formats.bvh import write_bvh
+from skelgen_formats.capture_settings import read_settings, write_settings
+from skelgen_formats.identities_csv import read_identities
+from skelgen_formats.registry import known_formats, read_motion, read_take, write_file
+
+import skelgen
+from skelgen.app.capture import read_capture_settings
+from skelgen.app.configuration import Settings, write_defaults
+from skelgen.app.constraints import read_hierarchy
+from skelgen.app.files import open_input
+from skelgen.app.outputs import write_outputs
+from skelgen.app.project_file.archive import open_project, save_project
+from skelgen.app.tables import column_rows, project_tables
+from skelgen.capture.images import opencv, read_image
+from skelgen.capture.simulated_rig import simulated_rig
+from skelgen.capture.sources.images import listed_pairs
+from skelgen.errors import MissingResultError
+from skelgen.model import Poses, Project, Trajectories
+from skelgen.simulation import read_truth, recorded_body, write_truth
+
+N_FRAMES = 24
+"""Of the sound files: small files are read quickly, and most damages hit something."""
+
+SHOWN, WRITTEN = 4, 200
+"""One of so many accepted files is shown as `skelgen info` does; of projects, one of so many is written anew."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """What reads files of a kind.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        Which mutations: a key of `fuzz_mutations.CHANGES`.
+    seeds : tuple of str
+        Names of sound files.
+    read : callable (path, number)
+        Reads, and does with what it read what a command would do; the number of the file chooses.
+    """
+
+    name: str
+    kind: str
+    seeds: tuple[str, ...]
+    read: Callable[[Path, int], object]
+
+
+def _take(name: str) -> Callable[[Path, int], object]:
+    def read(path: Path, number: int) -> None:
+        take = read_take(path, None if number % 2 else name)
+        if number % SHOWN == 0:
+            _show(Project(take))
+
+    return read
+
+
+def _show(project: Project) -> None:
+    project_tables(project)
+    column_rows(project.take)
+
+
+def _project(path: Path, number: int) -> None:
+    project = open_project(path)
+    if number % SHOWN == 0:
+        _show(project)
+    if number % WRITTEN == 0:
+        with tempfile.TemporaryDirectory() as folder, contextlib.suppress(MissingResultError):
+            write_outputs(project, folder, "again")
+
+
+def _motion(path: Path, number: int) -> None:
+    motion = read_motion(path.with_suffix(".amc") if path.suffix == ".asf" else path)
+    if number % SHOWN == 0:
+        recorded_body(motion)
+
+
+def _settings(path: Path, number: int) -> None:
+    read_settings(path) if number % 2 else read_capture_settings(path)
+
+
+_TEXTS = ("trc", "csm", "qualisys", "motive", "poses-csv", "classic-xml")
+_IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
+
+READERS = (
+    *(
+        Reader(name, "text" if name in _TEXTS else "bytes", (f"{name}{suffix}", *more), _take(name))
+        for name, suffix, *more in (
+            (entry.name, entry.suffixes[0], *(("c3d-integers.c3d", "c3d-dec.c3d") if entry.name == "c3d" else ()))
+            for entry in known_formats()
+            if entry.read is not None
+        )
+    ),
+    *(Reader(name, "text", (f"motion.{name}",), _motion) for name in ("bvh", "amc", "asf")),
+    Reader("project", "archive", ("finished.skelgen", "labels.skelgen", "sensors.skelgen"), _project),
+    Reader("truth", "archive", ("rods.truth.npz",), lambda path, number: read_truth(path)),
+    Reader("identities", "text", ("points.csv", "places.csv"), lambda path, number: read_identities(path)),
+    Reader("hierarchy", "text", ("tree.txt",), lambda path, number: read_hierarchy(path)),
+    Reader("config", "text", ("config.xml",), lambda path, number: Settings(path)),
+    Reader("settings", "text", ("settings.xml",), _settings),
+    Reader("list", "text", ("pairs.txt",), lambda path, number: listed_pairs(path)),
+    Reader("image", "bytes", tuple(f"image.{suffix}" for suffix in _IMAGES), lambda path, number: read_image(path)),
+    Reader(
+        "any",
+        "bytes",
+        ("trc.trc", "c3d.c3d", "mfml.mfml", "csm.csm", "finished.skelgen", "classic-xml.xml"),
+        lambda path, number: open_input(path),
+    ),
+)
+"""Every reader."""
+
+
+def make_seeds(folder: Path) -> None:
+    """Write the sound files of all readers; the same bytes every time."""
+    simulated = skelgen.simulate("rods", seed=1, n_frames=N_FRAMES)
+    take, rng = simulated.take, np.random.default_rng(0)
+    assert isinstance(take, Trajectories)
+    odd = replace(take, positions=np.where(rng.random((N_FRAMES, take.n_markers, 1)) < 0.1, np.nan, take.positions))
+    finished = _still(skelgen.reconstruct(odd, n_limbs=3))
+    cloud = skelgen.simulate("rods", seed=1, n_frames=60, labelled=False).take
+    sensors = _sensors(rng)
+    values = {"mfml": cloud, "poses-csv": sensors, "classic-xml": finished}
+    for entry in known_formats():
+        if entry.read is not None and entry.write is not None:
+            write_file(values.get(entry.name, odd), folder / f"{entry.name}{entry.suffixes[0]}", entry.name)
+    _other_c3d(folder)
+    save_project(finished, folder / "finished.skelgen")
+    save_project(_still(skelgen.reconstruct(cloud, until="labels")), folder / "labels.skelgen")
+    save_project(Project(sensors), folder / "sensors.skelgen")
+    write_bvh(finished, folder / "motion.bvh")
+    write_truth(simulated.truth, folder / "rods.truth.npz")
+    write_defaults(folder / "config.xml")
+    rig = simulated_rig("arm", n_frames=1)
+    write_settings(rig.settings, folder / "settings.xml")
+    left = rig.render(0)[0].left[200:280, 280:380]
+    for suffix in _IMAGES:
+        opencv().imwrite(str(folder / f"image.{suffix}"), left)
+    for name, text in _TEXT_SEEDS.items():
+        (folder / name).write_text(text)
+
+
+def _still(project: Project) -> Project:
+    """The project without the times that its stages took, which are others every time."""
+    reports = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
+    return replace(project, reports=reports)
+
+
+def _sensors(rng: np.random.Generator) -> Poses:
+    rotations, _ = np.linalg.qr(rng.normal(size=(N_FRAMES, 2, 3, 3)))
+    poses = np.tile(np.eye(4), (N_FRAMES, 2, 1, 1))
+    poses[..., :3, :3] = rotations * np.linalg.det(rotations)[..., np.newaxis, np.newaxis]
+    poses[..., :3, 3] = rng.uniform(-500, 500, (N_FRAMES, 2, 3))
+    poses[4, 1] = np.nan
+    return Poses(poses, ("pelvis", "left thigh"), 60.0, "sensors")
+
+
+def _other_c3d(folder: Path) -> None:
+    """C3D files with whole numbers, and with a DEC's numbers."""
+    content = bytearray((folder / "c3d.c3d").read_bytes())
+    data, n_points = 512 * (int.from_bytes(content[16:18], "little") - 1), int.from_bytes(content[2:4], "little")
+    floats = np.frombuffer(bytes(content[data : data + 16 * n_points * N_FRAMES]), "<f4")
+    whole = bytearray(content[:data])
+    whole[12:16] = np.float32(0.1).tobytes()
+    (folder / "c3d-integers.c3d").write_bytes(bytes(whole) + (floats * 10).astype("<i2").tobytes())
+    dec = bytearray(content[:data])
+    dec[512 + 3] = 85
+    for at in (12, 20):
+        dec[at : at + 4] = _as_dec(np.frombuffer(bytes(content[at : at + 4]), "<f4"))
+    rate = content.index(b"RATE") + len("RATE") + 4
+    dec[rate : rate + 4] = _as_dec(np.frombuffer(bytes(content[rate : rate + 4]), "<f4"))
+    (folder / "c3d-dec.c3d").write_bytes(bytes(dec) + _as_dec(floats))
+
+
+def _as_dec(values: np.ndarray) -> bytes:
+    return (values * 4).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
+
+
+_TEXT_SEEDS = {
+    "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
+    "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
+    "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",
+    "motive.csv": "Format Version,1.23,Take Name,walk,Export Frame Rate,120.0,Total Exported Frames,2,"
+    "Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
+    ",,Rigid Body,Marker,Marker,Marker,Marker,Marker,Marker\n"
+    ",Name,Foot,Bob:LKNE,Bob:LKNE,Bob:LKNE,Bob:RKNE,Bob:RKNE,Bob:RKNE\n,ID,F1,A0,A0,A0,A1,A1,A1\n"
+    ",,Rotation,Position,Position,Position,Position,Position,Position\nFrame,Time (Seconds),X,X,Y,Z,X,Y,Z\n"
+    "0,0.0000,0.1,0.5,0.6,0.7,-0.5,-0.6,-0.7\n1,0.0083,0.1,0.51,0.61,0.71,,,\n",
+    "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
+    "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"
+    "    axis 0 0 90 XYZ\n    dof rx ry tz\n  end\n  begin\n    name shank\n    direction 0 -1 0\n    length 7\n"
+    "    axis 0 20 0 XYZ\n    dof rx\n  end\n:hierarchy\n  begin\n    root thigh\n    thigh shank\n  end\n",
+    "motion.amc": ":DEGREES\n"
+    + "".join(
+        f"{frame}\nroot {frame} 2 3 1 2 3\nthigh {10 * frame} 5 0\nshank {-15 * frame}\n" for frame in range(1, 6)
+    ),
+    "points.csv": "# by hand\nname,frame,point,last_frame\nA,0,1,5\nnobody,3,2,\nB,4,0,4\n",
+    "places.csv": "label,first_frame,x,y,z\nA,0,1.5,2,3\n\nB,3,-4,5e2,0\nnobody,7,0,0,0\n",
+    "tree.txt": "# child,parent\nlimb0,\nlimb1,limb0\nlimb2,limb1\n",
+    "pairs.txt": "# left right time\na0.png\tb0.png\t0.0\na1.png\tb1.png\t0.02\na2.png\tb2.png\t0.04\n",
+}
