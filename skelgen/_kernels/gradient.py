@@ -44,7 +44,7 @@ FORCE, MOMENT = fixed(0, 3)
 
 
 @kernel
-def add_pulls(
+def add_gradient(
     table: ChainTable,
     columns: Columns,
     roots: Floats,
@@ -84,13 +84,13 @@ def add_pulls(
                 sums[limb, column] = 0.0
         put(table, positions, weights, first, place)
         for limb in range(n_limbs - 1, -1, -1):
-            pull_at_offsets(table, columns, weights, first, place, limb, sums, total)
+            add_offset_gradient(table, columns, weights, first, place, limb, sums, total)
             if limb > 0:
-                pull_at_joint(table, columns, place, limb, sums, total)
+                add_joint_gradient(table, columns, place, limb, sums, total)
 
 
 @kernel_part
-def pull_at_offsets(
+def add_offset_gradient(
     table: ChainTable,
     columns: Columns,
     weights: Floats,
@@ -100,7 +100,7 @@ def pull_at_offsets(
     sums: Floats,
     total: Floats,
 ) -> None:
-    """Add the pull at the offsets of a limb's markers, and what their residuals do to the limb."""
+    """Add the gradient at the offsets of a limb's markers, and what their residuals do to the limb."""
     column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     force, torque = vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
@@ -116,8 +116,10 @@ def pull_at_offsets(
 
 
 @kernel_part
-def pull_at_joint(table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats) -> None:
-    """Add the pull at a limb's joint and axes, and what it does to the parent."""
+def add_joint_gradient(
+    table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats
+) -> None:
+    """Add the gradient at a limb's joint and axes, and what it does to the parent."""
     parent, force, torque = table.limbs[limb, PARENT], vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
     add_to(total, columns.limbs[limb, FIRST], turned(transposed(matrix(place.limbs, parent, ROTATION)), force))
     for tilt in range(columns.limbs[limb, N_TILTS]):

@@ -1,4 +1,4 @@
-"""What jumps and slips are told by: changes of series, steps of neighbours, and where labels are expected."""
+"""Changes of series, steps of neighbours, and where labels are expected: what jumps of labels are found by."""
 
 from __future__ import annotations
 

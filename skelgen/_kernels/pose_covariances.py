@@ -58,7 +58,7 @@ OF_TURN, OF_BOTH, N_KNOWN = fixed(0, 9, 18)
 
 
 @kernel
-def walk_outward(
+def propagate_covariances(
     table: ChainTable, rotations: Floats, weights: Floats, levels: tuple[float, float], places: Floats, turns: Floats
 ) -> None:
     """Write the covariances of some frames for noise 1.

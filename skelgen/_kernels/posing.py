@@ -130,7 +130,7 @@ class Place(NamedTuple):
 
 
 @kernel
-def settle_frames(
+def solve_frames(
     table: ChainTable, positions: Floats, weights: Floats, roots: Floats, rotations: Floats, max_steps: int
 ) -> None:
     """Step each frame's pose until it does not gain.

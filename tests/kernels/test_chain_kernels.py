@@ -9,7 +9,7 @@ import pytest
 
 from skelgen._kernels.chain import errors_of, markers_of, origins_of, turned_back, variances_across
 from skelgen._kernels.information import add_frames
-from skelgen._kernels.posing import settle_frames
+from skelgen._kernels.posing import solve_frames
 from skelgen.evaluation.bound import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.uncertainty import joint_slopes
@@ -133,7 +133,7 @@ def test_arrays_that_may_not_be_written_to_are_left_alone_and_compile_nothing_an
     chain, articulation, start, positions = case
     fit_poses(chain, start, positions, articulation)
     total_information(observed(chain, articulation, start, positions))
-    kernels = [getattr(one, "compiled", one) for one in (settle_frames, add_frames)]
+    kernels = [getattr(one, "compiled", one) for one in (solve_frames, add_frames)]
     before = [len(getattr(one, "signatures", ())) for one in kernels]
     frozen = [np.asfortranarray(one) for one in (start.root, start.rotations, positions)]
     for one in frozen:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen._kernels.gradient import add_pulls
+from skelgen._kernels.gradient import add_gradient
 from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
@@ -185,7 +185,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
         found = np.zeros_like(total)
-        add_pulls(table, columns, *pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
+        add_gradient(table, columns, *pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
         total[order] += found
     return total
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen._kernels.pose_covariances import walk_outward
-from skelgen._kernels.posing import settle_frames
+from skelgen._kernels.pose_covariances import propagate_covariances
+from skelgen._kernels.posing import solve_frames
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, chain_table, rows, seen_weights, writable
 from skelgen.model.arrays import Floats
@@ -54,7 +54,7 @@ def fit_poses(
     fitted = ChainPoses(writable(start.root), writable(start.rotations))
     measured = rows(positions, 3), writable(seen_weights(positions, weights)).ravel()
     rotations = fitted.rotations.reshape(-1, 9)
-    settle_frames(chain_table(chain, articulation), *measured, fitted.root, rotations, max_steps)
+    solve_frames(chain_table(chain, articulation), *measured, fitted.root, rotations, max_steps)
     return fitted
 
 
@@ -88,7 +88,7 @@ def pose_covariances(observed: ObservedChain, noise: float) -> PoseCovariances:
     levels = (known / UNKNOWN_TURN) ** 2, (known / UNKNOWN_SHIFT) ** 2
     rotations, weights = rows(observed.poses.rotations, 9), writable(observed.weights).ravel()
     origins, turns = np.empty(observed.poses.rotations.shape), np.empty(observed.poses.rotations.shape)
-    walk_outward(observed.table, rotations, weights, levels, origins.reshape(-1, 9), turns.reshape(-1, 9))
+    propagate_covariances(observed.table, rotations, weights, levels, origins.reshape(-1, 9), turns.reshape(-1, 9))
     return PoseCovariances(noise**2 * origins, noise**2 * turns)
 
 
