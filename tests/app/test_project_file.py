@@ -355,3 +355,10 @@ def test_more_values_than_belong_to_a_file_are_refused_before_they_are_parsed(sa
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 4 * damaged.stat().st_size
+
+
+def test_numbers_that_nothing_measured_is_are_refused(saved, tmp_path):
+    stream = io.BytesIO()
+    np.save(stream, np.full((12, 10), 1e300))
+    with pytest.raises(FormatError, match=r"residuals.npy: .*numbers beyond 1e\+60"):
+        open_project(with_member(saved, "arrays/motion/residuals.npy", stream.getvalue(), tmp_path / "b.skelgen"))

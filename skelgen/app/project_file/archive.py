@@ -43,6 +43,7 @@ _MAGIC = b"PK\x03\x04"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold: the same bytes at any time of day
 _PIECE = 2**20  # bytes written at once
 _FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
+_LARGEST = 1e60  # of any array: squares and products of such numbers are numbers
 _NPY = b"\x93NUMPY\x01\x00"
 _HEADER = re.compile(rb"\{'descr': '(<f8|<i8|\|b1)', 'fortran_order': False, 'shape': \(([0-9, ]{0,99})\), \} *\n")
 _RESULTS = ("trajectories", "labelling", "limbs", "topology", "skeleton", "motion")
@@ -284,7 +285,11 @@ def _from_npy(content: bytes) -> NDArray[Any]:
     if not content.startswith(_NPY) or header is None:
         raise ValueError("its header is not that of an array of whole numbers, double precision or truth values")
     shape = [int(length) for length in header[2].replace(b" ", b"").split(b",") if length]
-    return np.frombuffer(content, header[1].decode(), offset=start).reshape(shape)
+    array = np.frombuffer(content, header[1].decode(), offset=start).reshape(shape)
+    numbers = array.reshape(-1) if array.dtype.kind == "f" else np.zeros(0)
+    if len(numbers) and max(np.fmax.reduce(numbers), -np.fmin.reduce(numbers)) > _LARGEST:
+        raise ValueError(f"it holds numbers beyond {_LARGEST:g}, which nothing measured is")
+    return array
 
 
 def _store(archive: zipfile.ZipFile, name: str, *parts: bytes | memoryview) -> None:
