@@ -238,7 +238,7 @@ class _Points:
         markers = np.flatnonzero(chain.limb_of_marker == limb)
         joints = ([limb] if chain.parents[limb] >= 0 else []) + np.flatnonzero(chain.parents == limb).tolist()
         places = [chain.offsets[markers]]
-        changes = [errors.root[: 3 * chain.n_markers].reshape(-1, 3, n)[markers]]
+        changes = [errors.root[: 3 * chain.n_markers].reshape(chain.n_markers, 3, n)[markers]]
         for joint in joints:  # the joint to the parent is the origin of the frame
             row = 3 * (chain.n_markers + joint - 1)
             is_origin = joint == limb
@@ -300,10 +300,11 @@ def limb_errors(
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
     sizes = np.ones(len(information))
     sizes[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
+    own = np.diag(information)  # a coordinate in one frame informs by 1
+    scale = np.sqrt(np.where(own > tolerance, own, 1.0))
     prior = deviation**2 / sizes / scale**2
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    determined = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
+    determined = values > tolerance * max(float(values[-1]), 1.0)
     clear, free = vectors[:, determined], vectors[:, ~determined]
     level = np.einsum("cq,c,cq->q", clear, prior, clear)
     root = deviation * clear / np.sqrt(values[determined] + level) / scale[:, np.newaxis]
