@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from skelgen.errors import Cancelled
 
@@ -12,6 +12,7 @@ _T = TypeVar("_T")
 _EVERY = 50  # items; a report costs a call, and nobody sees smaller steps
 
 
+@runtime_checkable
 class Monitor(Protocol):
     """Receives the progress and the notices of a long computation, and can stop it."""
 

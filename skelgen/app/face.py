@@ -7,12 +7,13 @@ function of it.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
@@ -37,6 +38,47 @@ if TYPE_CHECKING:
     from skelgen.simulation import Truth
 
 
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+_KINDS: Mapping[str, tuple[type, ...]] = {
+    "format": (str,),
+    "identities": (Identities, Path, str),
+    "inputs": (Iterable,),
+    "joined": (Iterable,),
+    "kind": (str,),
+    "monitor": (Monitor,),
+    "names": (Iterable,),
+    "output": (Path, str),
+    "parted": (Iterable,),
+    "path": (Path, str),
+    "project": (Project,),
+    "root": (str,),
+    "frames": (Sequence,),
+    "subject": (Project, Path, str),
+    "take": (PointCloud, Trajectories, Poses, Project),
+    "takes": (Iterable,),
+}
+"""What arguments must be that no value checks."""
+
+
+def _with_checked_arguments(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Refuse, in a sentence, arguments of types that nothing can be done with."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def checked(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            kinds = _KINDS.get(name, (object,))
+            if not isinstance(value, kinds) and value is not signature.parameters[name].default:
+                wanted = " or ".join(kind.__name__ for kind in kinds)
+                raise InputError(f"{name} is {value!r:.60}; {function.__name__} takes a {wanted} there")
+        return function(*args, **kwargs)
+
+    return checked
+
+
+@_with_checked_arguments
 def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
     """Read a take from a file.
 
@@ -74,11 +116,12 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
         warnings.warn(
             f"{path} is a project with results ({', '.join(results)}); skelgen.read returns its take alone, "
             "skelgen.load the whole project",
-            stacklevel=2,
+            stacklevel=3,
         )
     return project.take
 
 
+@_with_checked_arguments
 def load(path: Path | str) -> Project:
     """Open a project file with all results.
 
@@ -108,6 +151,7 @@ def load(path: Path | str) -> Project:
     return open_project(find_result(Path(path)))
 
 
+@_with_checked_arguments
 def reconstruct(
     take: Take | Project,
     n_markers: int | None = None,
@@ -178,16 +222,15 @@ def reconstruct(
     """
     if isinstance(take, Project):
         project = replace(take, identities=given_identities(identities) or take.identities)
-    elif isinstance(take, PointCloud | Trajectories | Poses):
-        project = Project(take, seed, identities=given_identities(identities))
     else:
-        raise InputError(f"a take must be a PointCloud, Trajectories, Poses or Project, not {type(take).__name__}")
+        project = Project(take, seed, identities=given_identities(identities))
     options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
     return run_stages(
         project, until_stage=until, settings=Settings(parameters), options=options, monitor=monitor or SILENT
     )
 
 
+@_with_checked_arguments
 def apply_subject(
     take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> Project:
@@ -226,9 +269,11 @@ def apply_subject(
     from skelgen.app.subject import open_subject, run_with_subject  # noqa: PLC0415 - loads the stages
 
     known = subject if isinstance(subject, Project) else open_subject(subject)
-    return run_with_subject(Project(take), known, settings=Settings(parameters), monitor=monitor or SILENT)
+    new = Project(take.take if isinstance(take, Project) else take)
+    return run_with_subject(new, known, settings=Settings(parameters), monitor=monitor or SILENT)
 
 
+@_with_checked_arguments
 def calibrate_together(
     takes: Sequence[Take], seed: int = 0, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> SharedSkeleton:
@@ -267,6 +312,7 @@ def calibrate_together(
     return several_takes.calibrate_together(takes, settings=Settings(parameters), seed=seed, monitor=monitor or SILENT)
 
 
+@_with_checked_arguments
 def correct(
     project: Project,
     kind: str,
@@ -310,14 +356,18 @@ def correct(
     >>> project.has("labels"), project.has("limbs")
     (True, False)
     """
+    if len(frames) != 2:
+        raise InputError(f"frames are {frames!r:.60}; a first and a last frame belong there")
+    correction = Correction(kind, tuple(names), *frames, value)
     places = []
     if project.has("labels"):
         with contextlib.suppress(InputError, ValueError):  # a name that does not exist is refused below, in words
             markers = [project.trajectories.names.index(name) for name in names]
             places = [place_of(project.trajectories, marker, frames[0] or 0) for marker in markers]
-    return with_correction(project, Correction(kind, tuple(names), *frames, value, tuple(places)))
+    return with_correction(project, replace(correction, places=tuple(places)))
 
 
+@_with_checked_arguments
 def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     """Fill the gaps of the markers of a project by means of its skeleton.
 
@@ -350,6 +400,7 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     return fill_project(project, monitor or SILENT)
 
 
+@_with_checked_arguments
 def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
     """Compare the results of a project with a known truth.
 
@@ -380,9 +431,13 @@ def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
     """
     from skelgen import evaluation, simulation  # noqa: PLC0415 - loads scipy
 
-    return evaluation.evaluate(project, simulation.read_truth(truth) if isinstance(truth, Path | str) else truth)
+    known = simulation.read_truth(truth) if isinstance(truth, Path | str) else truth
+    if not isinstance(known, simulation.Truth):
+        raise InputError(f"the truth is {known!r:.60}; it must be a Truth or the path of one")
+    return evaluation.evaluate(project, known)
 
 
+@_with_checked_arguments
 def run_batch(
     inputs: Iterable[Path | str],
     output: Path | str,
@@ -439,6 +494,7 @@ def run_batch(
     return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)
 
 
+@_with_checked_arguments
 def write(
     value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:

@@ -16,7 +16,7 @@ from skelgen.app.project_file.references import source_of
 from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
-from skelgen.model import Identities, PointCloud, Project, Take
+from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT, Monitor
@@ -100,6 +100,8 @@ def write_any(
         return [Path(path)]
     if isinstance(value, Filled):
         return registry.write_file(value, path, format, **{"filled": True, **options})
+    if not isinstance(value, Project | PointCloud | Trajectories | Poses):
+        raise InputError(f"{value!r:.60} is no project, take, filled markers or settings; nothing else is written")
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")

@@ -64,7 +64,7 @@ def cut(seed: int) -> Case:
     rng = np.random.default_rng(seed)
     path = recordings()[rng.integers(len(recordings()))]
     take = skelgen.read(path)
-    n_frames = min(int(round(10 ** rng.uniform(np.log10(3), np.log10(3000)))), take.n_frames)
+    n_frames = min(round(10 ** rng.uniform(np.log10(3), np.log10(3000))), take.n_frames)
     start = int(rng.integers(take.n_frames - n_frames + 1))
     n_markers = int(rng.integers(1, take.n_markers + 1)) if rng.random() < 0.7 else take.n_markers
     markers = np.sort(rng.permutation(take.n_markers)[:n_markers])
@@ -214,7 +214,12 @@ def is_finite(project: skelgen.Project) -> bool:
     """Whether all numbers of a skeleton and its motion are."""
     motion, skeleton = project.motion, project.skeleton
     kept = skeleton.limb_of_marker >= 0
-    arrays = [motion.joint_positions, motion.world_from_limb, motion.marker_positions[:, kept], skeleton.marker_offsets[kept]]
+    arrays = [
+        motion.joint_positions,
+        motion.world_from_limb,
+        motion.marker_positions[:, kept],
+        skeleton.marker_offsets[kept],
+    ]
     arrays += [array for joint in skeleton.joints for array in (joint.position_in_parent, joint.std)]
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
@@ -271,7 +276,9 @@ class Worker:
         return said, time.monotonic() - self.began
 
 
-def run(cases: Iterator[tuple[str, int]], workers: list[Worker], seconds: float) -> Iterator[tuple[str, int, str, float]]:
+def run(
+    cases: Iterator[tuple[str, int]], workers: list[Worker], seconds: float
+) -> Iterator[tuple[str, int, str, float]]:
     """Run cases abreast; yields kind, seed, outcome and time [s] of each."""
     busy: list[Worker] = []
     idle = list(workers)

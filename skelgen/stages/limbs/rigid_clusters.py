@@ -145,7 +145,9 @@ class _Search:
     def _moves(
         self, index: int, block: Group, distance: Floats
     ) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
-        others = [other for other in np.flatnonzero(_nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index]
+        others = [
+            other for other in np.flatnonzero(_nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index
+        ]
         if not others and distance[index] <= SUSPICIOUS:
             return
         rest = _without(self.clusters[index], block)

@@ -125,4 +125,6 @@ def test_exact_markers_on_more_limbs_than_there_are_give_no_nan(seed):
     limbs = find_limbs(take, n_limbs=7)
     skeleton, motion = fit_skeleton(take, limbs, find_joints(take, limbs))
     on_limbs = limbs.limb_of_marker >= 0
-    assert_no_nan(replace(skeleton, marker_offsets=np.where(on_limbs[:, np.newaxis], skeleton.marker_offsets, 0.0)), motion)
+    assert_no_nan(
+        replace(skeleton, marker_offsets=np.where(on_limbs[:, np.newaxis], skeleton.marker_offsets, 0.0)), motion
+    )
