@@ -98,7 +98,7 @@ class Declaration:
         return clean
 
     def _converted(self, value: Any, prefix: str) -> Any:
-        wrong = ParameterError(f"{prefix}{self.name} is {value!r}; it must be {_IN_WORDS[self.kind]}")
+        wrong = ParameterError(f"{prefix}{self.name} is {value!r:.60}; it must be {_IN_WORDS[self.kind]}")
         if self.kind is bool:
             truth = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
             if isinstance(value, bool):
@@ -114,7 +114,7 @@ class Declaration:
             raise wrong
         try:
             number = float(value)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise wrong from error
         if not math.isfinite(number) or (self.kind is int and number != int(number)):
             raise wrong
@@ -220,6 +220,8 @@ class StageParameters:
         ParameterError
             If a name is unknown, or a value has the wrong type or lies outside its bounds.
         """
+        if not isinstance(values, Mapping):
+            raise ParameterError(f"the parameters of {cls.stage} are {values!r:.60}; they must map names to values")
         known = {declaration.name: declaration for declaration in cls.declarations()}
         for name in values:
             if name not in known and name not in cls.retired:

@@ -1,7 +1,7 @@
 """Progress, notices and cancelling: a `Monitor` is the last argument of every long function, silent by default."""
 
 from collections.abc import Iterable, Iterator
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from skelgen.errors import Cancelled
 
@@ -10,6 +10,7 @@ _T = TypeVar("_T")
 _EVERY = 50  # items; a report costs a call, and nobody sees smaller steps
 
 
+@runtime_checkable
 class Monitor(Protocol):
     """Receives the progress and the notices of a long computation, and can stop it."""
 

@@ -25,6 +25,7 @@ import numpy as np
 from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.small_matrices import (
     Matrix,
+    Symmetric,
     Vector,
     add_symmetric,
     add_vector,
@@ -58,6 +59,12 @@ LEAST_RIDGE = 1e-12
 
 GIVE_UP_DAMPING = 1e6
 """A frame that needs more damping than this does not get better."""
+
+ILL_CONDITIONED = 1e8
+"""Condition beyond which solutions are refined: the root of the precision of numbers."""
+
+LEAST_LEVEL = 1e-14
+"""Of a form's trace: below this rounding is larger than what it is to level."""
 
 STEP_TOLERANCE = 1e-10
 """rad and, scaled by the arms, far below a micrometre."""
@@ -257,9 +264,18 @@ def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solv
 @kernel_part
 def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     """Minimise a free turn out of a limb's form."""
-    covariance = inverse(symmetric(forms, limb, TURN), level)
+    form = symmetric(forms, limb, TURN)
+    trace = form[0] + form[3] + form[5]
+    level = max(level, LEAST_LEVEL * trace)
+    covariance = inverse(form, level)
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
+    if trace * (covariance[0] + covariance[3] + covariance[5]) > ILL_CONDITIONED:
+        p, q, r = (  # else the rounding of a turn that hardly shows would grow from limb to limb
+            refined(form, level, covariance, p, a),
+            refined(form, level, covariance, q, b),
+            refined(form, level, covariance, r, c),
+        )
     torque = vector(forms, limb, TORQUE)
     set_vector(solved, limb, FOLLOW, p)
     set_vector(solved, limb, FOLLOW + 3, q)
@@ -268,6 +284,13 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     set_symmetric(solved, limb, COVARIANCE, covariance)
     add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
     add_vector(forms, limb, PULL, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
+
+
+@kernel_part
+def refined(form: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
+    """Return a solution of (form + level) x = right that is more exact than what the inverse gave."""
+    left_over = minus(plus(by_symmetric(form, solution), times(level, solution)), right)
+    return minus(solution, by_symmetric(covariance, left_over))
 
 
 @kernel_part

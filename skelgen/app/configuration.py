@@ -80,7 +80,9 @@ class Settings:
     """
 
     def __init__(self, wanted: ParameterValues = None) -> None:
-        values = _from_file(Path(wanted)) if isinstance(wanted, Path | str) else dict(wanted or {})
+        values = _from_file(Path(wanted)) if isinstance(wanted, Path | str) else wanted or {}
+        if not isinstance(values, Mapping):
+            raise ParameterError(f"parameters are {wanted!r:.60}; they must map names of stages to their parameters")
         self._parameters = {name: _checked(name, value) for name, value in values.items()}
 
     @property

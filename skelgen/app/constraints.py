@@ -15,6 +15,7 @@ import numpy as np
 from skelgen.errors import FormatError, InputError
 from skelgen.files import read_content
 from skelgen.model import Poses, Project, Trajectories
+from skelgen.model.arrays import check_whole
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.topology import parents_from_names
 from skelgen.progress import Monitor
@@ -50,6 +51,16 @@ class RunOptions:
     root: str | None = None
     joined: tuple[tuple[str, str], ...] = ()
     parted: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, least in (("n_markers", 1), ("n_limbs", 1), ("n_jobs", 1)):
+            value = getattr(self, name)
+            if value is not None or name == "n_jobs":
+                check_whole(value, least, name)
+        if not isinstance(self.hierarchy, Mapping | None):
+            raise InputError(
+                f"the hierarchy is {self.hierarchy!r:.60}; it must map the name of each limb to its parent's"
+            )
 
     def notices(self, stage: str) -> tuple[str, ...]:
         """Return the sentences that the report of a stage says about these options."""
@@ -253,7 +264,7 @@ def _limb_called(project: Project, name: str) -> int:
 
 
 def _limb_pair(project: Project, names: Sequence[str]) -> tuple[int, int]:
-    if isinstance(names, str) or len(names) != 2:
+    if isinstance(names, str) or not isinstance(names, Sequence) or len(names) != 2:
         raise InputError(f"{names!r} where the names of two limbs belong")
     first, second = sorted(_limb_called(project, name) for name in names)
     if first == second:

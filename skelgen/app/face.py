@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import place_of, with_correction
@@ -21,7 +22,7 @@ from skelgen.app.files import given_identities, open_input
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
-from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import Identities, Project, Take
 from skelgen.model.corrections import Correction
 from skelgen.model.filled import Filled
 from skelgen.model.project import STAGES
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from skelgen.simulation import Truth
 
 
+@with_checked_arguments
 def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
     """Read a take from a file.
 
@@ -72,11 +74,12 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
         warnings.warn(
             f"{path} is a project with results ({', '.join(results)}); skelgen.read returns its take alone, "
             "skelgen.load the whole project",
-            stacklevel=2,
+            stacklevel=3,
         )
     return project.take
 
 
+@with_checked_arguments
 def load(path: Path | str) -> Project:
     """Open a project file with all results.
 
@@ -106,6 +109,7 @@ def load(path: Path | str) -> Project:
     return open_project(find_result(Path(path)))
 
 
+@with_checked_arguments
 def reconstruct(
     take: Take | Project,
     n_markers: int | None = None,
@@ -176,10 +180,8 @@ def reconstruct(
     """
     if isinstance(take, Project):
         project = replace(take, identities=given_identities(identities) or take.identities)
-    elif isinstance(take, PointCloud | Trajectories | Poses):
-        project = Project(take, seed, identities=given_identities(identities))
     else:
-        raise InputError(f"a take must be a PointCloud, Trajectories, Poses or Project, not {type(take).__name__}")
+        project = Project(take, seed, identities=given_identities(identities))
     options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
     return run_stages(
         project, until_stage=until, settings=Settings(parameters), options=options, monitor=monitor or SILENT
@@ -224,6 +226,7 @@ def calibrate_together(
     return several_takes.calibrate_together(takes, settings=Settings(parameters), seed=seed, monitor=monitor or SILENT)
 
 
+@with_checked_arguments
 def correct(
     project: Project,
     kind: str,
@@ -267,14 +270,18 @@ def correct(
     >>> project.has("labels"), project.has("limbs")
     (True, False)
     """
+    if len(frames) != 2:
+        raise InputError(f"frames are {frames!r:.60}; a first and a last frame belong there")
+    correction = Correction(kind, tuple(names), *frames, value)
     places = []
     if project.has("labels"):
         with contextlib.suppress(InputError, ValueError):  # a name that does not exist is refused below, in words
             markers = [project.trajectories.names.index(name) for name in names]
             places = [place_of(project.trajectories, marker, frames[0] or 0) for marker in markers]
-    return with_correction(project, Correction(kind, tuple(names), *frames, value, tuple(places)))
+    return with_correction(project, replace(correction, places=tuple(places)))
 
 
+@with_checked_arguments
 def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     """Fill the gaps of the markers of a project by means of its skeleton.
 
@@ -307,6 +314,7 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor or SILENT)
 
 
+@with_checked_arguments
 def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
     """Compare the results of a project with a known truth.
 
@@ -337,9 +345,13 @@ def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
     """
     from skelgen import evaluation, simulation  # noqa: PLC0415 - loads scipy
 
-    return evaluation.evaluate(project, simulation.read_truth(truth) if isinstance(truth, Path | str) else truth)
+    known = simulation.read_truth(truth) if isinstance(truth, Path | str) else truth
+    if not isinstance(known, simulation.Truth):
+        raise InputError(f"the truth is {known!r:.60}; it must be a Truth or the path of one")
+    return evaluation.evaluate(project, known)
 
 
+@with_checked_arguments
 def run_batch(
     inputs: Iterable[Path | str],
     output: Path | str,

@@ -12,11 +12,12 @@ from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.options import Format, Option
 
+from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
-from skelgen.model import Identities, PointCloud, Project, Take
+from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT, Monitor
@@ -83,6 +84,7 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
     return read_identities(identities) if isinstance(identities, Path | str) else identities
 
 
+@with_checked_arguments
 def write(
     value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:
@@ -137,6 +139,8 @@ def write_any(
         return [Path(path)]
     if isinstance(value, Filled):
         return registry.write_file(value, path, format, **{"filled": True, **options})
+    if not isinstance(value, Project | PointCloud | Trajectories | Poses):
+        raise InputError(f"{value!r:.60} is no project, take, filled markers or settings; nothing else is written")
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Limbs, PointCloud, Poses, Take, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, check_coordinates
 
 MIN_FRAMES = 3
 """Fewer frames hold no motion from which a joint could be found."""
@@ -44,6 +44,8 @@ def check_take(take: Take) -> None:
         check_trajectories(take)
     elif np.isnan(take.world_from_body[:, :, 0, 0]).all():
         raise InputError(f"{_name(take)}: no body is seen in any frame; check the recording")
+    else:
+        check_coordinates(take.world_from_body, _name(take))
 
 
 def check_trajectories(trajectories: Trajectories) -> None:
@@ -56,6 +58,7 @@ def check_trajectories(trajectories: Trajectories) -> None:
     """
     name = _name(trajectories)
     _check_n_frames(trajectories)
+    check_coordinates(trajectories.positions, name)
     n_seen = int(trajectories.seen.any(axis=0).sum())
     if n_seen == 0:
         raise InputError(f"{name}: no marker is seen in any frame; check the recording")

@@ -90,6 +90,8 @@ def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:
     for take in takes:
         if isinstance(take, Poses):
             raise InputError(f"{take.name}: holds bodies with orientation; takes with markers are calibrated together")
+        if not isinstance(take, PointCloud | Trajectories):
+            raise InputError(f"a take is {take!r:.60}; it must be a PointCloud or Trajectories")
         checked.append(take)
     if len(checked) < _LEAST_TAKES:
         raise InputError("one take alone is calibrated by `skelgen run`; give at least two to calibrate them together")

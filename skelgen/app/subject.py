@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.inputs import body_of, check_take, trajectories_from_poses
 from skelgen.app.project_file.archive import find_result, open_project
@@ -36,6 +37,7 @@ from skelgen.stages.subject import (
 )
 
 
+@with_checked_arguments
 def apply_subject(
     take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> Project:
@@ -72,7 +74,12 @@ def apply_subject(
     True
     """
     known = subject if isinstance(subject, Project) else open_subject(subject)
-    return run_with_subject(Project(take), known, settings=Settings(parameters), monitor=monitor or SILENT)
+    return run_with_subject(
+        Project(take.take if isinstance(take, Project) else take),
+        known,
+        settings=Settings(parameters),
+        monitor=monitor or SILENT,
+    )
 
 
 def open_subject(path: Path | str) -> Project:

@@ -1,17 +1,21 @@
 """Clean, read-only arrays for the values: one check per meaning."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skelgen.errors import InputError
+from skelgen.errors import InputError, ParameterError
 
 _Number = TypeVar("_Number", bound=np.generic)
 Floats = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Bools = NDArray[np.bool_]
+
+
+LARGEST_COORDINATE = 1e9
+"""mm; beyond a thousand kilometres a unit is wrong or a file broken, and squares lose the millimetre."""
 
 
 def set_fields(value: object, **fields: object) -> None:
@@ -47,7 +51,13 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
     InputError
         If the shape or a number is wrong.
     """
-    array = _frozen(values if _is_frozen(values) else np.array(values, dtype=np.float64), shape, what)
+    if not _is_frozen(values):
+        try:
+            given = np.asarray(values)
+            values = given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{what} must be numbers in {len(shape)} axes that are even") from error
+    array = _frozen(np.asarray(values), shape, what)
     if np.isinf(array).any() or (finite and np.isnan(array).any()):
         raise InputError(f"{what} holds values that are not finite numbers")
     return array
@@ -70,7 +80,10 @@ def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Int
     InputError
         If the shape is wrong, or the values are no whole numbers.
     """
-    array = np.array(values)
+    try:
+        array = np.array(values)
+    except ValueError as error:  # rows of different lengths
+        raise InputError(f"{what} must be whole numbers") from error
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{what} must be whole numbers")
     return _frozen(array.astype(np.intp), shape, what)
@@ -96,6 +109,21 @@ def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bo
     return _frozen(np.array(values, dtype=np.bool_), shape, what)
 
 
+def check_coordinates(places: Floats, name: str) -> None:
+    """Raise `InputError` if a coordinate is impossibly large.
+
+    Parameters
+    ----------
+    places : ndarray, mm
+        Of any shape.
+    name : str
+        Name of the take in errors.
+    """
+    largest = float(np.nanmax(np.abs(places), initial=0.0))
+    if largest > LARGEST_COORDINATE:
+        raise InputError(f"{name}: a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit")
+
+
 def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
     """Return distinct, non-empty names as a tuple.
 
@@ -113,6 +141,8 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
     InputError
         If there are more or fewer, or one is empty or stands twice.
     """
+    if not isinstance(names, Iterable):
+        raise InputError(f"{what} names must be texts, not {type(names).__name__}")
     clean = tuple(displayable(str(name)) for name in names)
     if len(clean) != count:
         raise InputError(f"{len(clean)} {what} names where {count} belong")
@@ -146,10 +176,35 @@ def check_rate(rate: Any, what: str) -> float:
     InputError
         If it is not above 0.
     """
-    value = float(rate)
+    try:
+        value = float(rate)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what} has a rate of {rate!r:.60}; it must be a number of Hz") from error
     if not np.isfinite(value) or value <= 0:
         raise InputError(f"{what} has a rate of {value:g} Hz; it must be above 0")
     return value
+
+
+def check_whole(value: Any, least: int, what: str) -> int:
+    """Return a whole number.
+
+    Parameters
+    ----------
+    value : int
+        The number.
+    least : int
+        Smaller ones are refused.
+    what : str
+        Name of the value in errors.
+
+    Raises
+    ------
+    ParameterError
+        If it is none, or too small.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise ParameterError(f"{what} is {value!r:.60}; it must be a whole number of at least {least}")
+    return int(value)
 
 
 def _is_frozen(values: ArrayLike) -> TypeGuard[Floats]:

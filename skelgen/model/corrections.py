@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from skelgen.errors import FormatError, InputError, SkelgenError
-from skelgen.model.arrays import Floats, set_fields
+from skelgen.model.arrays import Floats, check_whole, set_fields
 
 SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
@@ -119,6 +119,11 @@ class Correction:
         if self.kind not in RULES:
             raise InputError(f"there is no correction {self.kind!r}; there are {', '.join(RULES)}")
         set_fields(self, names=tuple(self.names), places=tuple(self.places))
+        if not all(isinstance(text, str) for text in (*self.names, self.value)):
+            raise InputError(f"{self.kind}: names of markers and the value must be texts")
+        for frame in (self.first_frame, self.last_frame):
+            if frame is not None:
+                check_whole(frame, 0, f"{self.kind}: a frame")
         rule, n_names = self.rule, len(self.names)
         if n_names < rule.least or (rule.most and n_names > max(rule.most, 0)):
             raise InputError(f"{self.kind}: {n_names} markers are named; {rule.least} belong there")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from skelgen.errors import MissingResultError
 from skelgen.model import tables
+from skelgen.model.arrays import check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.skeleton import Motion, Skeleton
@@ -117,6 +118,9 @@ class Project:
     _topology: Topology | None = None
     _skeleton: Skeleton | None = None
     _motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        set_fields(self, seed=check_whole(self.seed, 0, "the seed"))
 
     @property
     def name(self) -> str:

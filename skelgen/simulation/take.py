@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.errors import ParameterError
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, check_whole
 from skelgen.parameters import StageParameters, declare
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.markers import (
@@ -125,6 +125,9 @@ def simulate(
     >>> simulated.truth.joint_names
     ('middle rod - rear rod', 'middle rod - front rod')
     """
+    check_whole(seed, 0, "the seed")
+    if not isinstance(structure, Structure | RecordedBody | str):
+        raise ParameterError(f"the structure is {structure!r:.60}; it must be a structure or its name")
     if isinstance(structure, RecordedBody):
         recorded = SimulationParameters(n_frames=len(structure.world_from_limb), rate=structure.rate)
         scene = _played(structure, _settings(parameters or recorded, options), seed)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.errors import FormatError, InputError, WriteError
+from skelgen.errors import FormatError, InputError, ParameterError, WriteError
 
 
 def test_take_becomes_a_finished_project(waving):
@@ -16,9 +16,68 @@ def test_take_becomes_a_finished_project(waving):
     assert project.motion.joint_positions.shape == (20, 1, 3)
 
 
-def test_something_else_than_a_take_is_refused():
-    with pytest.raises(InputError, match="not list"):
-        skelgen.reconstruct([1, 2, 3])
+NO_NUMBERS = ["x", "3", 0, -1, 2.5, True, [3]]
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [
+        *((name, value) for name in ("n_markers", "n_limbs", "n_jobs") for value in NO_NUMBERS),
+        *(("seed", value) for value in ("x", None, -1, 2.5)),
+        *(("parameters", value) for value in (5, [1], {"joints": 3}, {"limbs": {"sampling": 10**400}})),
+        *(("hierarchy", value) for value in (5, ["a"], "abc")),
+        *((name, value) for name in ("joined", "parted") for value in (5, [5], ["ab"], [("limb0", 5)])),
+        *((name, 5) for name in ("root", "until", "identities", "monitor")),
+    ],
+)
+def test_arguments_of_the_wrong_type_are_refused_in_a_sentence(waving, argument, value):
+    with pytest.raises((InputError, ParameterError), match=argument.partition("_")[0].rstrip("s") + "|limb|stage"):
+        skelgen.reconstruct(waving, **{argument: value})
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        ("read", (5,)),
+        ("load", (None,)),
+        ("write", (5, "a.trc")),
+        ("reconstruct", ([1, 2, 3],)),
+        ("apply_subject", (5, "rom.skelgen")),
+        ("calibrate_together", ([1, 2],)),
+        ("correct", (5, "merge", ["a", "b"])),
+        ("fill", (5,)),
+        ("evaluate", (5, 5)),
+        ("run_batch", (5, "out")),
+        ("simulate", (5,)),
+    ],
+)
+def test_what_a_function_cannot_take_is_refused_in_a_sentence(function, arguments):
+    with pytest.raises((InputError, ParameterError, WriteError), match=r"5|1|None"):
+        getattr(skelgen, function)(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("names", "value", "frames"), [((5,), "new", (None, None)), (("A",), 5, (None, None)), (("A", "B"), "", ("a", 3))]
+)
+def test_corrections_of_the_wrong_type_are_refused(small_project, names, value, frames):
+    with pytest.raises((InputError, ParameterError), match=r"texts|frame"):
+        skelgen.correct(small_project, "swap" if frames[0] else "rename", names, value, frames)
+
+
+@pytest.mark.parametrize(
+    ("positions", "rate"),
+    [("x", 100.0), ([[1], [1, 2]], 100.0), (np.zeros((4, 1)), 100.0), (np.zeros((4, 1, 3), complex), 100.0)]
+    + [(np.zeros((4, 1, 3)), rate) for rate in ("x", 0.0, np.nan, None)],
+)
+def test_values_that_are_no_numbers_of_a_shape_are_refused(positions, rate):
+    with pytest.raises(InputError, match=r"positions|rate"):
+        skelgen.Trajectories(positions, ("A",), rate)
+
+
+def test_coordinates_beyond_all_measure_are_refused():
+    positions = 1e300 * np.random.default_rng(0).normal(size=(5, 2, 3))
+    with pytest.raises(InputError, match="more than a thousand kilometres"):
+        skelgen.reconstruct(skelgen.Trajectories(positions, ("A", "B"), 100.0))
 
 
 def test_take_comes_back_from_a_marker_file(waving, tmp_path):

@@ -237,7 +237,7 @@ class _Points:
         markers = np.flatnonzero(chain.limb_of_marker == limb)
         joints = ([limb] if chain.parents[limb] >= 0 else []) + np.flatnonzero(chain.parents == limb).tolist()
         places = [chain.offsets[markers]]
-        changes = [errors.root[: 3 * chain.n_markers].reshape(-1, 3, n)[markers]]
+        changes = [errors.root[: 3 * chain.n_markers].reshape(chain.n_markers, 3, n)[markers]]
         for joint in joints:  # the joint to the parent is the origin of the frame
             row = 3 * (chain.n_markers + joint - 1)
             is_origin = joint == limb

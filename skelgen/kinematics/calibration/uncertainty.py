@@ -55,7 +55,7 @@ def inverse_root(information: Floats) -> Floats:
 
 
 def scaled_spectrum(information: Floats) -> tuple[Floats, Floats, Floats, Bools]:
-    """Return eigenvalues and eigenvectors of an information matrix whose diagonal is scaled to 1.
+    """Return eigenvalues and eigenvectors of an information matrix, its diagonal scaled to 1 where it is not nothing.
 
     Returns
     -------
@@ -68,9 +68,10 @@ def scaled_spectrum(information: Floats) -> tuple[Floats, Floats, Floats, Bools]
     determined : ndarray of bool, shape (n,)
         Directions whose information is more than rounding.
     """
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
+    own = np.diag(information)  # a coordinate in one frame informs by 1
+    scale = np.sqrt(np.where(own > RANK_TOLERANCE, own, 1.0))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    determined = values > RANK_TOLERANCE * max(float(values[-1]), np.finfo(np.float64).tiny)
+    determined = values > RANK_TOLERANCE * max(float(values[-1]), 1.0)
     return values, vectors, scale, determined
 
 

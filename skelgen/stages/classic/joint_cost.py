@@ -158,7 +158,7 @@ class DescentParameters(StageParameters):
         1e-10,
         "stop when a step lowers the cost by less than this",
         unit="mm^2",
-        within=(0.0, None),
+        within=(0.0, 1e6),
         config_name="EPSBREAK",
     )
     max_iterations: int = declare(200, "stop after so many iterations", within=(1, 100000), config_name="ITMAX")

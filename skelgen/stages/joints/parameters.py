@@ -60,7 +60,7 @@ class JointParameters(DescentParameters):
         25.0,
         "local optimisation that ends above this cost is tried again from earlier frames",
         unit="mm^2",
-        within=(0.0, None),
+        within=(0.0, 1e6),
         config_name="MAXFRET",
     )
     max_fallback: int = declare(

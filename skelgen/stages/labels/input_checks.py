@@ -6,11 +6,8 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, check_coordinates
 from skelgen.stages.labels.parameters import LabelParameters
-
-LARGEST_COORDINATE = 1e9
-"""mm; beyond a thousand kilometres a unit is wrong or a file broken, and squares lose the millimetre."""
 
 MISSING_FRAME = 1.5
 """Of the usual time step: between frames farther apart in time, at least one frame is missing."""
@@ -41,9 +38,7 @@ def check_cloud(cloud: PointCloud, n_markers: int | None) -> None:
         raise InputError(f"{n_markers} markers were asked for; there must be at least 1")
     if cloud.n_points == 0:
         raise InputError(f"{cloud.name or 'the take'} holds no points in its {cloud.n_frames} frames")
-    largest = float(np.abs(cloud.points).max())
-    if largest > LARGEST_COORDINATE:
-        raise InputError(f"a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit of the file")
+    check_coordinates(cloud.points, cloud.name or "the take")
 
 
 def with_jitter(cloud: PointCloud, parameters: LabelParameters, seed: int) -> PointCloud:

@@ -49,7 +49,7 @@ class LabelParameters(StageParameters):
         0.0,
         "Farthest that a point may lie from where its marker was expected; 0 = found from the take.",
         unit="mm",
-        within=(0.0, None),
+        within=(0.0, 1e6),
         basic=True,
     )
     mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", within=(0, 1000))
@@ -66,14 +66,14 @@ class LabelParameters(StageParameters):
         0,
         "Tracklets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
         unit="frames",
-        within=(0, None),
+        within=(0, 1e6),
         config_name="MINRANGE",
     )
     trim_range: int = declare(
         2,
         "Frames cut off at both ends of every tracklet, except where the take itself begins or ends.",
         unit="frames",
-        within=(0, None),
+        within=(0, 1e6),
         config_name="TRIMRANGE",
     )
     remove_distance: float = declare(
@@ -81,10 +81,10 @@ class LabelParameters(StageParameters):
         "Classic method: Marker Sets farther apart than this are never joined, and those that are so far from all "
         "others go first where there are too many; 0 = the median distance between neighbouring markers.",
         unit="mm",
-        within=(0.0, None),
+        within=(0.0, 1e6),
     )
     stand_alone: float = declare(
-        3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", within=(0.0, None)
+        3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", within=(0.0, 1e6)
     )
     alignment: str = declare(
         "local",
@@ -105,7 +105,7 @@ class LabelParameters(StageParameters):
         10,
         "Classic method: interval of the frames that are picked to compare Marker Sets.",
         unit="frames",
-        within=(1, None),
+        within=(1, 1e6),
         config_name="SAMPLINGMSTC",
     )
     method: str = declare(
@@ -157,13 +157,13 @@ class LabelParameters(StageParameters):
     )
     add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", config_name="ADDRANDOMTC")
     max_jitter: float = declare(
-        0.5, "Largest jitter added to each coordinate.", unit="mm", within=(0.0, None), config_name="MAXJITTERTC"
+        0.5, "Largest jitter added to each coordinate.", unit="mm", within=(0.0, 1e6), config_name="MAXJITTERTC"
     )
     time_one_frame: int = declare(
         5,
         "Time between two frames where the take's time stamps do not rise.",
         unit="ms",
-        within=(1, None),
+        within=(1, 1e6),
         config_name="TIMEONEFRAME",
     )
 

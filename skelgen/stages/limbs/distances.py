@@ -47,7 +47,8 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[i
     ndarray of intp
         Rising frame indices, without repetition.
     """
-    step = parameters.sampling or max(1.0, n_frames / parameters.samples)
+    least = max(1.0, n_frames / MIN_COMMON_SAMPLES)  # a step across the take would leave nothing to compare
+    step = min(parameters.sampling, least) or max(1.0, n_frames / parameters.samples)
     grid = np.arange(0, n_frames, step, dtype=np.float64)
     if step > 1:
         grid = grid + np.random.default_rng(seed).uniform(-0.5, 0.5, len(grid)) * parameters.jitter * step

@@ -73,7 +73,7 @@ class LimbParameters(StageParameters):
         0.0,
         "spectral: square of the global sigma; 0 scans for the best one",
         unit="mm^2",
-        within=(0.0, None),
+        within=(0.0, 1e6),
         config_name="SIGMAQUAD",
     )
     measure: str = declare(
@@ -92,7 +92,7 @@ class LimbParameters(StageParameters):
         0.0,
         "rising count: limbs are added until no distance within one varies more; 0 takes 8 times the take's noise",
         unit="mm",
-        within=(0.0, None),
+        within=(0.0, 1e6),
     )
 
     @property

@@ -50,8 +50,8 @@ class Spread:
     ----------
     covariance : ndarray, shape (k, k), mm^2
         Covariance of the k coordinates.
-    share : ndarray, shape (k, k, n_markers)
-        Covariance that unit noise of each marker makes in them.
+    basis : ndarray, shape (3 n_markers, k)
+        The coordinates, orthonormal, in those of the markers.
     markers : ndarray of intp, shape (n_markers,)
         The markers.
     radius : float, mm
@@ -59,13 +59,14 @@ class Spread:
     """
 
     covariance: Floats
-    share: Floats
+    basis: Floats
     markers: Ints
     radius: float
 
     def ratios(self, variances: Floats) -> Floats:
         """Principal variances in units of what the noise `variances` [mm^2] of all markers explains, shape (k,)."""
-        root = np.linalg.cholesky(self.share @ variances[self.markers])
+        noise = np.repeat(variances[self.markers], 3)
+        root = np.linalg.cholesky(self.basis.T @ (noise[:, np.newaxis] * self.basis))
         half = np.linalg.solve(root, self.covariance)
         return np.asarray(np.linalg.eigvalsh(np.linalg.solve(root, half.T)))
 
@@ -102,8 +103,12 @@ class Movements:
     def inner(self, group: Group) -> Spread | None:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
         if group not in self._inner:
-            self._inner[group] = self._spread(group, _inner_basis)
+            self._inner[group] = self.tried(group)
         return self._inner[group]
+
+    def tried(self, group: Group) -> Spread | None:
+        """Return `inner` of a group that is one of many: it is not kept, as it may be large."""
+        return self._inner[group] if group in self._inner else self._spread(group, _inner_basis)
 
     def relative(self, first: Group, second: Group) -> Spread | None:
         """Return the spread of the relative motion of two groups; None if too few frames show both.
@@ -148,10 +153,9 @@ class Movements:
         kept = np.argsort(size, kind="stable")[: max(LEAST_FRAMES, round(KEPT_PART * len(size)))]
         used, seen = rows[kept], shown[1][kept].astype(np.float64)
         common = np.repeat(np.repeat(np.maximum(seen.T @ seen, 1), 3, axis=0), 3, axis=1)
-        by_marker = basis.reshape(len(shape), 3, -1)
         return Spread(
             covariance=basis.T @ (used.T @ used / common) @ basis,
-            share=np.einsum("mik,mil->klm", by_marker, by_marker),
+            basis=basis,
             markers=np.array(markers, dtype=np.intp),
             radius=float(np.sqrt(((shape - shape.mean(axis=0)) ** 2).sum(axis=1).mean())),
         )

@@ -35,6 +35,10 @@ MERGED = 12.0
 MOVED = 10.0
 """The same for a marker and the cluster it might move to, which gains less."""
 
+NEAREST = 12
+"""Clusters with which one may be merged or regrouped, or to which its markers may move: in large takes of nothing but
+noise all could be."""
+
 SUSPICIOUS = 4.0
 """A marker leaves its cluster only if some inner distance varies more than this, in units of its noise."""
 
@@ -130,7 +134,7 @@ class _Search:
         labels = self._labels()
         to_piece = _largest(self._ratio, labels)
         across = _largest(to_piece.T, labels)
-        for first, second in np.argwhere(np.triu(across <= MERGED, 1)).tolist():
+        for first, second in np.argwhere(np.triu(_nearest(across, MERGED), 1)).tolist():
             whole = _union(self.clusters[first], self.clusters[second])
             yield self._cost(whole) - self._now(first, second), (first, second), [whole]
         for index, cluster in enumerate(self.clusters):
@@ -141,7 +145,9 @@ class _Search:
     def _moves(
         self, index: int, block: Group, distance: Floats
     ) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
-        others = [other for other in np.flatnonzero(distance <= MOVED).tolist() if other != index]
+        others = [
+            other for other in np.flatnonzero(_nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index
+        ]
         if not others and distance[index] <= SUSPICIOUS:
             return
         rest = _without(self.clusters[index], block)
@@ -153,7 +159,7 @@ class _Search:
     def _regroupings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
         labels = self._labels()
         nearest = -_largest(_largest(-self._ratio, labels).T, labels)
-        for first, second in np.argwhere(np.triu(nearest <= SUSPICIOUS, 1)).tolist():
+        for first, second in np.argwhere(np.triu(_nearest(nearest, SUSPICIOUS), 1)).tolist():
             both = _union(self.clusters[first], self.clusters[second])
             if len(both) > REGROUPED:
                 continue
@@ -195,7 +201,7 @@ class _Search:
         if len(group) == 2:
             ratios: Floats = self._ratio[group[:1], group[1:]]
             return misfit(ratios) - GAIN
-        spread = self._movements.inner(group)
+        spread = self._movements.tried(group)
         if spread is None:
             return FORBIDDEN
         ratios = spread.ratios(self._noise)
@@ -227,6 +233,14 @@ def _largest(table: Floats, labels: Ints) -> Floats:
     order = np.argsort(labels, kind="stable")
     starts = np.searchsorted(labels[order], np.arange(labels.max() + 1))
     return np.asarray(np.maximum.reduceat(table[:, order], starts, axis=1))
+
+
+def _nearest(distances: Floats, limit: float) -> Bools:
+    """Which entries of each row are within a limit and among the least of the row, `NEAREST` and its own."""
+    within = np.asarray(distances <= limit)
+    if distances.shape[1] > NEAREST + 1 and within.sum(axis=1).max() > NEAREST + 1:
+        within &= distances <= np.partition(distances, NEAREST, axis=1)[:, [NEAREST]]
+    return within
 
 
 def _union(first: Group, second: Group) -> Group:

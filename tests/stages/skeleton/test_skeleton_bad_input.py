@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.progress import Monitor
+from skelgen.simulation import simulate
 from skelgen.stages.joints import find_joints
+from skelgen.stages.limbs import find_limbs
 from skelgen.stages.skeleton import fit_skeleton
 
 N_FRAMES = 120
@@ -102,3 +106,25 @@ def test_positions_that_are_all_equal_give_no_nan():
 
 def test_exact_positions_give_no_nan():
     assert_no_nan(*fitted(two_limbs(40.0, noise=0.0))[:2])
+
+
+@pytest.mark.parametrize("n_frames", [3, 40])
+def test_bodies_of_one_marker_are_followed_and_nothing_is_known_of_their_rotations(n_frames):
+    positions = 100 * np.random.default_rng(0).normal(size=(n_frames, 2, 3))
+    limbs = Limbs(np.arange(2), np.zeros((2, 2)))
+    topology = Topology(np.full(2, -1), np.zeros((2, 2)), np.zeros((n_frames, 0, 3)), np.zeros(0), np.zeros(0), 0.1)
+    skeleton, motion = fit_skeleton(Trajectories(positions, ("a", "b"), RATE), limbs, topology)
+    np.testing.assert_allclose(motion.marker_positions, positions, atol=1e-9)
+    assert not motion.limb_seen.any()
+    assert_no_nan(skeleton, motion)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_markers_on_more_limbs_than_there_are_give_no_nan(seed):
+    take = simulate("rods", seed=seed, n_frames=14, dropouts=0.1, motion_range=0.1).take
+    limbs = find_limbs(take, n_limbs=7)
+    skeleton, motion = fit_skeleton(take, limbs, find_joints(take, limbs))
+    on_limbs = limbs.limb_of_marker >= 0
+    assert_no_nan(
+        replace(skeleton, marker_offsets=np.where(on_limbs[:, np.newaxis], skeleton.marker_offsets, 0.0)), motion
+    )

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
 from skelgen.model import Project, Skeleton
-from skelgen.model.arrays import Floats, Ints, check_floats, check_rate
+from skelgen.model.arrays import Floats, Ints, check_coordinates, check_floats, check_rate
 from skelgen.stages.labels.online.links import Links
 from skelgen.stages.labels.online.rigid_labels import RigidLabels
 from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
@@ -23,9 +23,6 @@ WINDOW = 30.0
 
 STEPS_REMEMBERED = 51
 """Time steps whose median is the frame period where no rate is given."""
-
-LARGEST_COORDINATE = 1e9
-"""mm; beyond a thousand kilometres a unit is wrong, and squares lose the millimetre."""
 
 LONG_JUMP = 1.0
 """s without frames after which the pose is searched anew."""
@@ -114,9 +111,7 @@ class Tracker:
             not rise.
         """
         clean = check_floats(np.empty((0, 3)) if np.size(points) == 0 else points, (None, 3), "points of a frame")
-        largest = float(np.nanmax(np.abs(clean), initial=0.0))
-        if largest > LARGEST_COORDINATE:
-            raise InputError(f"a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit")
+        check_coordinates(clean, "points of a frame")
         n_steps = self._advance(time)
         labels = np.full(len(clean), -1, dtype=np.intp)
         seen = ~np.isnan(clean).any(axis=1)
