@@ -20,6 +20,7 @@ import tempfile
 import time
 import traceback
 import warnings
+import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -181,7 +182,7 @@ def _work(folder: Path, readers: list[Reader], seed: int, first: int) -> int:
             path = place / seed_name
             path.write_bytes(content)
             state[:] = _STATE.pack(number, max(done, 1), refused, found)
-            why, was_refused = _read(reader, path, number)
+            why, was_refused = _read(reader, path, zlib.crc32(str(number).encode()))
             if why:
                 found += 1
                 print(f"{kept(keep, number, seed_name, content)}\t{reader.name}: {why}", flush=True)
@@ -192,10 +193,10 @@ def _work(folder: Path, readers: list[Reader], seed: int, first: int) -> int:
     return 0
 
 
-def _read(reader: Reader, path: Path, number: int) -> tuple[str, bool]:
+def _read(reader: Reader, path: Path, turn: int) -> tuple[str, bool]:
     """Why a file is found, if it is, and whether it was refused."""
     try:
-        reader.read(path, number)
+        reader.read(path, turn)
     except SkelgenError as error:
         sentence = str(error).replace(str(path), "").replace(str(path.parent), "")
         if "\n" in sentence or len(sentence) > LONGEST_SENTENCE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import random
@@ -176,7 +177,7 @@ def mutated_json(dice: random.Random, content: bytes) -> bytes:
         holder, key = dice.choice(places)
         match dice.randrange(7):
             case 0 | 1 | 2:
-                holder[key] = dice.choice(_VALUES)
+                holder[key] = copy.deepcopy(dice.choice(_VALUES))
             case 3:
                 del holder[key]
             case 4:

@@ -32,7 +32,7 @@ from skelgen.simulation import read_truth, recorded_body, write_truth
 N_FRAMES = 24
 """Of the sound files: small files are read quickly, and most damages hit something."""
 
-SHOWN, WRITTEN = 4, 200
+SHOWN, WRITTEN = 4, 40
 """One of so many accepted files is shown as `skelgen info` does; of projects, one of so many is written anew."""
 
 
@@ -48,8 +48,8 @@ class Reader:
         Which mutations: a key of `fuzz_mutations.CHANGES`.
     seeds : tuple of str
         Names of sound files.
-    read : callable (path, number)
-        Reads, and does with what it read what a command would do; the number of the file chooses.
+    read : callable (path, turn)
+        Reads, and does with what it read what a command would do; the turn, a large number, chooses.
     """
 
     name: str
@@ -59,9 +59,9 @@ class Reader:
 
 
 def _take(name: str) -> Callable[[Path, int], object]:
-    def read(path: Path, number: int) -> None:
-        take = read_take(path, None if number % 2 else name)
-        if number % SHOWN == 0:
+    def read(path: Path, turn: int) -> None:
+        take = read_take(path, None if turn % 2 else name)
+        if turn % SHOWN == 0:
             _show(Project(take))
 
     return read
@@ -72,23 +72,23 @@ def _show(project: Project) -> None:
     column_rows(project.take)
 
 
-def _project(path: Path, number: int) -> None:
+def _project(path: Path, turn: int) -> None:
     project = open_project(path)
-    if number % SHOWN == 0:
+    if turn % SHOWN == 0:
         _show(project)
-    if number % WRITTEN == 0:
+    if turn % WRITTEN == 0:
         with tempfile.TemporaryDirectory() as folder, contextlib.suppress(MissingResultError):
             write_outputs(project, folder, "again")
 
 
-def _motion(path: Path, number: int) -> None:
+def _motion(path: Path, turn: int) -> None:
     motion = read_motion(path.with_suffix(".amc") if path.suffix == ".asf" else path)
-    if number % SHOWN == 0:
+    if turn % SHOWN == 0:
         recorded_body(motion)
 
 
-def _settings(path: Path, number: int) -> None:
-    read_settings(path) if number % 2 else read_capture_settings(path)
+def _settings(path: Path, turn: int) -> None:
+    read_settings(path) if turn % 2 else read_capture_settings(path)
 
 
 _TEXTS = ("trc", "csm", "qualisys", "motive", "poses-csv", "classic-xml")
@@ -105,18 +105,18 @@ READERS = (
     ),
     *(Reader(name, "text", (f"motion.{name}",), _motion) for name in ("bvh", "amc", "asf")),
     Reader("project", "archive", ("finished.skelgen", "labels.skelgen", "sensors.skelgen"), _project),
-    Reader("truth", "archive", ("rods.truth.npz",), lambda path, number: read_truth(path)),
-    Reader("identities", "text", ("points.csv", "places.csv"), lambda path, number: read_identities(path)),
-    Reader("hierarchy", "text", ("tree.txt",), lambda path, number: read_hierarchy(path)),
-    Reader("config", "text", ("config.xml",), lambda path, number: Settings(path)),
+    Reader("truth", "archive", ("rods.truth.npz",), lambda path, turn: read_truth(path)),
+    Reader("identities", "text", ("points.csv", "places.csv"), lambda path, turn: read_identities(path)),
+    Reader("hierarchy", "text", ("tree.txt",), lambda path, turn: read_hierarchy(path)),
+    Reader("config", "text", ("config.xml",), lambda path, turn: Settings(path)),
     Reader("settings", "text", ("settings.xml",), _settings),
-    Reader("list", "text", ("pairs.txt",), lambda path, number: listed_pairs(path)),
-    Reader("image", "bytes", tuple(f"image.{suffix}" for suffix in _IMAGES), lambda path, number: read_image(path)),
+    Reader("list", "text", ("pairs.txt",), lambda path, turn: listed_pairs(path)),
+    Reader("image", "bytes", tuple(f"image.{suffix}" for suffix in _IMAGES), lambda path, turn: read_image(path)),
     Reader(
         "any",
         "bytes",
         ("trc.trc", "c3d.c3d", "mfml.mfml", "csm.csm", "finished.skelgen", "classic-xml.xml"),
-        lambda path, number: open_input(path),
+        lambda path, turn: open_input(path),
     ),
 )
 """Every reader."""
