@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import signal
 import threading
+import time
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 """Signals by which somebody ends a program: Ctrl-C, `kill` or a shutdown, a terminal that is closed."""
+
+_LOOK_SECONDS = 0.2  # between two looks after a parent
 
 _unfinished: dict[Path, None] = {}
 
@@ -49,6 +55,39 @@ def uninterrupted() -> Iterator[None]:
             signal.signal(number, handler)
         for number in arrived:
             signal.raise_signal(number)
+
+
+@contextlib.contextmanager
+def deaf_children() -> Iterator[None]:
+    """Let processes that start now never hear Ctrl-C, which is for the parent: it ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@cache
+def end_with_parent() -> None:
+    """Let this process, if another one has it work, ignore Ctrl-C, and end at once when that one is gone."""
+    import multiprocessing  # noqa: PLC0415 - the command line shall answer signals as soon as it can
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it could not be blocked
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: Any) -> None:
+    if parent.sentinel is not None:
+        parent.join()
+    while os.getppid() == parent.pid:  # joblib's processes have no sentinel
+        time.sleep(_LOOK_SECONDS)
+    remove_unfinished()
+    os._exit(1)
 
 
 def _remove(path: Path) -> None:

@@ -28,7 +28,7 @@ from skelgen.cli import (
     stage_commands,
 )
 from skelgen.cli.options import called_command, generated, reader_options, writer_options
-from skelgen.errors import SkelgenError, out_of_memory
+from skelgen.errors import SkelgenError, out_of_memory, shortened
 
 EXIT_BUG = 1
 EXIT_INPUT = 2
@@ -76,8 +76,8 @@ def run(arguments: Sequence[str]) -> int:
         sentence = str(getattr(error, "format_message", error.__str__)()).rstrip(".")
         return _failed(f"{sentence}; `skelgen --help` lists what there is", EXIT_INPUT)
     except Exception as error:
-        sentence = out_of_memory(error) or _lack_of_folder(error)
-        if not (sentence or isinstance(error, SkelgenError)):
+        sentence = out_of_memory(error) or _lack_of_folder(error) or _of_system(error)
+        if not isinstance(error, SkelgenError) and (not sentence or "--debug" in words):
             raise
         return _failed(sentence or str(error), getattr(error, "exit_code", EXIT_INPUT))
     if code == EXIT_INTERRUPTED:  # newer typer answers Ctrl-C itself
@@ -165,6 +165,13 @@ def _lack_of_folder(error: Exception) -> str:
         except OSError:
             return "the folder in which you work is gone; change to one that exists"
     return ""
+
+
+def _of_system(error: Exception) -> str:
+    """Say what the system holds against a file that was named."""
+    if not isinstance(error, OSError) or error.filename is None:
+        return ""
+    return f"{shortened(str(error.filename))}: {error.strerror}"
 
 
 def _failed(sentence: str, code: int) -> int:

@@ -47,7 +47,8 @@ OutputFolder = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False)
 ]
 Seed = Annotated[
-    int | None, typer.Option("--seed", help="Seed of every random choice.", show_default="0, or that of the project")
+    int | None,
+    typer.Option("--seed", min=0, help="Seed of every random choice.", show_default="0, or that of the project"),
 ]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes for work that can be shared.")]
 NMarkers = Annotated[

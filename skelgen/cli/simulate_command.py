@@ -45,7 +45,7 @@ def simulate(
     motion_skeleton: MotionSkeleton = None,
     motion_unit: MotionUnit = None,
     motion_rate: MotionRate = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the motion and of all faults.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the motion and of all faults.")] = 0,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     **values: Any,
@@ -81,7 +81,7 @@ def simulate(
     if (structure is None) == (motion is None):
         raise ParameterError("give either a STRUCTURE, which moves at random, or --motion FILE")
     options, screen = given(values), Screen(quiet)
-    truth_file = output.with_name(output.stem + TRUTH_SUFFIX)
+    truth_file = output.parent / (output.stem + TRUTH_SUFFIX)
     check_outputs((output, truth_file), (motion, motion_skeleton), (output,), overwrite=overwrite)
     stated = {"motion_skeleton": motion_skeleton, "motion_unit": motion_unit, "motion_rate": motion_rate}
     of_bones = [entry.name for entry in BoneParameters.declarations() if entry.name in options]

@@ -163,7 +163,7 @@ def run(
 
 def demo(
     output: options.OutputFolder = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the simulation and the stages.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation and the stages.")] = 0,
     jobs: options.Jobs = 1,
     overwrite: options.Overwrite = False,
     quiet: options.Quiet = False,

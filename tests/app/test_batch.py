@@ -317,6 +317,19 @@ class TestProcesses:
         assert [record["outcome"] for record in result.records] == ["failed", "failed"]
         assert "signal 9" in result.records[0]["error"]
 
+    def test_no_more_processes_are_started_than_there_are_takes(self, waves, tmp_path):
+        entries = find_entries([waves / "wave0.csm"], tmp_path / "out")
+        outcomes = in_processes(Job(), entries, n_workers=50)
+        assert next(outcomes).record["outcome"] == "done"
+        assert len(multiprocessing.active_children()) <= 1
+        outcomes.close()
+
+    @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+    def test_a_pipe_is_no_take(self, waves, tmp_path):
+        os.mkfifo(tmp_path / "pipe.c3d")
+        result = run_batch([tmp_path / "pipe.c3d"], tmp_path / "out", pool=here)
+        assert "pipe" in result.failed[0]["error"]
+
     def test_a_take_that_hangs_is_given_up_alone(self, waves, tmp_path):
         paths = [waves / "wave0.csm", waves / "wave1.csm"]
         pool = partial(in_processes, timeout=1.0)

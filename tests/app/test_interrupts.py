@@ -76,6 +76,40 @@ def handles(pid, number):
     return int(caught, 16) >> (number - 1) & 1
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell of processes")
+def test_processes_of_joblib_end_with_one_that_is_killed(tmp_path):
+    lines = (
+        "import os, signal, time",
+        "from joblib import Parallel, delayed",
+        "from skelgen.interrupts import end_with_parent",
+        "def work(number):",
+        "    end_with_parent()",
+        "    open(f'{os.getpid()}.pid', 'w').close()",
+        "    time.sleep(60)",
+        "Parallel(n_jobs=2)(delayed(work)(number) for number in range(2))",
+    )
+    process = subprocess.Popen([sys.executable, "-c", "\n".join(lines)], cwd=tmp_path, env=ENVIRONMENT)
+    pids = wait_until(lambda: [int(path.stem) for path in tmp_path.glob("*.pid")])
+    process.kill()
+    process.wait()
+    assert wait_until(lambda: not any(is_running(pid) for pid in pids))
+
+
+def wait_until(is_so, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not (found := is_so()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return found
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except OSError:
+        return False
+
+
 def test_an_interrupt_that_python_drops_ends_the_command_all_the_same():
     lines = (
         "import signal, sys",

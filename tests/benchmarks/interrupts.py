@@ -106,6 +106,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self._folder, self._inputs = folder, folder / "inputs"
         self._known: dict[str, Undisturbed] = {}
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what runs in the background ignore it
 
     def disturb(self, command: str, sent: str, share: float) -> Trial:
         """Send a signal after a share of the command's time and say what was wrong."""

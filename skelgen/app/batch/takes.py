@@ -118,7 +118,10 @@ def _in_folder(folder: Path, output: Path) -> list[Path]:
 
 
 def _is_input(folder: Path, output: Path) -> bool:
-    is_batch = (folder / MANIFEST).exists() or (folder / RECORD).exists()
+    try:
+        is_batch = (folder / MANIFEST).exists() or (folder / RECORD).exists()
+    except OSError:  # nobody may look into it
+        return False
     return not is_batch and _absolute(folder) != output
 
 

@@ -29,7 +29,7 @@ from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
 from skelgen.app.subject import open_subject, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
-from skelgen.files import sha256_of
+from skelgen.files import open_regular, sha256_of
 from skelgen.model import PointCloud, Project
 from skelgen.progress import SILENT
 
@@ -256,6 +256,7 @@ def _failed(record: records.Record, folder: Path, error: str, obstacle: str = ""
 
 def _source_facts(entry: Entry) -> records.Record:
     path = Path(entry.source)
+    open_regular(path).close()  # a pipe could be read for ever
     try:
         return {"path": entry.source, "bytes": path.stat().st_size, "sha256": sha256_of(path)}
     except OSError as error:

@@ -11,7 +11,6 @@ import logging
 import math
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections import deque
@@ -23,7 +22,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import skelgen
 from skelgen.errors import InputError, ParameterError
-from skelgen.interrupts import remove_unfinished, uninterrupted
+from skelgen.interrupts import deaf_children, end_with_parent, uninterrupted
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -70,6 +69,7 @@ def in_processes(
         while waiting or workers:
             while waiting and len(workers) < n_workers:
                 workers.append(_Worker(job, limit))
+                workers[-1].begin(waiting.popleft())
             for worker in [one for one in workers if one.entry is None]:
                 if waiting:
                     worker.begin(waiting.popleft())
@@ -117,7 +117,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
-        with _one_thread(), uninterrupted(), _interrupts_blocked():
+        with _one_thread(), uninterrupted(), deaf_children():
             self.process.start()
         theirs.close()
         self.entry: Entry | None = None
@@ -200,23 +200,9 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-@contextlib.contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Let processes that start now never hear Ctrl-C, which is for the parent: it ends them."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _serve(connection: Connection[Any, Any], job: Job) -> None:
     """What a worker process does until nobody gives it takes any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it could not be blocked
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()  # so that nothing is written behind a new batch's back
     from skelgen.app.batch.work import work_on  # noqa: PLC0415 - numpy must see the number of threads first
 
     do = partial(work_on, job=job)
@@ -225,15 +211,6 @@ def _serve(connection: Connection[Any, Any], job: Job) -> None:
             entry = connection.recv()
             connection.send(None)  # from now on its time counts
             connection.send(do(entry))
-
-
-def _end_with_parent() -> None:
-    """End this process at once when the parent is gone, so that nothing is written behind a new batch's back."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        remove_unfinished()
-        os._exit(1)
 
 
 def on_cluster(

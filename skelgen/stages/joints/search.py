@@ -1,10 +1,13 @@
 """Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
 
+import multiprocessing
 from dataclasses import replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 
+from skelgen.interrupts import deaf_children, end_with_parent
 from skelgen.kinematics.rigid_bodies import LimbShape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints, evenly_spread
@@ -78,7 +81,8 @@ class PairSearch:
         else:
             from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with many descents
 
-            found = Parallel(return_as="generator")(delayed(guess_joint)(*pair, *given) for pair in work)
+            with deaf_children():
+                found = Parallel(return_as="generator")(delayed(_guess_for_parent)(*pair, *given) for pair in work)
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
             self._guesses[pair] = one
             self._monitor.advance(index, len(work))
@@ -106,6 +110,12 @@ class PairSearch:
                 if waits and helps and (best is None or guess.doubt < best[0]):
                     best = (guess.doubt, small, pair)
         return None if best is None else best[1:]
+
+
+def _guess_for_parent(*given: Any) -> JointGuess:
+    if multiprocessing.current_process().name.startswith("LokyProcess"):  # which would outlive a parent that is killed
+        end_with_parent()
+    return guess_joint(*given)
 
 
 def place_joints(
