@@ -68,6 +68,8 @@ def replacing(path: Path) -> Iterator[Path]:
     >>> Path("walk.txt").read_text()
     'one, two'
     """
+    path = Path(os.path.realpath(path)) if path.is_symlink() else path  # a link stays one
+    _check_replaceable(path)
     folder, created, arrived = path.parent, _missing(path.parent), False
     beginning, suffix = path.name[:_SHOWN_OF_NAME], path.suffix[:_SHOWN_OF_NAME]  # a name may be as long as it can
     try:
@@ -110,9 +112,7 @@ def arriving_together(folder: Path) -> Iterator[Path]:
                 yield temporary
             files = sorted(temporary.iterdir())
             for file in files:
-                if (folder / file.name).is_dir():
-                    what = "cannot be written: a folder has this name; nothing was written"
-                    raise WriteError(f"{folder / file.name}: {what}")
+                _check_replaceable(folder / file.name)
             with uninterrupted():  # all of them, or none
                 for file in files:
                     file.replace(folder / file.name)
@@ -139,6 +139,17 @@ def _telling_of(folder: Path, instead_of: str) -> Iterator[None]:
         yield
     except WriteError as error:
         raise WriteError(str(error).replace(instead_of, str(folder))) from error.__cause__
+
+
+def _check_replaceable(path: Path) -> None:
+    """Raise `WriteError` if there is something at a path that no file may take the place of."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):  # there is nothing, or nobody may look; then writing says why
+        return
+    if not stat.S_ISREG(mode):
+        what = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+        raise WriteError(f"{path}: cannot be written: {what} has this name; nothing was written")
 
 
 def _missing(folder: Path) -> list[Path]:

@@ -14,7 +14,7 @@ import pytest
 
 import skelgen
 from skelgen.cli import main
-from skelgen.errors import FormatError, out_of_memory
+from skelgen.errors import FormatError, WriteError, out_of_memory
 from skelgen.files import arriving_together, replacing
 from skelgen.interrupts import uninterrupted
 
@@ -135,6 +135,24 @@ def test_files_arrive_all_or_none_however_often_somebody_interrupts(tmp_path):
             signal.raise_signal(signal.SIGINT)
             (folder / "d").write_text("d")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("write", [replacing, lambda path: arriving_together(path.parent)])
+def test_no_file_takes_the_place_of_a_pipe_or_a_device(tmp_path, write):
+    os.mkfifo(tmp_path / "pipe.txt")
+    with pytest.raises(WriteError, match="a pipe or a device has this name"), write(tmp_path / "pipe.txt") as temporary:
+        (temporary / "pipe.txt" if temporary.is_dir() else temporary).write_text("data")
+    assert (tmp_path / "pipe.txt").is_fifo()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_link_stays_one(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "link.txt").symlink_to(tmp_path / "data" / "a.txt")
+    with replacing(tmp_path / "link.txt") as temporary:
+        temporary.write_text("data")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "data" / "a.txt").read_text() == "data"
 
 
 def test_a_file_that_fails_leaves_no_folder(tmp_path):
