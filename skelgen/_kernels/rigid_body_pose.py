@@ -134,7 +134,7 @@ def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools,
     n_matched = 0
     for ball in range(len(matched)):
         n_matched += matched[ball] >= 0
-    pose, covariance = fit_pose(target, scene, matched)
+    pose, covariance = _fit_pose(target, scene, matched)
     while True:
         worst, most, total = -1, 0.0, 0.0
         for ball in range(len(matched)):
@@ -149,9 +149,9 @@ def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools,
             return PosedBody(pose, covariance, matched, math.inf, math.inf, False)
         matched[worst] = -1
         n_matched -= 1
-        pose, covariance = fit_pose(target, scene, matched)
+        pose, covariance = _fit_pose(target, scene, matched)
     if _add_unseen_balls(target, scene, matched, free, rules, (pose, covariance)):
-        pose, covariance = fit_pose(target, scene, matched)
+        pose, covariance = _fit_pose(target, scene, matched)
     total, misfit, n_matched = 0.0, 0.0, 0
     for ball in range(len(matched)):
         if matched[ball] >= 0:
@@ -181,7 +181,7 @@ def chi_squared_limit(n_free: int, gate: float) -> float:
 
 
 @array_part
-def fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Floats, Floats]:
+def _fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Floats, Floats]:
     """Return the most likely pose, shape (4, 4), and its covariance, shape (6, 6)."""
     pose = _first_pose(target.points, scene.points, matched)
     normal, gradient, covariance, step = np.empty((6, 6)), np.empty(6), np.zeros((6, 6)), np.empty(6)

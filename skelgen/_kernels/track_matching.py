@@ -63,7 +63,7 @@ def find_pairs(
             point = order[rank]
             if points[point, 0] > expected[track, 0] + reach:
                 break
-            gain = gain_of(points, point, weights[point], expected, track, terms)
+            gain = _gain_of(points, point, weights[point], expected, track, terms)
             if gain <= 0.0:
                 continue
             if n_pairs == MOST_PAIRS:
@@ -85,7 +85,7 @@ def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
 
 
 @kernel
-def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
+def _gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
     """Gain [nats] of linking a track to a point; not above 0 out of reach."""
     x, y, z = difference(points, point, expected, track)
     squared = x * x + y * y + z * z
