@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
-from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
-from skelgen._kernels.posing import (
+from skelgen._kernels.chain import (
     ARM,
     ERROR,
     FREE,
@@ -15,7 +14,6 @@ from skelgen._kernels.posing import (
     N_ARM,
     N_PLACE,
     ORIGIN,
-    PARENT,
     ROOT,
     ROTATION,
     START,
@@ -25,6 +23,8 @@ from skelgen._kernels.posing import (
     copy_rotations,
     forward_kinematics,
 )
+from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Vector,
     add_vector,

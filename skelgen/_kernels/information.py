@@ -21,34 +21,36 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
-from skelgen._kernels.posing import (
+from skelgen._kernels.chain import (
     ARM,
-    BY_SHIFT,
-    BY_TURN,
     FREE,
     FREEDOMS,
     LINK,
-    MIXED,
     N_ARM,
-    N_AXIS,
-    N_FORM,
     N_PLACE,
-    PARENT,
     ROOT,
     ROTATION,
-    SHIFT,
     START,
-    TURN,
-    VARIANCE,
     WEIGHT,
     ChainTable,
     Place,
-    carry_form,
     copy_rotations,
-    find_forms,
     forward_kinematics,
-    take_axis,
     world_axis,
+)
+from skelgen._kernels.joint_models import PARENT
+from skelgen._kernels.posing import (
+    BY_SHIFT,
+    BY_TURN,
+    MIXED,
+    N_AXIS,
+    N_FORM,
+    SHIFT,
+    TURN,
+    VARIANCE,
+    carry_form,
+    find_forms,
+    take_axis,
 )
 from skelgen._kernels.small_matrices import (
     Matrix,
@@ -224,7 +226,21 @@ def _add_tilts(table: ChainTable, place: Place, forms: Floats, limb: int, consta
 
 @kernel_part
 def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
-    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
+    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    columns : Columns
+        Where the constants stand.
+    place : Place
+        Where the chain is.
+    limb : int
+        The limb.
+    tilt : int
+        Which of the constants of its axis.
+    """
     if tilt < 2:
         return turned(
             matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(columns.across, 2 * limb + tilt, ROOT)

@@ -9,30 +9,32 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.chain import (
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
+    N_PLACE,
+    ROOT,
+    ROTATION,
+    ChainTable,
+    Place,
+    copy_rotations,
+    forward_kinematics,
+)
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.posing import (
     AXIS,
     BY_SHIFT,
     BY_TURN,
     COVARIANCE,
     FOLLOW,
-    FREE,
-    FREEDOMS,
-    LINK,
-    N_ARM,
     N_AXIS,
     N_FORM,
-    N_PLACE,
-    PARENT,
-    ROOT,
-    ROTATION,
     SHIFT,
     VARIANCE,
-    ChainTable,
-    Place,
-    copy_rotations,
     eliminate,
     find_forms,
-    forward_kinematics,
 )
 from skelgen._kernels.small_matrices import (
     Matrix,

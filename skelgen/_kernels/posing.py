@@ -19,11 +19,32 @@ is known.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.chain import (
+    ARM,
+    ERROR,
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
+    N_PLACE,
+    ORIGIN,
+    ROOT,
+    ROTATION,
+    SPIN,
+    START,
+    STEP_SHIFT,
+    STEP_TURN,
+    WEIGHT,
+    ChainTable,
+    Place,
+    copy_rotations,
+    forward_kinematics,
+    world_axis,
+)
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Matrix,
     Vector,
@@ -45,11 +66,10 @@ from skelgen._kernels.small_matrices import (
     set_vector,
     symmetric,
     times,
-    turned,
     upper_of_product,
     vector,
 )
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats
 
 DAMPING = 1e-6
 """Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
@@ -66,17 +86,6 @@ STEP_TOLERANCE = 1e-10
 GAIN_TOLERANCE = 1e-9
 """Frames are settled when a step lowers the sum of squares by less than this part."""
 
-PARENT, FREEDOMS, START = fixed(0, 1, 2)
-"""Columns of `ChainTable.limbs`."""
-
-IN_PARENT, IN_CHILD, JOINT = fixed(0, 3, 6)
-"""Where the vectors in `ChainTable.joints` begin."""
-
-ROTATION, ORIGIN, LINK, STEP_TURN, STEP_SHIFT, SPIN, N_PLACE = fixed(0, 9, 12, 15, 18, 21, 30)
-"""Where the parts of a limb's place begin, and its length."""
-
-ARM, ERROR, WEIGHT, N_ARM = fixed(0, 3, 6, 7)
-"""The same of a marker's."""
 
 TURN, MIXED, SHIFT, TORQUE, FORCE, N_FORM = fixed(0, 6, 15, 21, 24, 27)
 """The same of a form."""
@@ -86,46 +95,6 @@ FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
 
 AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
 """Where the parts of a turn about an axis that is minimised out begin; those of a second axis follow."""
-
-ROOT, FREE = fixed(0, 3)
-"""The root's limb, and the freedoms of a turn that nothing restricts."""
-
-
-class ChainTable(NamedTuple):
-    """A chain with what its joints allow; markers are sorted by limb.
-
-    Attributes
-    ----------
-    limbs : ndarray of intp, shape (n_limbs + 1, 3)
-        Parent of each limb, how many turns its joint allows, and where its markers begin; the last row ends them.
-    joints : ndarray, shape (n_limbs, 9)
-        Axes in parent and child, of `Articulation`, and the joint in the parent [mm], of `Chain`.
-    markers : ndarray of intp, shape (n_markers,)
-        Markers in the order of their limbs.
-    offsets : ndarray, shape (n_markers, 3), mm
-        Of the markers in this order, in their limbs.
-    """
-
-    limbs: Ints
-    joints: Floats
-    markers: Ints
-    offsets: Floats
-
-
-class Place(NamedTuple):
-    """Where a chain is in one frame.
-
-    Attributes
-    ----------
-    limbs : ndarray, shape (n_limbs, 30)
-        World from limb by its rows, origin in the world [mm], and the way to it from the parent's [mm]; the step to
-        there: turn [rad], shift [mm], and the turn as a rotation.
-    markers : ndarray, shape (n_markers, 7), mm
-        Each limb's markers from its origin, the residuals of the measured ones, and their weights.
-    """
-
-    limbs: Floats
-    markers: Floats
 
 
 @kernel
@@ -179,40 +148,18 @@ def solve_frames(
 
 
 @kernel_part
-def copy_rotations(rotations: Floats, first: int, limbs: Floats) -> None:
-    """Copy the rotations of a frame, of which the first is in a given row."""
-    for limb in range(len(limbs)):
-        for column in range(9):
-            limbs[limb, column] = rotations[first + limb, column]
-
-
-@kernel_part
-def forward_kinematics(table: ChainTable, positions: Floats, weights: Floats, first: int, place: Place) -> float:
-    """Place limbs and markers by the root's origin and rotations; return the weighted sum of squares."""
-    squares = 0.0
-    for limb in range(len(table.joints)):
-        rotation, origin = matrix(place.limbs, limb, ROTATION), vector(place.limbs, limb, ORIGIN)
-        if limb > 0:
-            parent = table.limbs[limb, PARENT]
-            link = turned(matrix(place.limbs, parent, ROTATION), vector(table.joints, limb, JOINT))
-            origin = plus(vector(place.limbs, parent, ORIGIN), link)
-            set_vector(place.limbs, limb, LINK, link)
-            set_vector(place.limbs, limb, ORIGIN, origin)
-        for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-            row = first + table.markers[own]
-            place.markers[own, WEIGHT] = weights[row]
-            if weights[row] > 0.0:
-                arm = turned(rotation, vector(table.offsets, own, ROOT))
-                error = minus(minus(vector(positions, row, ROOT), arm), origin)
-                set_vector(place.markers, own, ARM, arm)
-                set_vector(place.markers, own, ERROR, error)
-                squares += weights[row] * dot(error, error)
-    return squares
-
-
-@kernel_part
 def find_forms(table: ChainTable, place: Place, forms: Floats) -> tuple[float, float]:
-    """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
+    """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Receives the quadratic forms.
+    """
     all_weights, all_traces = 0.0, 0.0
     for limb in range(len(table.joints)):
         total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -242,7 +189,21 @@ def find_forms(table: ChainTable, place: Place, forms: Floats) -> tuple[float, f
 
 @kernel_part
 def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
-    """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
+    """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    level : float
+        Ridge under the matrices of the turns.
+    solved : ndarray, shape (n_limbs, 22)
+        Receives the turns that are minimised out.
+    """
     for limb in range(len(table.joints) - 1, 0, -1):
         if table.limbs[limb, FREEDOMS] == FREE:
             _take_turn(forms, limb, level, solved)
@@ -270,16 +231,24 @@ def _take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
 
 
 @kernel_part
-def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
-    """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
-    if axis == 0:
-        return turned(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(table.joints, limb, IN_PARENT))
-    return turned(matrix(place.limbs, limb, ROTATION), vector(table.joints, limb, IN_CHILD))
-
-
-@kernel_part
 def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> None:
-    """Minimise a turn about an axis out of a limb's form."""
+    """Minimise a turn about an axis out of a limb's form.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    limb : int
+        The limb.
+    axis : tuple of float
+        In the world, of length 1.
+    level : float
+        Ridge under the matrices of the turns.
+    solved : ndarray, shape (n_limbs, 22)
+        Receives the turns that are minimised out.
+    first : int
+        Where to write in the limb's row.
+    """
     along = by_symmetric(symmetric(forms, limb, TURN), axis)
     sideways = (
         dot(axis, vector(forms, limb, MIXED)),
@@ -303,7 +272,19 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
 
 @kernel_part
 def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
-    """Add what is said of a limb to what is said of its parent."""
+    """Add what is said of a limb to what is said of its parent.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    limb : int
+        Whose form is added to that of its parent.
+    """
     link = vector(place.limbs, limb, LINK)
     if table.limbs[limb, FREEDOMS] == FREE:
         _carry_point(forms, limb, table.limbs[limb, PARENT], link)

@@ -20,16 +20,8 @@ import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.absolute_orientation import fast_rotations
-from skelgen._kernels.small_matrices import (
-    Symmetric,
-    Vector,
-    by_symmetric,
-    dot,
-    factorise,
-    inverse,
-    minus,
-    solve,
-)
+from skelgen._kernels.least_squares import factorise, solve
+from skelgen._kernels.small_matrices import Symmetric, Vector, by_symmetric, dot, inverse, minus
 from skelgen.model.arrays import Bools, Floats, Ints
 
 EXACT = 1e-6
@@ -236,7 +228,15 @@ def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
 
 @kernel_part
 def move_pose(pose: Floats, step: Floats) -> None:
-    """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second."""
+    """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (4, 4), mm
+        World from body, which is moved.
+    step : ndarray, shape (6,)
+        Rotation vector [rad] and shift [mm].
+    """
     x, y, z = step[0], step[1], step[2]
     angle = math.sqrt(x * x + y * y + z * z)
     sine = math.sin(angle) / angle if angle > 0.0 else 1.0
