@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
-from skelgen._kernels.small_matrices import factorise, solve
+from skelgen._kernels.least_squares import factorise, solve
 from skelgen.model.arrays import Floats
 
 X, Y, RADIUS, BRIGHTNESS, STD = range(5)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
-from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
-from skelgen._kernels.posing import (
+from skelgen._kernels.chain import (
     ARM,
     ERROR,
     FREE,
@@ -15,15 +14,17 @@ from skelgen._kernels.posing import (
     N_ARM,
     N_PLACE,
     ORIGIN,
-    PARENT,
     ROOT,
     ROTATION,
     START,
+    WEIGHT,
     ChainTable,
     Place,
     copy_rotations,
-    put,
+    forward_kinematics,
 )
+from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Vector,
     add_vector,
@@ -45,13 +46,7 @@ FORCE, MOMENT = fixed(0, 3)
 
 @kernel
 def add_gradient(
-    table: ChainTable,
-    columns: Columns,
-    roots: Floats,
-    rotations: Floats,
-    positions: Floats,
-    weights: Floats,
-    total: Floats,
+    table: ChainTable, columns: Columns, poses: tuple[Floats, Floats], positions: Floats, weights: Floats, total: Floats
 ) -> None:
     """Add the gradient of some frames; forces and torques are summed from the leaves to the root.
 
@@ -61,10 +56,8 @@ def add_gradient(
         The limbs, and what their joints allow.
     columns : Columns
         Where the constants stand.
-    roots : ndarray, shape (n_frames, 3), mm
-        World positions of the root's origin.
-    rotations : ndarray, shape (n_frames * n_limbs, 9)
-        World from limb by its rows, frame by frame.
+    poses : tuple of ndarray, shapes (n_frames, 3) [mm] and (n_frames * n_limbs, 9)
+        World positions of the root's origin; world from limb by its rows, frame by frame.
     positions : ndarray, shape (n_frames * n_markers, 3), mm
         Measured markers; any number where the weight is 0.
     weights : ndarray, shape (n_frames * n_markers,)
@@ -72,6 +65,7 @@ def add_gradient(
     total : ndarray, shape (n_constants,)
         What is added to.
     """
+    roots, rotations = poses
     n_limbs, n_markers = len(table.joints), len(table.markers)
     place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
     sums = np.empty((n_limbs, 6))
@@ -82,46 +76,39 @@ def add_gradient(
         for limb in range(n_limbs):
             for column in range(6):
                 sums[limb, column] = 0.0
-        put(table, positions, weights, first, place)
+        forward_kinematics(table, positions, weights, first, place)
         for limb in range(n_limbs - 1, -1, -1):
-            add_offset_gradient(table, columns, weights, first, place, limb, sums, total)
+            _add_offset_gradient(table, columns, place, limb, sums, total)
             if limb > 0:
-                add_joint_gradient(table, columns, place, limb, sums, total)
+                _add_joint_gradient(table, columns, place, limb, sums, total)
 
 
 @kernel_part
-def add_offset_gradient(
-    table: ChainTable,
-    columns: Columns,
-    weights: Floats,
-    first: int,
-    place: Place,
-    limb: int,
-    sums: Floats,
-    total: Floats,
+def _add_offset_gradient(
+    table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats
 ) -> None:
     """Add the gradient at the offsets of a limb's markers, and what their residuals do to the limb."""
     column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     force, torque = vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
     for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-        weight = weights[first + table.markers[own]]
+        weight = place.markers[own, WEIGHT]
         if weight > 0.0:
-            pull = times(weight, vector(place.markers, own, ERROR))
-            add_to(total, column, turned(axes, pull))
-            force, torque = plus(force, pull), plus(torque, cross(vector(place.markers, own, ARM), pull))
+            own_force = times(weight, vector(place.markers, own, ERROR))
+            _add_to(total, column, turned(axes, own_force))
+            force, torque = plus(force, own_force), plus(torque, cross(vector(place.markers, own, ARM), own_force))
         column += 3
     set_vector(sums, limb, FORCE, force)
     set_vector(sums, limb, MOMENT, torque)
 
 
 @kernel_part
-def add_joint_gradient(
+def _add_joint_gradient(
     table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats
 ) -> None:
     """Add the gradient at a limb's joint and axes, and what it does to the parent."""
     parent, force, torque = table.limbs[limb, PARENT], vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
-    add_to(total, columns.limbs[limb, FIRST], turned(transposed(matrix(place.limbs, parent, ROTATION)), force))
+    _add_to(total, columns.limbs[limb, FIRST], turned(transposed(matrix(place.limbs, parent, ROTATION)), force))
     for tilt in range(columns.limbs[limb, N_TILTS]):
         total[columns.limbs[limb, FIRST] + 3 + tilt] += dot(tilted(table, columns, place, limb, tilt), torque)
     add_vector(sums, parent, FORCE, force)
@@ -131,7 +118,7 @@ def add_joint_gradient(
 
 
 @kernel_part
-def add_to(total: Floats, first: int, value: Vector) -> None:
+def _add_to(total: Floats, first: int, value: Vector) -> None:
     """Add three numbers to those in a row."""
     for axis in range(3):
         total[first + axis] += value[axis]

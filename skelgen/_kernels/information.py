@@ -21,33 +21,36 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
-from skelgen._kernels.posing import (
+from skelgen._kernels.chain import (
     ARM,
-    BY_SHIFT,
-    BY_TURN,
     FREE,
     FREEDOMS,
     LINK,
-    MIXED,
     N_ARM,
-    N_AXIS,
-    N_FORM,
     N_PLACE,
-    PARENT,
     ROOT,
     ROTATION,
-    SHIFT,
     START,
-    TURN,
-    VARIANCE,
+    WEIGHT,
     ChainTable,
     Place,
-    carry_form,
     copy_rotations,
-    find_forms,
-    put,
-    take_axis,
+    forward_kinematics,
     world_axis,
+)
+from skelgen._kernels.joint_models import PARENT
+from skelgen._kernels.posing import (
+    BY_SHIFT,
+    BY_TURN,
+    MIXED,
+    N_AXIS,
+    N_FORM,
+    SHIFT,
+    TURN,
+    VARIANCE,
+    carry_form,
+    find_forms,
+    take_axis,
 )
 from skelgen._kernels.small_matrices import (
     Matrix,
@@ -76,8 +79,10 @@ POSE_RIDGE = 1e-12
 FIRST_AXIS, SECOND_AXIS = fixed(0, 1)
 
 TORQUES, FORCES, ROWS = fixed(0, 3, 6)
-"""Rows of the table of columns: T, F, and what a turn that is minimised out leaves."""
+"""Rows of `Constants.coupling`: T, F, and what a turn that is minimised out leaves."""
 
+Span = tuple[int, int]
+"""First and last of the columns that are worked on, which stand side by side; the last is not."""
 
 ORDER, FIRST, LAST, N_TILTS = fixed(0, 1, 2, 3)
 """Columns of `Columns.limbs`."""
@@ -97,6 +102,27 @@ class Columns(NamedTuple):
 
     limbs: Ints
     across: Floats
+
+
+class Constants(NamedTuple):
+    """What frames say of the constants.
+
+    Attributes
+    ----------
+    columns : Columns
+        Where the constants stand.
+    solved : ndarray, shape (n_limbs, 22)
+        Turns that are minimised out; see `posing.take_axis`.
+    coupling : ndarray, shape (9, n_constants)
+        T and F of one frame, and three rows for a turn that is minimised out.
+    total : ndarray, shape (n_constants, n_constants)
+        S, of which the upper half is added to.
+    """
+
+    columns: Columns
+    solved: Floats
+    coupling: Floats
+    total: Floats
 
 
 @kernel
@@ -119,40 +145,36 @@ def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: 
     n_limbs, n_markers = len(table.joints), len(table.markers)
     place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
     nowhere = np.zeros((len(weights), 3))  # what is measured does not count
-    forms, whole, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
-    work = np.zeros((ROWS + 3, len(total)))
+    forms, whole = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, N_FORM))
+    constants = Constants(columns, np.empty((n_limbs, 2 * N_AXIS)), np.zeros((ROWS + 3, len(total))), total)
     for root in range(0, len(rotations), n_limbs):
-        marker = root // n_limbs * n_markers
         copy_rotations(rotations, root, place.limbs)
-        put(table, nowhere, weights, marker, place)
-        all_weights, _ = find_forms(table, weights, marker, place, forms)
-        level = ridge(mean_turn(table, place, forms, whole))
+        forward_kinematics(table, nowhere, weights, root // n_limbs * n_markers, place)
+        all_weights, _ = find_forms(table, place, forms)
+        level = _ridge(_mean_turn(table, place, forms, whole))
         for entry in range(n_limbs - 1, -1, -1):
             limb = columns.limbs[entry, ORDER]
-            add_offsets(table, columns, weights, marker, place, limb, work, total)
+            _add_offsets(table, place, limb, constants)
             if table.limbs[limb, FREEDOMS] == FREE:
-                own = 3 if limb > 0 else 0
-                take_free_turn(
-                    forms, limb, level, work, columns.limbs[limb, FIRST] + own, columns.limbs[limb, LAST], total
-                )
+                _eliminate_free_turn(forms, limb, level, constants)
             else:
-                add_tilts(table, columns, place, forms, limb, work, total)
-                take_axes(table, columns, place, forms, limb, level, solved, work, total)
+                _add_tilts(table, place, forms, limb, constants)
+                _eliminate_axes(table, place, forms, limb, level, constants)
             if limb > 0:
-                add_joint(columns, place, table.limbs[limb, PARENT], forms, limb, work, total)
-                carry_columns(table, columns, place, forms, limb, work)
-        factor = inverse_root(symmetric(forms, ROOT, SHIFT), ridge(all_weights))
-        take_rows(factor, work, FORCES, ROOT, len(total), total)
+                _add_joint(table, place, forms, limb, constants)
+                _carry_columns(table, place, forms, limb, constants)
+        factor = _inverse_root(symmetric(forms, ROOT, SHIFT), _ridge(all_weights))
+        _eliminate_rows(factor, FORCES, (ROOT, len(total)), constants)
 
 
 @kernel_part
-def ridge(diagonal: float) -> float:
+def _ridge(diagonal: float) -> float:
     """What keeps a matrix regular that has this mean diagonal: 1 in frames that show nothing."""
     return POSE_RIDGE * diagonal if diagonal > 0.0 else 1.0
 
 
 @kernel_part
-def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> float:
+def _mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> float:
     """Return the mean diagonal of all turns' matrix while all of them are unknown."""
     total, n_turns = 0.0, 0
     for limb in range(len(forms)):
@@ -173,47 +195,52 @@ def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> 
 
 
 @kernel_part
-def add_offsets(
-    table: ChainTable,
-    columns: Columns,
-    weights: Floats,
-    first: int,
-    place: Place,
-    limb: int,
-    work: Floats,
-    total: Floats,
-) -> None:
+def _add_offsets(table: ChainTable, place: Place, limb: int, constants: Constants) -> None:
     """Let the offsets of a limb's markers come in."""
+    columns = constants.columns
     column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-        weight = weights[first + table.markers[own]]
+        weight = place.markers[own, WEIGHT]
         for axis in range(3):
             force = times(weight, axes[axis])
             torque = cross(vector(place.markers, own, ARM), force) if weight > 0.0 else force
-            set_column(work, FORCES, column, force)
-            set_column(work, TORQUES, column, torque)
-            total[column, column] += weight
+            _set_column(constants.coupling, FORCES, column, force)
+            _set_column(constants.coupling, TORQUES, column, torque)
+            constants.total[column, column] += weight
             column += 1
 
 
 @kernel_part
-def add_tilts(
-    table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats, total: Floats
-) -> None:
+def _add_tilts(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
     """Let the constants of the axis of a limb's joint come in: they turn it."""
+    columns = constants.columns
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     for tilt in range(columns.limbs[limb, N_TILTS] - 1, -1, -1):
         change = tilted(table, columns, place, limb, tilt)
         column = columns.limbs[limb, FIRST] + 3 + tilt
-        set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, TURN), change))
-        set_column(work, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
-        mix(total, column, 1.0, change, work, TORQUES, column, columns.limbs[limb, LAST])
+        _set_column(constants.coupling, TORQUES, column, by_symmetric(symmetric(forms, limb, TURN), change))
+        _set_column(constants.coupling, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
+        _add_rows(constants, column, change, TORQUES, columns.limbs[limb, LAST])
 
 
 @kernel_part
 def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
-    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
+    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    columns : Columns
+        Where the constants stand.
+    place : Place
+        Where the chain is.
+    limb : int
+        The limb.
+    tilt : int
+        Which of the constants of its axis.
+    """
     if tilt < 2:
         return turned(
             matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(columns.across, 2 * limb + tilt, ROOT)
@@ -224,85 +251,82 @@ def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: i
 
 
 @kernel_part
-def add_joint(
-    columns: Columns, place: Place, parent: int, forms: Floats, limb: int, work: Floats, total: Floats
-) -> None:
+def _add_joint(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
     """Let the joint above a limb come in: it shifts the origin."""
+    columns = constants.columns
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    axes = transposed(matrix(place.limbs, parent, ROTATION))
+    axes = transposed(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION))
     for axis in range(2, -1, -1):
         column, shift = columns.limbs[limb, FIRST] + axis, axes[axis]
-        set_column(work, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
-        set_column(work, TORQUES, column, plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c)))
-        mix(total, column, 1.0, shift, work, FORCES, column, columns.limbs[limb, LAST])
+        _set_column(constants.coupling, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
+        torque = plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c))
+        _set_column(constants.coupling, TORQUES, column, torque)
+        _add_rows(constants, column, shift, FORCES, columns.limbs[limb, LAST])
 
 
 @kernel_part
-def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: int, last: int, total: Floats) -> None:
+def _eliminate_free_turn(forms: Floats, limb: int, level: float, constants: Constants) -> None:
     """Minimise a free turn out."""
-    factor = inverse_root(symmetric(forms, limb, TURN), level)
+    limbs, coupling = constants.columns.limbs, constants.coupling
+    span = limbs[limb, FIRST] + (3 if limb > 0 else 0), limbs[limb, LAST]
+    factor = _inverse_root(symmetric(forms, limb, TURN), level)
     a = turned(factor, vector(forms, limb, MIXED))
     b = turned(factor, vector(forms, limb, MIXED + 3))
     c = turned(factor, vector(forms, limb, MIXED + 6))
     add_symmetric(forms, limb, SHIFT, (-dot(a, a), -dot(a, b), -dot(a, c), -dot(b, b), -dot(b, c), -dot(c, c)))
-    take_rows(factor, work, TORQUES, first, last, total)
-    mix(work, FORCES, 1.0, times(-1.0, a), work, ROWS, first, last)
-    mix(work, FORCES + 1, 1.0, times(-1.0, b), work, ROWS, first, last)
-    mix(work, FORCES + 2, 1.0, times(-1.0, c), work, ROWS, first, last)
+    _eliminate_rows(factor, TORQUES, span, constants)
+    _mix(coupling, FORCES, 1.0, times(-1.0, a), ROWS, span)
+    _mix(coupling, FORCES + 1, 1.0, times(-1.0, b), ROWS, span)
+    _mix(coupling, FORCES + 2, 1.0, times(-1.0, c), ROWS, span)
 
 
 @kernel_part
-def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, total: Floats) -> None:
+def _eliminate_rows(factor: Matrix, source: int, span: Span, constants: Constants) -> None:
     """Take what three unknowns tell from S, their columns multiplied by the root of their inverse matrix."""
-    mix(work, ROWS, 0.0, factor[0], work, source, first, last)
-    mix(work, ROWS + 1, 0.0, factor[1], work, source, first, last)
-    mix(work, ROWS + 2, 0.0, factor[2], work, source, first, last)
-    for row in range(first, last):
-        own = (-work[ROWS, row], -work[ROWS + 1, row], -work[ROWS + 2, row])
-        mix(total, row, 1.0, own, work, ROWS, row, last)
+    coupling = constants.coupling
+    _mix(coupling, ROWS, 0.0, factor[0], source, span)
+    _mix(coupling, ROWS + 1, 0.0, factor[1], source, span)
+    _mix(coupling, ROWS + 2, 0.0, factor[2], source, span)
+    for row in range(span[0], span[1]):
+        own = (-coupling[ROWS, row], -coupling[ROWS + 1, row], -coupling[ROWS + 2, row])
+        _add_rows(constants, row, own, ROWS, span[1])
 
 
 @kernel_part
-def take_axes(
-    table: ChainTable,
-    columns: Columns,
-    place: Place,
-    forms: Floats,
-    limb: int,
-    level: float,
-    solved: Floats,
-    work: Floats,
-    total: Floats,
+def _eliminate_axes(
+    table: ChainTable, place: Place, forms: Floats, limb: int, level: float, constants: Constants
 ) -> None:
     """Minimise the turns about the axes of a limb's joint out, the outer first."""
-    first, last = columns.limbs[limb, FIRST] + 3, columns.limbs[limb, LAST]
+    solved, coupling, total = constants.solved, constants.coupling, constants.total
+    first, last = constants.columns.limbs[limb, FIRST] + 3, constants.columns.limbs[limb, LAST]
     for place_of_axis in range(table.limbs[limb, FREEDOMS] - 1, -1, -1):
         axis = world_axis(table, place, limb, place_of_axis)
         take_axis(forms, limb, axis, level, solved, ROOT)
         root = math.sqrt(solved[limb, VARIANCE])
         by_turn, by_shift = vector(solved, limb, BY_TURN), vector(solved, limb, BY_SHIFT)
-        mix(work, ROWS, 0.0, times(root, axis), work, TORQUES, first, last)
+        _mix(coupling, ROWS, 0.0, times(root, axis), TORQUES, (first, last))
         for row in range(first, last):
-            take_row(total, row, work[ROWS, row], work, row, last)
+            _subtract_row(total, row, coupling[ROWS, row], coupling, row, last)
         for part in range(3):
-            take_row(work, TORQUES + part, by_turn[part] / root, work, first, last)
-            take_row(work, FORCES + part, by_shift[part] / root, work, first, last)
+            _subtract_row(coupling, TORQUES + part, by_turn[part] / root, coupling, first, last)
+            _subtract_row(coupling, FORCES + part, by_shift[part] / root, coupling, first, last)
 
 
 @kernel_part
-def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats) -> None:
+def _carry_columns(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
     """Carry a limb's form with its columns to its parent."""
-    first, last = columns.limbs[limb, FIRST], columns.limbs[limb, LAST]
+    limbs, coupling = constants.columns.limbs, constants.coupling
+    span = limbs[limb, FIRST], limbs[limb, LAST]
     kept = 0.0 if table.limbs[limb, FREEDOMS] == FREE else 1.0
     carry_form(table, place, forms, limb)
     x, y, z = vector(place.limbs, limb, LINK)
-    mix(work, TORQUES, kept, (0.0, -z, y), work, FORCES, first, last)
-    mix(work, TORQUES + 1, kept, (z, 0.0, -x), work, FORCES, first, last)
-    mix(work, TORQUES + 2, kept, (-y, x, 0.0), work, FORCES, first, last)
+    _mix(coupling, TORQUES, kept, (0.0, -z, y), FORCES, span)
+    _mix(coupling, TORQUES + 1, kept, (z, 0.0, -x), FORCES, span)
+    _mix(coupling, TORQUES + 2, kept, (-y, x, 0.0), FORCES, span)
 
 
 @kernel_part
-def inverse_root(matrix: Symmetric, level: float) -> Matrix:
+def _inverse_root(matrix: Symmetric, level: float) -> Matrix:
     """Return W with W^T W = (matrix + level)^-1, lower, no pivot below the level."""
     a, b, c, d, e, f = matrix
     pivot = max(a + level, level)
@@ -319,26 +343,35 @@ def inverse_root(matrix: Symmetric, level: float) -> Matrix:
 
 
 @kernel_part
-def set_column(work: Floats, top: int, column: int, value: Vector) -> None:
+def _set_column(work: Floats, top: int, column: int, value: Vector) -> None:
     """Write three numbers one below the other."""
     work[top, column], work[top + 1, column], work[top + 2, column] = value
 
 
 @kernel_part
-def mix(
-    target: Floats, row: int, kept: float, factors: Vector, source: Floats, top: int, first: int, last: int
-) -> None:
-    """Replace a part of a row by `kept` times itself and three rows of a table times factors."""
+def _mix(rows: Floats, row: int, kept: float, factors: Vector, top: int, span: Span) -> None:
+    """Replace a part of a row by `kept` times itself and three other rows of the table times factors."""
+    first, last = span
     a, b, c = factors
-    out = target[row, first:last]  # numbers from 0 on tell the compiler that nothing counts from the end
-    x, y, z = source[top, first:last], source[top + 1, first:last], source[top + 2, first:last]
+    out = rows[row, first:last]  # numbers from 0 on tell the compiler that nothing counts from the end
+    x, y, z = rows[top, first:last], rows[top + 1, first:last], rows[top + 2, first:last]
     for place in range(len(out)):
         out[place] = kept * out[place] + a * x[place] + b * y[place] + c * z[place]
 
 
 @kernel_part
-def take_row(target: Floats, row: int, factor: float, work: Floats, first: int, last: int) -> None:
+def _add_rows(constants: Constants, row: int, factors: Vector, top: int, last: int) -> None:
+    """Add three rows of the coupling times factors to a row of S, from its diagonal on."""
+    a, b, c = factors
+    out, rows = constants.total[row, row:last], constants.coupling
+    x, y, z = rows[top, row:last], rows[top + 1, row:last], rows[top + 2, row:last]
+    for place in range(len(out)):
+        out[place] = out[place] + a * x[place] + b * y[place] + c * z[place]
+
+
+@kernel_part
+def _subtract_row(target: Floats, row: int, factor: float, coupling: Floats, first: int, last: int) -> None:
     """Take a part of the first of what is left by an unknown, times a factor, from a row."""
-    out, taken = target[row, first:last], work[ROWS, first:last]
+    out, taken = target[row, first:last], coupling[ROWS, first:last]
     for place in range(len(out)):
         out[place] -= factor * taken[place]

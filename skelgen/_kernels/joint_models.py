@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
-from skelgen._kernels.small_matrices import (
-    SMALL_ANGLE,
-    TINY,
+from skelgen._kernels.least_squares import (
+    _eliminate,
+    _write_step,
     sum_of_squares,
     turn_to_axes,
     write_copy,
@@ -17,16 +17,12 @@ from skelgen._kernels.small_matrices import (
     write_product,
     write_times_transposed,
 )
+from skelgen._kernels.small_matrices import SMALL_ANGLE
 from skelgen.model.arrays import Floats
 
 STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
 """Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
 
-RANK_TOLERANCE = 1e-12
-"""Directions whose information is below this part of the largest are not determined: double precision ends there."""
-
-OWN_RIDGE = 1e-14
-"""Of a frame's own normal matrix: keeps angles that nothing measures in place."""
 
 UNIVERSAL_RIDGE = 1e-6
 """Of unit variance: axes that never move against each other make no universal joint."""
@@ -43,143 +39,17 @@ PARENT, CHILD = fixed(0, 1)
 ABOUT_Z, ABOUT_X = fixed(0, 1)
 """Axes of `_turn`, by the first of the two that it turns."""
 
-Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
-
-
-@kernel
-def whitened(covariances: Floats) -> Floats:
-    """Return matrices W with W^T W = covariance^-1, shape (n_frames, n, n)."""
-    size = covariances.shape[1]
-    out, room = np.empty(covariances.shape), np.empty((size, size))
-    for frame in range(len(covariances)):
-        for i in range(size):
-            for j in range(size):
-                room[i, j] = covariances[frame, i, j]
-        write_inverse_root(room, out[frame])
-    return out
-
-
-@kernel
-def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminated:
-    """Take the frames' own unknowns out of a least squares problem.
-
-    Parameters
-    ----------
-    residuals, constants, angles : ndarray
-        See `arrow.Linear`.
-
-    Returns
-    -------
-    tuple of ndarray
-        Inverse normal matrices of the frames' own unknowns, shape (n_frames, n_angles, n_angles); how these follow the
-        constants, shape (n_frames, n_angles, n_constants), and what they are without, shape (n_frames, n_angles); the
-        constants' slopes and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
-        (n_frames, n_rows); the constants' normal matrix and right-hand side.
-    """
-    n_frames, _, n_constants = constants.shape
-    n_angles = angles.shape[2]
-    inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, n_constants))
-    alone, reduced, left = np.empty((n_frames, n_angles)), np.empty(constants.shape), np.empty(residuals.shape)
-    normal, pull = np.empty((n_constants, n_constants)), np.empty(n_constants)
-    _eliminate(residuals, constants, angles, inverse, follow, alone, reduced, left, normal, pull)
-    return inverse, follow, alone, reduced, left, normal, pull
-
-
-@kernel_part
-def _eliminate(
-    residuals: Floats,
-    constants: Floats,
-    angles: Floats,
-    inverse: Floats,
-    follow: Floats,
-    alone: Floats,
-    reduced: Floats,
-    left: Floats,
-    normal: Floats,
-    pull: Floats,
-) -> None:
-    """Write what `eliminate` returns."""
-    n_frames, n_rows, n_constants = constants.shape
-    for c in range(n_constants):
-        pull[c] = 0.0
-        for d in range(n_constants):
-            normal[c, d] = 0.0
-    for frame in range(n_frames):
-        _invert_own(angles[frame], inverse[frame])
-        _follow(angles[frame], inverse[frame], constants[frame], residuals[frame], follow[frame], alone[frame])
-        for row in range(n_rows):
-            rest = residuals[frame, row]
-            for a in range(angles.shape[2]):
-                rest -= angles[frame, row, a] * alone[frame, a]
-            left[frame, row] = rest
-            for c in range(n_constants):
-                slope = constants[frame, row, c]
-                for a in range(angles.shape[2]):
-                    slope -= angles[frame, row, a] * follow[frame, a, c]
-                reduced[frame, row, c] = slope
-                pull[c] += slope * rest
-                for d in range(c + 1):
-                    normal[c, d] += slope * reduced[frame, row, d]
-    for c in range(n_constants):
-        for d in range(c):
-            normal[d, c] = normal[c, d]
-
-
-@kernel_part
-def _follow(
-    angles: Floats, inverse: Floats, constants: Floats, residuals: Floats, follow: Floats, alone: Floats
-) -> None:
-    """Write how a frame's own unknowns follow the constants, and what they are without."""
-    for a in range(len(alone)):
-        alone[a] = 0.0
-        for c in range(constants.shape[1]):
-            follow[a, c] = 0.0
-        for row in range(len(residuals)):
-            gain = 0.0
-            for b in range(len(alone)):
-                gain += inverse[a, b] * angles[row, b]
-            alone[a] += gain * residuals[row]
-            for c in range(constants.shape[1]):
-                follow[a, c] += gain * constants[row, c]
-
-
-@kernel_part
-def _invert_own(slopes: Floats, out: Floats) -> None:
-    """Write the inverse of slopes^T slopes, its diagonal a little raised: Gauss and Jordan without exchanges."""
-    n_rows, size = slopes.shape
-    trace = 0.0
-    for i in range(size):
-        for j in range(size):
-            out[i, j] = 0.0
-            for row in range(n_rows):
-                out[i, j] += slopes[row, i] * slopes[row, j]
-        trace += out[i, i]
-    level = OWN_RIDGE * trace + TINY
-    for i in range(size):
-        out[i, i] += level
-    for pivot in range(size):
-        scale = 1.0 / max(out[pivot, pivot], level)
-        out[pivot, pivot] = 1.0
-        for j in range(size):
-            out[pivot, j] *= scale
-        for i in range(size):
-            if i != pivot:
-                factor = out[i, pivot]
-                out[i, pivot] = 0.0
-                for j in range(size):
-                    out[i, j] -= factor * out[pivot, j]
-
 
 @kernel
 def linearised(
     in_parent: Floats, in_child: Floats, between: float, angles: Floats, rotations: Floats, weight: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return whitened errors of rotations, and how a joint's rotations follow its constants and angles.
+    """Return whitened residuals of rotations, and their derivatives by the constants and angles of a joint.
 
     Parameters
     ----------
     in_parent, in_child, between, angles
-        `Turning.parts` of a rigid joint, hinge or universal joint.
+        `JointRotation.parts` of a rigid joint, hinge or universal joint.
     rotations : ndarray, shape (n_frames, 3, 3)
         Measured, parent from child.
     weight : ndarray, shape (n_frames, 3, 3)
@@ -228,7 +98,7 @@ def _linearise(
         write_times_transposed(both, in_child, model)
         write_times_transposed(rotations[frame], model, error)
         _write_vector(error, vector)
-        _write_slopes(in_parent, first, both, n_angles, columns)
+        _write_jacobian(in_parent, first, both, n_angles, columns)
         for i in range(3):
             residuals[frame, i] = weight[frame, i, 0] * vector[0]
             residuals[frame, i] += weight[frame, i, 1] * vector[1] + weight[frame, i, 2] * vector[2]
@@ -252,19 +122,19 @@ def descended(
     max_rounds: int,
     least_gain: float,
 ) -> Parts:
-    """Fit a joint to rotations by the steps of `arrow.descend`.
+    """Fit a joint to rotations by the steps of `schur_complement.gauss_newton`.
 
     Parameters
     ----------
     in_parent, in_child, between, angles, rotations, weight
         See `linearised`; the joint is a first guess.
     max_rounds, least_gain
-        See `arrow.descend`.
+        See `schur_complement.gauss_newton`.
 
     Returns
     -------
     tuple
-        `Turning.parts` of the joint that comes nearest.
+        `JointRotation.parts` of the joint that comes nearest.
     """
     n_frames, n_angles = angles.shape
     size = 3 + n_angles
@@ -277,7 +147,7 @@ def descended(
     )
     inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, size))
     alone, reduced, left = np.empty((n_frames, n_angles)), np.empty((n_frames, 3, size)), np.empty((n_frames, 3))
-    normal, pull, step = np.empty((size, size)), np.empty(size), np.empty(size)
+    normal, gradient, step = np.empty((size, size)), np.empty(size), np.empty(size)
     matrices, room = np.empty((2, size, size)), np.empty((N_ROOM, 3, 3 + 2 * n_angles))
     write_copy(in_parent, parent)
     write_copy(in_child, child)
@@ -285,8 +155,8 @@ def descended(
     _linearise(parent, child, between, turns, rotations, weight, room, residuals, constants, own)
     squares = sum_of_squares(residuals)
     for _ in range(max_rounds):
-        _eliminate(residuals, constants, own, inverse, follow, alone, reduced, left, normal, pull)
-        _write_step(normal, pull, matrices[0], matrices[1], step)
+        _eliminate(residuals, constants, own, inverse, follow, alone, reduced, left, normal, gradient)
+        _write_step(normal, gradient, matrices[0], matrices[1], step)
         for frame in range(n_frames):
             for a in range(n_angles):
                 for c in range(size):
@@ -352,33 +222,6 @@ def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
 
 
 @kernel_part
-def _write_step(normal: Floats, pull: Floats, matrix: Floats, vectors: Floats, out: Floats) -> None:
-    """Solve for a step along the directions that are determined; both matrices are room to work in."""
-    size = len(pull)
-    for i in range(size):
-        out[i] = 0.0
-        for j in range(size):
-            matrix[i, j] = normal[i, j] / (_scale(normal, i) * _scale(normal, j))
-    turn_to_axes(matrix, vectors, size)
-    largest = TINY
-    for k in range(size):
-        largest = max(largest, matrix[k, k])
-    for k in range(size):
-        if matrix[k, k] > RANK_TOLERANCE * largest:
-            along = 0.0
-            for i in range(size):
-                along += vectors[i, k] * pull[i] / _scale(normal, i)
-            for i in range(size):
-                out[i] += vectors[i, k] * along / (matrix[k, k] * _scale(normal, i))
-
-
-@kernel_part
-def _scale(normal: Floats, i: int) -> float:
-    """Return the root of a diagonal element: millimetres and radians stand beside each other."""
-    return math.sqrt(max(normal[i, i], TINY))
-
-
-@kernel_part
 def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) -> None:
     """Write a frame turned in the plane of two neighbouring axes: about z or x; both may be the same array."""
     other, still = start + 1, 2 - 2 * start
@@ -433,8 +276,8 @@ def _write_vector(m: Floats, out: Floats) -> None:
 
 
 @kernel_part
-def _write_slopes(in_parent: Floats, first: Floats, both: Floats, n_angles: int, out: Floats) -> None:
-    """Write how a turn follows the constants of its kind, then the frame's angles."""
+def _write_jacobian(in_parent: Floats, first: Floats, both: Floats, n_angles: int, out: Floats) -> None:
+    """Write the derivatives of a joint's rotation by the constants of its type, then by the frame's angles."""
     for i in range(3):
         if n_angles == 0:
             for column in range(3):

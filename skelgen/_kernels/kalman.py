@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_part, kernel
+from skelgen._kernels.least_squares import factorise, solve
 from skelgen._kernels.rigid_body_pose import move_pose
-from skelgen._kernels.small_matrices import factorise, solve
 from skelgen.model.arrays import Floats
 
 N_STATE = 18

@@ -9,30 +9,32 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.chain import (
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
+    N_PLACE,
+    ROOT,
+    ROTATION,
+    ChainTable,
+    Place,
+    copy_rotations,
+    forward_kinematics,
+)
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.posing import (
     AXIS,
     BY_SHIFT,
     BY_TURN,
     COVARIANCE,
     FOLLOW,
-    FREE,
-    FREEDOMS,
-    LINK,
-    N_ARM,
     N_AXIS,
     N_FORM,
-    N_PLACE,
-    PARENT,
-    ROOT,
-    ROTATION,
     SHIFT,
     VARIANCE,
-    ChainTable,
-    Place,
-    copy_rotations,
     eliminate,
     find_forms,
-    put,
 )
 from skelgen._kernels.small_matrices import (
     Matrix,
@@ -53,8 +55,8 @@ from skelgen._kernels.small_matrices import (
 )
 from skelgen.model.arrays import Floats
 
-OF_TURN, OF_BOTH, N_KNOWN = fixed(0, 9, 18)
-"""Where a limb's covariances begin: of its turn, and of turn and origin."""
+OF_TURN, OF_BOTH, OF_ORIGIN, N_KNOWN = fixed(0, 9, 18, 27)
+"""Where a limb's covariances begin: of its turn, of turn and origin, and of its origin."""
 
 
 @kernel
@@ -84,115 +86,115 @@ def propagate_covariances(
     for root in range(0, len(rotations), n_limbs):
         first = root // n_limbs * n_markers
         copy_rotations(rotations, root, place.limbs)
-        put(table, nowhere, weights, first, place)
-        find_forms(table, weights, first, place, forms)
+        forward_kinematics(table, nowhere, weights, first, place)
+        find_forms(table, place, forms)
         eliminate(table, place, forms, levels[0], solved)
-        set_matrix(places, root, ROTATION, whole(inverse(symmetric(forms, ROOT, SHIFT), levels[1])))
-        keep_free_turn(solved, ROOT, matrix(places, root, ROTATION), known)
+        set_matrix(places, root, ROTATION, _whole(inverse(symmetric(forms, ROOT, SHIFT), levels[1])))
+        set_matrix(known, ROOT, OF_ORIGIN, matrix(places, root, ROTATION))
+        _keep_free_turn(solved, ROOT, known)
         set_matrix(turns, root, ROTATION, matrix(known, ROOT, OF_TURN))
         for limb in range(1, n_limbs):
-            relative = limb_outward(table, place, solved, limb, places, root, known)
+            relative = _limb_outward(table, place, solved, limb, known)
+            set_matrix(places, root + limb, ROTATION, matrix(known, limb, OF_ORIGIN))
             parent = matrix(place.limbs, table.limbs[limb, PARENT], ROTATION)
             set_matrix(turns, root + limb, ROTATION, product(transposed(parent), product(relative, parent)))
 
 
 @kernel_part
-def limb_outward(
-    table: ChainTable, place: Place, solved: Floats, limb: int, places: Floats, root: int, known: Floats
-) -> Matrix:
+def _limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, known: Floats) -> Matrix:
     """Carry covariances from a parent to a limb; return that of the turn between them, in the world."""
-    parent, lever = table.limbs[limb, PARENT], cross_matrix(vector(place.limbs, limb, LINK))
+    parent, lever = table.limbs[limb, PARENT], _cross_matrix(vector(place.limbs, limb, LINK))
     before, mixed = matrix(known, parent, OF_TURN), matrix(known, parent, OF_BOTH)
-    at_link = added(mixed, product(before, lever))
-    origin = added(matrix(places, root + parent, ROTATION), product(transposed(mixed), lever))
-    origin = taken(origin, product(lever, at_link))
-    set_matrix(places, root + limb, ROTATION, origin)
+    at_link = _added(mixed, product(before, lever))
+    origin = _added(matrix(known, parent, OF_ORIGIN), product(transposed(mixed), lever))
+    origin = _taken(origin, product(lever, at_link))
+    set_matrix(known, limb, OF_ORIGIN, origin)
     if table.limbs[limb, FREEDOMS] == FREE:
-        keep_free_turn(solved, limb, origin, known)
-        with_parent = negative(product(follow_of(solved, limb), transposed(at_link)))
+        _keep_free_turn(solved, limb, known)
+        with_parent = _negative(product(_follow_of(solved, limb), transposed(at_link)))
     else:
-        with_parent = keep_axis_turns(solved, limb, table.limbs[limb, FREEDOMS], before, at_link, origin, known)
-    both = added(with_parent, transposed(with_parent))
-    return taken(added(matrix(known, limb, OF_TURN), before), both)
+        with_parent = _keep_axis_turns(table, solved, limb, before, at_link, known)
+    both = _added(with_parent, transposed(with_parent))
+    return _taken(_added(matrix(known, limb, OF_TURN), before), both)
 
 
 @kernel_part
-def keep_free_turn(solved: Floats, limb: int, origin: Matrix, known: Floats) -> None:
-    """Keep the covariances of a free turn, of which the limb's origin is known as told."""
-    follow = follow_of(solved, limb)
-    mixed = negative(product(follow, origin))
-    turn = taken(whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
+def _keep_free_turn(solved: Floats, limb: int, known: Floats) -> None:
+    """Keep the covariances of a free turn, given that of the limb's origin."""
+    follow, origin = _follow_of(solved, limb), matrix(known, limb, OF_ORIGIN)
+    mixed = _negative(product(follow, origin))
+    turn = _taken(_whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
     set_matrix(known, limb, OF_TURN, turn)
     set_matrix(known, limb, OF_BOTH, mixed)
 
 
 @kernel_part
-def keep_axis_turns(
-    solved: Floats, limb: int, n_axes: int, before: Matrix, at_link: Matrix, origin: Matrix, known: Floats
+def _keep_axis_turns(
+    table: ChainTable, solved: Floats, limb: int, before: Matrix, at_link: Matrix, known: Floats
 ) -> Matrix:
-    """Keep the covariances of a turn about axes; return that of it and the parent's turn."""
-    turn, mixed, with_parent = before, at_link, before
-    for first in range(0, n_axes * N_AXIS, N_AXIS):
+    """Keep the covariances of a turn about axes, given that of the origin; return that with the parent's turn."""
+    turn, mixed, with_parent, origin = before, at_link, before, matrix(known, limb, OF_ORIGIN)
+    for first in range(0, table.limbs[limb, FREEDOMS] * N_AXIS, N_AXIS):
         axis = vector(solved, limb, first + AXIS)
         by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)
-        parent = follows(transposed(with_parent), by_turn, at_link, by_shift)
-        own = follows(turn, by_turn, mixed, by_shift)
-        place = follows(transposed(mixed), by_turn, origin, by_shift)
+        parent = _follows(transposed(with_parent), by_turn, at_link, by_shift)
+        own = _follows(turn, by_turn, mixed, by_shift)
+        place = _follows(transposed(mixed), by_turn, origin, by_shift)
         variance = solved[limb, first + VARIANCE] - dot(by_turn, own) - dot(by_shift, place)
-        side = outer(axis, own)
-        turn = added(added(turn, outer(times(variance, axis), axis)), added(side, transposed(side)))
-        mixed, with_parent = added(mixed, outer(axis, place)), added(with_parent, outer(axis, parent))
+        side = _outer(axis, own)
+        turn = _added(_added(turn, _outer(times(variance, axis), axis)), _added(side, transposed(side)))
+        mixed, with_parent = _added(mixed, _outer(axis, place)), _added(with_parent, _outer(axis, parent))
     set_matrix(known, limb, OF_TURN, turn)
     set_matrix(known, limb, OF_BOTH, mixed)
     return with_parent
 
 
 @kernel_part
-def follow_of(solved: Floats, limb: int) -> Matrix:
+def _follow_of(solved: Floats, limb: int) -> Matrix:
     """How a free turn follows the limb's origin."""
     columns = vector(solved, limb, FOLLOW), vector(solved, limb, FOLLOW + 3), vector(solved, limb, FOLLOW + 6)
     return transposed(columns)
 
 
 @kernel_part
-def follows(by: Matrix, turn: Vector, beside: Matrix, shift: Vector) -> Vector:
+def _follows(by: Matrix, turn: Vector, beside: Matrix, shift: Vector) -> Vector:
     """Covariance of an angle that follows turn and shift with what these covariances are those of."""
     return times(-1.0, plus(turned(by, turn), turned(beside, shift)))
 
 
 @kernel_part
-def whole(upper: Symmetric) -> Matrix:
+def _whole(upper: Symmetric) -> Matrix:
     """Return a symmetric matrix by its rows."""
     a, b, c, d, e, f = upper
     return (a, b, c), (b, d, e), (c, e, f)
 
 
 @kernel_part
-def cross_matrix(vector: Vector) -> Matrix:
+def _cross_matrix(vector: Vector) -> Matrix:
     """Return the matrix [v]x with [v]x u = v x u."""
     x, y, z = vector
     return (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
 
 
 @kernel_part
-def outer(first: Vector, second: Vector) -> Matrix:
+def _outer(first: Vector, second: Vector) -> Matrix:
     """Return first second^T."""
     return times(first[0], second), times(first[1], second), times(first[2], second)
 
 
 @kernel_part
-def added(first: Matrix, second: Matrix) -> Matrix:
+def _added(first: Matrix, second: Matrix) -> Matrix:
     """Return first + second."""
     return plus(first[0], second[0]), plus(first[1], second[1]), plus(first[2], second[2])
 
 
 @kernel_part
-def taken(first: Matrix, second: Matrix) -> Matrix:
+def _taken(first: Matrix, second: Matrix) -> Matrix:
     """Return first - second."""
     return minus(first[0], second[0]), minus(first[1], second[1]), minus(first[2], second[2])
 
 
 @kernel_part
-def negative(matrix: Matrix) -> Matrix:
+def _negative(matrix: Matrix) -> Matrix:
     """Return -matrix."""
     return times(-1.0, matrix[0]), times(-1.0, matrix[1]), times(-1.0, matrix[2])

@@ -11,18 +11,40 @@ The turns that the joint allows are minimised out, and what is left is carried t
 point: the cost is linear in limbs, as that of the articulated body algorithm (Featherstone 1983). On the way back, from
 the root outward, every limb's step follows from that of its parent; so does its covariance.
 
-A form is a row of numbers: the upper half of A, the columns of B, the upper half of C, and both slopes, called torque
-and pull. A free turn that is minimised out is rest - follow @ shift, with a covariance where the origin is known; a
-turn about an axis is rest - by_turn . turn - by_shift . shift, with a variance where all before it is known.
+A form is a row of numbers: the upper half of A, the columns of B, the upper half of C, and the gradients by turn and
+shift, called torque and force. A free turn that is minimised out is rest - follow @ shift, with a covariance where the
+origin is known; a turn about an axis is rest - by_turn . turn - by_shift . shift, with a variance where all before it
+is known.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.chain import (
+    ARM,
+    ERROR,
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
+    N_PLACE,
+    ORIGIN,
+    ROOT,
+    ROTATION,
+    SPIN,
+    START,
+    STEP_SHIFT,
+    STEP_TURN,
+    WEIGHT,
+    ChainTable,
+    Place,
+    copy_rotations,
+    forward_kinematics,
+    world_axis,
+)
+from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Matrix,
     Symmetric,
@@ -45,11 +67,10 @@ from skelgen._kernels.small_matrices import (
     set_vector,
     symmetric,
     times,
-    turned,
     upper_of_product,
     vector,
 )
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats
 
 DAMPING = 1e-6
 """Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
@@ -72,19 +93,8 @@ STEP_TOLERANCE = 1e-10
 GAIN_TOLERANCE = 1e-9
 """Frames are settled when a step lowers the sum of squares by less than this part."""
 
-PARENT, FREEDOMS, START = fixed(0, 1, 2)
-"""Columns of `ChainTable.limbs`."""
 
-IN_PARENT, IN_CHILD, JOINT = fixed(0, 3, 6)
-"""Where the vectors in `ChainTable.joints` begin."""
-
-ROTATION, ORIGIN, LINK, N_PLACE = fixed(0, 9, 12, 15)
-"""Where the parts of a limb's place begin, and its length."""
-
-ARM, ERROR, N_ARM = fixed(0, 3, 6)
-"""The same of a marker's."""
-
-TURN, MIXED, SHIFT, TORQUE, PULL, N_FORM = fixed(0, 6, 15, 21, 24, 27)
+TURN, MIXED, SHIFT, TORQUE, FORCE, N_FORM = fixed(0, 6, 15, 21, 24, 27)
 """The same of a form."""
 
 FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
@@ -92,48 +102,6 @@ FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
 
 AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
 """Where the parts of a turn about an axis that is minimised out begin; those of a second axis follow."""
-
-STEP_TURN, STEP_SHIFT, SPIN, N_STEP = fixed(0, 3, 6, 15)
-"""Where the parts of a limb's step begin, and its length: turn and shift, and the turn as a rotation."""
-
-ROOT, FREE = fixed(0, 3)
-"""The root's limb, and the freedoms of a turn that nothing restricts."""
-
-
-class ChainTable(NamedTuple):
-    """A chain with what its joints allow; markers are sorted by limb.
-
-    Attributes
-    ----------
-    limbs : ndarray of intp, shape (n_limbs + 1, 3)
-        Parent of each limb, how many turns its joint allows, and where its markers begin; the last row ends them.
-    joints : ndarray, shape (n_limbs, 9)
-        Axes in parent and child, of `Articulation`, and the joint in the parent [mm], of `Chain`.
-    markers : ndarray of intp, shape (n_markers,)
-        Markers in the order of their limbs.
-    offsets : ndarray, shape (n_markers, 3), mm
-        Of the markers in this order, in their limbs.
-    """
-
-    limbs: Ints
-    joints: Floats
-    markers: Ints
-    offsets: Floats
-
-
-class Place(NamedTuple):
-    """Where a chain is in one frame.
-
-    Attributes
-    ----------
-    limbs : ndarray, shape (n_limbs, 15)
-        World from limb by its rows, origin in the world [mm], and the way to it from the parent's [mm].
-    markers : ndarray, shape (n_markers, 6), mm
-        Each limb's markers from its origin, and how far off the measured ones are.
-    """
-
-    limbs: Floats
-    markers: Floats
 
 
 @kernel
@@ -161,18 +129,17 @@ def solve_frames(
     here = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
     there = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
     forms, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
-    steps = np.empty((n_limbs, N_STEP))
     for frame in range(len(roots)):
         first = frame * n_markers
         set_vector(here.limbs, ROOT, ORIGIN, vector(roots, frame, ROOT))
         copy_rotations(rotations, frame * n_limbs, here.limbs)
-        squares = put(table, positions, weights, first, here)
+        squares = forward_kinematics(table, positions, weights, first, here)
         damping = DAMPING
         for _ in range(max_steps):
-            total, trace = find_forms(table, weights, first, here, forms)
+            total, trace = find_forms(table, here, forms)
             eliminate(table, here, forms, max(damping * trace / (3 * n_limbs), LEAST_RIDGE), solved)
-            size = walk(table, here, forms, max(damping * total, LEAST_RIDGE), solved, steps, there)
-            after = put(table, positions, weights, first, there)
+            size = _back_substitute(table, here, forms, max(damping * total, LEAST_RIDGE), solved, there)
+            after = forward_kinematics(table, positions, weights, first, there)
             gain = squares - after
             is_settled = size < STEP_TOLERANCE or 0.0 <= gain <= GAIN_TOLERANCE * squares
             if gain >= 0.0:
@@ -188,53 +155,32 @@ def solve_frames(
 
 
 @kernel_part
-def copy_rotations(rotations: Floats, first: int, limbs: Floats) -> None:
-    """Copy the rotations of a frame, of which the first is in a given row."""
-    for limb in range(len(limbs)):
-        for column in range(9):
-            limbs[limb, column] = rotations[first + limb, column]
+def find_forms(table: ChainTable, place: Place, forms: Floats) -> tuple[float, float]:
+    """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices.
 
-
-@kernel_part
-def put(table: ChainTable, positions: Floats, weights: Floats, first: int, place: Place) -> float:
-    """Place limbs and markers by the root's origin and rotations; return the weighted sum of squares."""
-    squares = 0.0
-    for limb in range(len(table.joints)):
-        rotation, origin = matrix(place.limbs, limb, ROTATION), vector(place.limbs, limb, ORIGIN)
-        if limb > 0:
-            parent = table.limbs[limb, PARENT]
-            link = turned(matrix(place.limbs, parent, ROTATION), vector(table.joints, limb, JOINT))
-            origin = plus(vector(place.limbs, parent, ORIGIN), link)
-            set_vector(place.limbs, limb, LINK, link)
-            set_vector(place.limbs, limb, ORIGIN, origin)
-        for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-            row = first + table.markers[own]
-            if weights[row] > 0.0:
-                arm = turned(rotation, vector(table.offsets, own, ROOT))
-                error = minus(minus(vector(positions, row, ROOT), arm), origin)
-                set_vector(place.markers, own, ARM, arm)
-                set_vector(place.markers, own, ERROR, error)
-                squares += weights[row] * dot(error, error)
-    return squares
-
-
-@kernel_part
-def find_forms(table: ChainTable, weights: Floats, first: int, place: Place, forms: Floats) -> tuple[float, float]:
-    """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Receives the quadratic forms.
+    """
     all_weights, all_traces = 0.0, 0.0
     for limb in range(len(table.joints)):
         total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        moment, torque, pull = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        moment, torque, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-            weight = weights[first + table.markers[own]]
+            weight = place.markers[own, WEIGHT]
             if weight > 0.0:
-                arm, force = vector(place.markers, own, ARM), times(weight, vector(place.markers, own, ERROR))
+                arm, own_force = vector(place.markers, own, ARM), times(weight, vector(place.markers, own, ERROR))
                 x, y, z = arm
                 total += weight
                 xx, xy, xz = xx + weight * x * x, xy + weight * x * y, xz + weight * x * z
                 yy, yz, zz = yy + weight * y * y, yz + weight * y * z, zz + weight * z * z
-                moment, pull = plus(moment, times(weight, arm)), plus(pull, force)
-                torque = plus(torque, cross(arm, force))
+                moment, force = plus(moment, times(weight, arm)), plus(force, own_force)
+                torque = plus(torque, cross(arm, own_force))
         set_symmetric(forms, limb, TURN, (yy + zz, -xy, -xz, xx + zz, -yz, xx + yy))
         x, y, z = moment
         set_vector(forms, limb, MIXED, (0.0, z, -y))
@@ -242,7 +188,7 @@ def find_forms(table: ChainTable, weights: Floats, first: int, place: Place, for
         set_vector(forms, limb, MIXED + 6, (y, -x, 0.0))
         set_symmetric(forms, limb, SHIFT, (total, 0.0, 0.0, total, 0.0, total))
         set_vector(forms, limb, TORQUE, torque)
-        set_vector(forms, limb, PULL, pull)
+        set_vector(forms, limb, FORCE, force)
         all_weights += total
         all_traces += 2.0 * (xx + yy + zz)
     return all_weights, all_traces
@@ -250,19 +196,33 @@ def find_forms(table: ChainTable, weights: Floats, first: int, place: Place, for
 
 @kernel_part
 def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
-    """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
+    """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    level : float
+        Ridge under the matrices of the turns.
+    solved : ndarray, shape (n_limbs, 22)
+        Receives the turns that are minimised out.
+    """
     for limb in range(len(table.joints) - 1, 0, -1):
         if table.limbs[limb, FREEDOMS] == FREE:
-            take_turn(forms, limb, level, solved)
+            _take_turn(forms, limb, level, solved)
         else:
             for axis in range(table.limbs[limb, FREEDOMS] - 1, -1, -1):
                 take_axis(forms, limb, world_axis(table, place, limb, axis), level, solved, N_AXIS * axis)
         carry_form(table, place, forms, limb)
-    take_turn(forms, ROOT, level, solved)
+    _take_turn(forms, ROOT, level, solved)
 
 
 @kernel_part
-def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
+def _take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     """Minimise a free turn out of a limb's form."""
     form = symmetric(forms, limb, TURN)
     trace = form[0] + form[3] + form[5]
@@ -272,9 +232,9 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
     if trace * (covariance[0] + covariance[3] + covariance[5]) > ILL_CONDITIONED:
         p, q, r = (  # else the rounding of a turn that hardly shows would grow from limb to limb
-            refined(form, level, covariance, p, a),
-            refined(form, level, covariance, q, b),
-            refined(form, level, covariance, r, c),
+            _refined(form, level, covariance, p, a),
+            _refined(form, level, covariance, q, b),
+            _refined(form, level, covariance, r, c),
         )
     torque = vector(forms, limb, TORQUE)
     set_vector(solved, limb, FOLLOW, p)
@@ -283,27 +243,35 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     set_vector(solved, limb, FREE_REST, by_symmetric(covariance, torque))
     set_symmetric(solved, limb, COVARIANCE, covariance)
     add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
-    add_vector(forms, limb, PULL, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
+    add_vector(forms, limb, FORCE, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
 
 
 @kernel_part
-def refined(form: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
+def _refined(form: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
     """Return a solution of (form + level) x = right that is more exact than what the inverse gave."""
     left_over = minus(plus(by_symmetric(form, solution), times(level, solution)), right)
     return minus(solution, by_symmetric(covariance, left_over))
 
 
 @kernel_part
-def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
-    """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
-    if axis == 0:
-        return turned(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(table.joints, limb, IN_PARENT))
-    return turned(matrix(place.limbs, limb, ROTATION), vector(table.joints, limb, IN_CHILD))
-
-
-@kernel_part
 def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> None:
-    """Minimise a turn about an axis out of a limb's form."""
+    """Minimise a turn about an axis out of a limb's form.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    limb : int
+        The limb.
+    axis : tuple of float
+        In the world, of length 1.
+    level : float
+        Ridge under the matrices of the turns.
+    solved : ndarray, shape (n_limbs, 22)
+        Receives the turns that are minimised out.
+    first : int
+        Where to write in the limb's row.
+    """
     along = by_symmetric(symmetric(forms, limb, TURN), axis)
     sideways = (
         dot(axis, vector(forms, limb, MIXED)),
@@ -322,47 +290,59 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
         add_vector(forms, limb, MIXED + 3 * column, times(-by_shift[column], along))
     add_symmetric(forms, limb, SHIFT, upper_of_product(sideways, times(-1.0, by_shift)))
     add_vector(forms, limb, TORQUE, times(-rest, along))
-    add_vector(forms, limb, PULL, times(-rest, sideways))
+    add_vector(forms, limb, FORCE, times(-rest, sideways))
 
 
 @kernel_part
 def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
-    """Add what is said of a limb to what is said of its parent."""
+    """Add what is said of a limb to what is said of its parent.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where the chain is.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    limb : int
+        Whose form is added to that of its parent.
+    """
     link = vector(place.limbs, limb, LINK)
     if table.limbs[limb, FREEDOMS] == FREE:
-        carry_point(forms, limb, table.limbs[limb, PARENT], link)
+        _carry_point(forms, limb, table.limbs[limb, PARENT], link)
     else:
-        carry(forms, limb, table.limbs[limb, PARENT], link)
+        _carry(forms, limb, table.limbs[limb, PARENT], link)
 
 
 @kernel_part
-def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
+def _carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of the point of a parent at `link`, the origin of a limb that turns freely."""
-    shift, pull = symmetric(forms, limb, SHIFT), vector(forms, limb, PULL)
+    shift, force = symmetric(forms, limb, SHIFT), vector(forms, limb, FORCE)
     a, b, c, d, e, f = shift
     p, q, r = cross(link, (a, b, c)), cross(link, (b, d, e)), cross(link, (c, e, f))
-    x, y, z = levered(link, p, q, r)
+    x, y, z = _levered(link, p, q, r)
     add_symmetric(forms, parent, TURN, (x[0], x[1], x[2], y[1], y[2], z[2]))
-    add_columns(forms, parent, p, q, r)
+    _add_columns(forms, parent, p, q, r)
     add_symmetric(forms, parent, SHIFT, shift)
-    add_vector(forms, parent, TORQUE, cross(link, pull))
-    add_vector(forms, parent, PULL, pull)
+    add_vector(forms, parent, TORQUE, cross(link, force))
+    add_vector(forms, parent, FORCE, force)
 
 
 @kernel_part
-def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
+def _carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of a limb whose turn counts as its parent's own."""
-    carry_point(forms, limb, parent, link)
+    _carry_point(forms, limb, parent, link)
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    x, y, z = levered(link, a, b, c)
+    x, y, z = _levered(link, a, b, c)
     add_symmetric(forms, parent, TURN, symmetric(forms, limb, TURN))
     add_symmetric(forms, parent, TURN, (2 * x[0], x[1] + y[0], x[2] + z[0], 2 * y[1], y[2] + z[1], 2 * z[2]))
-    add_columns(forms, parent, a, b, c)
+    _add_columns(forms, parent, a, b, c)
     add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
 
 
 @kernel_part
-def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
+def _levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
     """Return -[a b c] @ [link]x, of which each row is link x that of [a b c]."""
     return (
         cross(link, (a[0], b[0], c[0])),
@@ -372,7 +352,7 @@ def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
 
 
 @kernel_part
-def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
+def _add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
     """Add columns to those of a mixed matrix."""
     add_vector(forms, limb, MIXED, a)
     add_vector(forms, limb, MIXED + 3, b)
@@ -380,38 +360,38 @@ def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> No
 
 
 @kernel_part
-def walk(
-    table: ChainTable, here: Place, forms: Floats, level: float, solved: Floats, steps: Floats, there: Place
+def _back_substitute(
+    table: ChainTable, here: Place, forms: Floats, level: float, solved: Floats, there: Place
 ) -> float:
     """Find the steps from the root outward, and the pose after them; return the largest number of a step."""
     size = 0.0
     for limb in range(len(table.joints)):
         parent = max(table.limbs[limb, PARENT], ROOT)
         if limb == 0:
-            shift = by_symmetric(inverse(symmetric(forms, ROOT, SHIFT), level), vector(forms, ROOT, PULL))
+            shift = by_symmetric(inverse(symmetric(forms, ROOT, SHIFT), level), vector(forms, ROOT, FORCE))
             set_vector(there.limbs, ROOT, ORIGIN, plus(vector(here.limbs, ROOT, ORIGIN), shift))
             size = largest(shift)
         else:
-            away = cross(vector(steps, parent, STEP_TURN), vector(here.limbs, limb, LINK))
-            shift = plus(vector(steps, parent, STEP_SHIFT), away)
+            away = cross(vector(there.limbs, parent, STEP_TURN), vector(here.limbs, limb, LINK))
+            shift = plus(vector(there.limbs, parent, STEP_SHIFT), away)
         if table.limbs[limb, FREEDOMS] == FREE:
-            turn = free_turn(solved, limb, shift)
+            turn = _free_turn(solved, limb, shift)
             spin = rotation_by(turn)
         else:
-            turn, spin = vector(steps, parent, STEP_TURN), matrix(steps, parent, SPIN)
+            turn, spin = vector(there.limbs, parent, STEP_TURN), matrix(there.limbs, parent, SPIN)
             for first in range(0, table.limbs[limb, FREEDOMS] * N_AXIS, N_AXIS):
-                about = turn_about(solved, limb, first, turn, shift)
+                about = _turn_about(solved, limb, first, turn, shift)
                 turn, spin = plus(turn, about), product(spin, rotation_by(about))
         size = max(size, largest(turn))
-        set_vector(steps, limb, STEP_TURN, turn)
-        set_vector(steps, limb, STEP_SHIFT, shift)
-        set_matrix(steps, limb, SPIN, spin)
+        set_vector(there.limbs, limb, STEP_TURN, turn)
+        set_vector(there.limbs, limb, STEP_SHIFT, shift)
+        set_matrix(there.limbs, limb, SPIN, spin)
         set_matrix(there.limbs, limb, ROTATION, product(spin, matrix(here.limbs, limb, ROTATION)))
     return size
 
 
 @kernel_part
-def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
+def _free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     """Return the turn of a limb below a ball joint whose origin is shifted."""
     x = times(shift[0], vector(solved, limb, FOLLOW))
     y = times(shift[1], vector(solved, limb, FOLLOW + 3))
@@ -420,7 +400,7 @@ def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
 
 
 @kernel_part
-def turn_about(solved: Floats, limb: int, first: int, turn: Vector, shift: Vector) -> Vector:
+def _turn_about(solved: Floats, limb: int, first: int, turn: Vector, shift: Vector) -> Vector:
     """Return the turn about an axis of a limb that is turned and shifted already."""
     by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)
     angle = solved[limb, first + REST] - dot(by_turn, turn) - dot(by_shift, shift)

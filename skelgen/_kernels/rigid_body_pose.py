@@ -20,16 +20,8 @@ import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.absolute_orientation import fast_rotations
-from skelgen._kernels.small_matrices import (
-    Symmetric,
-    Vector,
-    by_symmetric,
-    dot,
-    factorise,
-    inverse,
-    minus,
-    solve,
-)
+from skelgen._kernels.least_squares import factorise, solve
+from skelgen._kernels.small_matrices import Symmetric, Vector, by_symmetric, dot, inverse, minus
 from skelgen.model.arrays import Bools, Floats, Ints
 
 EXACT = 1e-6
@@ -134,7 +126,7 @@ def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools,
     n_matched = 0
     for ball in range(len(matched)):
         n_matched += matched[ball] >= 0
-    pose, covariance = fit_pose(target, scene, matched)
+    pose, covariance = _fit_pose(target, scene, matched)
     while True:
         worst, most, total = -1, 0.0, 0.0
         for ball in range(len(matched)):
@@ -149,9 +141,9 @@ def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools,
             return PosedBody(pose, covariance, matched, math.inf, math.inf, False)
         matched[worst] = -1
         n_matched -= 1
-        pose, covariance = fit_pose(target, scene, matched)
+        pose, covariance = _fit_pose(target, scene, matched)
     if _add_unseen_balls(target, scene, matched, free, rules, (pose, covariance)):
-        pose, covariance = fit_pose(target, scene, matched)
+        pose, covariance = _fit_pose(target, scene, matched)
     total, misfit, n_matched = 0.0, 0.0, 0
     for ball in range(len(matched)):
         if matched[ball] >= 0:
@@ -181,7 +173,7 @@ def chi_squared_limit(n_free: int, gate: float) -> float:
 
 
 @array_part
-def fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Floats, Floats]:
+def _fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Floats, Floats]:
     """Return the most likely pose, shape (4, 4), and its covariance, shape (6, 6)."""
     pose = _first_pose(target.points, scene.points, matched)
     normal, gradient, covariance, step = np.empty((6, 6)), np.empty(6), np.zeros((6, 6)), np.empty(6)
@@ -236,7 +228,15 @@ def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
 
 @kernel_part
 def move_pose(pose: Floats, step: Floats) -> None:
-    """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second."""
+    """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (4, 4), mm
+        World from body, which is moved.
+    step : ndarray, shape (6,)
+        Rotation vector [rad] and shift [mm].
+    """
     x, y, z = step[0], step[1], step[2]
     angle = math.sqrt(x * x + y * y + z * z)
     sine = math.sin(angle) / angle if angle > 0.0 else 1.0

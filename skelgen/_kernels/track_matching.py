@@ -35,7 +35,17 @@ def rising_order(values: Floats) -> Ints:
 
 @kernel
 def first_not_below(points: Floats, order: Ints, x: float) -> int:
-    """Rank of the first point, in the order of their x, that is not below."""
+    """Rank of the first point, in the order of their x, that is not below.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Of one frame.
+    order : ndarray of intp, shape (n_points,)
+        Sorts the points by their x.
+    x : float, mm
+        The bound.
+    """
     low, high = 0, len(order)
     while low < high:
         middle = (low + high) // 2
@@ -52,7 +62,18 @@ def find_pairs(
 ) -> tuple[Ints, Floats, bool]:
     """Track and point of all pairs within reach, track by track, their gains, and whether there are too many.
 
-    `order` sorts the points by their x.
+    Parameters
+    ----------
+    expected : ndarray, shape (n_tracks, 3), mm
+        Where each track is expected.
+    terms : ndarray, shape (n_tracks, 4)
+        Reach [mm], gain there [nats], squared width [mm^2], and exponent.
+    points : ndarray, shape (n_points, 3), mm
+        Of one frame.
+    weights : ndarray, shape (n_points,)
+        How far to believe each point, at most 1.
+    order : ndarray of intp, shape (n_points,)
+        Sorts the points by their x.
     """
     room = 4 * (len(points) + len(expected))
     pairs, gains = np.empty((room, 2), dtype=np.intp), np.empty(room)
@@ -63,7 +84,7 @@ def find_pairs(
             point = order[rank]
             if points[point, 0] > expected[track, 0] + reach:
                 break
-            gain = gain_of(points, point, weights[point], expected, track, terms)
+            gain = _gain_of(points, point, weights[point], expected, track, terms)
             if gain <= 0.0:
                 continue
             if n_pairs == MOST_PAIRS:
@@ -85,7 +106,7 @@ def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
 
 
 @kernel
-def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
+def _gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
     """Gain [nats] of linking a track to a point; not above 0 out of reach."""
     x, y, z = difference(points, point, expected, track)
     squared = x * x + y * y + z * z
@@ -97,13 +118,37 @@ def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: 
 
 @kernel
 def difference(points: Floats, point: int, others: Floats, other: int) -> tuple[float, float, float]:
-    """Vector from another point to this one."""
+    """Vector from another point to this one.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Points.
+    point : int
+        The one that the vector leads to.
+    others : ndarray, shape (n_others, 3), mm
+        Other points.
+    other : int
+        The one that it begins at.
+    """
     return points[point, 0] - others[other, 0], points[point, 1] - others[other, 1], points[point, 2] - others[other, 2]
 
 
 @kernel
 def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: bool) -> Ints:
-    """Point of each track, or -1: the best assignment within each cluster of tracks that compete for points."""
+    """Point of each track, or -1: the best assignment within each cluster of tracks that compete for points.
+
+    Parameters
+    ----------
+    pairs : ndarray of intp, shape (n_pairs, 2)
+        Track and point of all within reach, track by track.
+    gains : ndarray, shape (n_pairs,), nats
+        What each link gains.
+    n_tracks, n_points : int
+        How many there are.
+    optimal : bool
+        Match for the largest sum of gains rather than largest gain first.
+    """
     point_of_track = np.full(n_tracks, -1, dtype=np.intp)
     root = _clusters(pairs, n_tracks, n_points)
     starts, order = _by_root(pairs, root)
@@ -278,6 +323,25 @@ def find_doubts(
     Other explanations are a track that takes a free point (but not a double of its own), a track without a point that
     takes this one, and two tracks that exchange their points. Neighbours are surprised by the same acceleration, which
     an exchange does not change: it is judged by the vector between the two, kept or turned round.
+
+    Parameters
+    ----------
+    pairs : ndarray of intp, shape (n_pairs, 2)
+        Track and point of all within reach, track by track.
+    gains : ndarray, shape (n_pairs,), nats
+        What each link gains.
+    point_of_track : ndarray of intp, shape (n_tracks,)
+        As matched; -1 for none.
+    track_of_point : ndarray of intp, shape (n_points,)
+        The same of each point.
+    expected : ndarray, shape (n_tracks, 3), mm
+        Where each track is expected.
+    terms : ndarray, shape (n_tracks, 4)
+        Reach [mm], gain there [nats], squared width [mm^2], and exponent.
+    points : ndarray, shape (n_points, 3), mm
+        Of one frame.
+    rules : Rules
+        How much better a link must be.
     """
     gain_of_track = np.zeros(len(point_of_track))
     for pair in range(len(pairs)):

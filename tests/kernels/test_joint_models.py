@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skelgen._kernels.joint_models import alternated, descended, eliminate, linearised, relative_vectors, whitened
+from skelgen._kernels.joint_models import alternated, descended, linearised, relative_vectors
+from skelgen._kernels.least_squares import eliminate, whitened
 from skelgen.geometry.rotations import matrix_from_vector
 
 N_FRAMES = 25

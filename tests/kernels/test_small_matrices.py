@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skelgen._kernels import kernel
+from skelgen._kernels.least_squares import factorise, solve, turn_to_axes, write_inverse_root
 from skelgen._kernels.small_matrices import (
-    factorise,
     inverse,
     matrix,
     product,
@@ -16,11 +16,8 @@ from skelgen._kernels.small_matrices import (
     rotation_by,
     set_matrix,
     set_symmetric,
-    solve,
     symmetric,
-    turn_to_axes,
     vector,
-    write_inverse_root,
 )
 
 FIRST, SECOND = np.intp(0), np.intp(1)

@@ -19,8 +19,8 @@ from typing import Self
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.chain import errors_of, markers_of, origins_of, turned_back
-from skelgen._kernels.posing import FREEDOMS, PARENT, START, ChainTable
+from skelgen._kernels.chain import FREEDOMS, START, ChainTable, errors_of, markers_of, origins_of, turned_back
+from skelgen._kernels.joint_models import PARENT
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.chain.articulation import FREEDOMS as FREEDOMS_OF_TYPE
 from skelgen.kinematics.chain.articulation import Articulation

@@ -185,7 +185,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
         found = np.zeros_like(total)
-        add_gradient(table, columns, *pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
+        add_gradient(table, columns, pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
         total[order] += found
     return total
 

@@ -13,7 +13,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.joint_models import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS, eliminate
+from skelgen._kernels.joint_models import STEP_PARTS
+from skelgen._kernels.least_squares import OWN_RIDGE, RANK_TOLERANCE, eliminate
 from skelgen.model.arrays import Floats
 
 MAX_ROUNDS = 30

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.joint_models import whitened
+from skelgen._kernels.least_squares import whitened
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, transform_from, vector_from_matrix
 from skelgen.model import Poses
