@@ -12,6 +12,7 @@ run with, to 0.68, the newest.
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
@@ -133,15 +134,15 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
 
 
 def _part(function: Callable[..., Any]) -> Any:
-    return _njit("PartCompiler", **_NO_ENTRY, _nrt=False)(function)
+    return _njit(**_NO_ENTRY, _nrt=False, pipeline_class=_part_compiler())(function)
 
 
 def _part_that_makes_arrays(function: Callable[..., Any]) -> Any:
-    return _njit("PartCompiler", **_NO_ENTRY)(function)
+    return _njit(**_NO_ENTRY, pipeline_class=_part_compiler())(function)
 
 
 def _kept_on_disk(function: Callable[..., Any]) -> Any:
-    compiled = _njit("KernelCompiler", no_cfunc_wrapper=True)(function)
+    compiled = _njit(no_cfunc_wrapper=True)(function)
     if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
         try:
             compiled._cache = _cache_class()(function)
@@ -153,36 +154,44 @@ def _kept_on_disk(function: Callable[..., Any]) -> Any:
     return compiled
 
 
-def _njit(compiler: str, **options: Any) -> Any:
+def _njit(**options: Any) -> Any:
     try:
         import numba  # noqa: PLC0415 - half a second
-
-        from skelgen._kernels import compiling  # noqa: PLC0415 - imports numba
     except Exception as error:  # it refuses versions of NumPy that it does not know, in several ways
         raise KernelError(
             f"numba, which compiles skelgen's kernels, cannot be imported ({error}); install the version asked for"
         ) from error
     _introduce()
-    options["pipeline_class"] = getattr(compiling, compiler)
     return cast(Any, numba.njit)(nogil=True, error_model="numpy", **options)
 
 
 @cache
 def _introduce() -> None:
-    """Tell numba what a kernel is that another one calls, and hear of what it compiles."""
-    from numba.core import types  # noqa: PLC0415 - half a second
+    """Tell numba what a kernel is that another one calls, and listen to what it compiles."""
+    from numba.core import event, types  # noqa: PLC0415 - half a second
     from numba.extending import typeof_impl  # noqa: PLC0415 - half a second
 
-    from skelgen._kernels import compiling  # noqa: PLC0415 - imports numba
+    class Listener(event.Listener):
+        depth = 0  # parts of a kernel are compiled while the kernel is
+        collects = False
 
-    compiling.KernelCompiler.announce = staticmethod(_tell)
+        def on_start(self, event: Any) -> None:
+            self.depth += 1
+            if self.depth > 1:
+                return
+            self.collects = gc.isenabled()
+            gc.disable()  # numba makes many objects, and most of them stay
+            announce = _announce.get()
+            if announce is not None:
+                announce(event.data["dispatcher"].py_func.__name__)
+
+        def on_end(self, event: Any) -> None:
+            self.depth -= 1
+            if self.depth == 0 and self.collects:
+                gc.enable()
+
+    cast(Any, event).register("numba:compile", Listener())  # which numba gives no types
     typeof_impl.register(Kernel)(lambda kernel, context: types.Dispatcher(kernel.compiled))
-
-
-def _tell(name: str) -> None:
-    announce = _announce.get()
-    if announce is not None:
-        announce(name)
 
 
 @cache
@@ -200,6 +209,64 @@ def _cache_class() -> Any:
     locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
     implementation = type("Implementation", (caching.CompileResultCacheImpl,), {"_locator_classes": locators})
     return type("Cache", (caching.FunctionCache,), {"_impl_class": implementation})
+
+
+@cache
+def _part_compiler() -> Any:
+    """Return numba's compiler, but for the last step: a part becomes machine code within its kernel only.
+
+    numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
+    that the part is linked into.
+    """
+    from numba.core import codegen, compiler, typed_passes, untyped_passes  # noqa: PLC0415 - half a second
+
+    library_base: Any = codegen.JITCodeLibrary  # numba gives these no types
+    compiler_base: Any = compiler.Compiler
+    unneeded = (  # as no part has closures, branches on types, or expressions of whole arrays
+        untyped_passes.InlineClosureLikes,
+        untyped_passes.DeadBranchPrune,
+        untyped_passes.MakeFunctionToJitFunction,
+        untyped_passes.InlineInlinables,
+        untyped_passes.LiteralUnroll,
+        untyped_passes.LiteralPropagationSubPipelinePass,
+        typed_passes.InlineOverloads,
+        typed_passes.NopythonRewrites,
+    )
+
+    class PartLibrary(library_base):  # type: ignore[misc]
+        def finalize(self) -> None:
+            for library in dict.fromkeys(self._linking_libraries):
+                self._reload_init.update(library._reload_init)
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+        def get_pointer_to_function(self, name: str) -> int:
+            self._ensure_finalized()
+            return 0  # as numba says of what has no entry from Python
+
+        @property
+        def codegen(self) -> Any:
+            return self
+
+        def set_env(self, name: str, environment: object) -> None:
+            """Do nothing: only what Python calls looks into its environment."""
+
+    class PartCompiler(compiler_base):  # type: ignore[misc]
+        def define_pipelines(self) -> Any:
+            self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            self.state.library.enable_object_caching()
+            return [_without(unneeded, passes) for passes in super().define_pipelines()]
+
+    return PartCompiler
+
+
+def _without(unneeded: tuple[type, ...], passes: Any) -> Any:
+    """Leave passes of numba's out of a pipeline."""
+    left = type(passes)(passes.pipeline_name)
+    left.passes.extend((one, name) for one, name in passes.passes if one not in unneeded)
+    left.finalize()
+    return left
 
 
 @cache

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen._kernels import Kernel, contiguous, fixed, kernel, kernel_part
+from skelgen._kernels import Kernel, announce_compiling, contiguous, fixed, kernel, kernel_part
 from skelgen.errors import KernelError
 
 IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"
@@ -43,8 +43,7 @@ def package(tmp_path):
     (copy / "_kernels").mkdir(parents=True)
     (copy / "__init__.py").touch()
     shutil.copy(source / "errors.py", copy)
-    for own in ("__init__.py", "compiling.py"):
-        shutil.copy(source / "_kernels" / own, copy / "_kernels")
+    shutil.copy(source / "_kernels" / "__init__.py", copy / "_kernels")
     (copy / "_kernels" / "constants.py").write_text(CONSTANTS.format(2.0))
     (copy / "_kernels" / "subject.py").write_text(SUBJECT)
     return copy
@@ -151,8 +150,15 @@ def test_division_by_zero_is_infinite():
 
 
 @needs_compiler
-def test_what_is_compiled_is_announced_once(package):
-    assert run(package, RUN + "    scaled(4.0)\nprint(*compiled)") == "6.0 scaled\nscaled"
+def test_what_is_compiled_is_announced_once():
+    from numba import njit
+
+    half, told = njit(lambda number: number / 2), []  # of which nothing is kept on disk
+    _quotient(1.0, 2.0)  # from now on compiling is heard
+    with announce_compiling(told.append):
+        half(1.0)
+        half(1.0)
+    assert told == ["<lambda>"]
 
 
 def test_contiguous_arrays_are_not_copied_and_others_are():
