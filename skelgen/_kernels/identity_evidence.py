@@ -147,7 +147,7 @@ def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
 
 @kernel
 def probabilities(
-    evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, breaks: Bools, right: float, lost: float
+    evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, breaks: Bools, prior: tuple[float, float]
 ) -> Floats:
     """Probability that each marker is right, from all frames; NaN where unseen, shape (n_frames, n_markers).
 
@@ -163,9 +163,10 @@ def probabilities(
         Frames in which a marker is certainly right; none.
     breaks : ndarray of bool, shape (n_frames, n_markers)
         Frames in which a marker is not simply followed from the frame before.
-    right, lost : float
+    prior : tuple of float
         Probabilities that a marker is right when it is first seen, and that another one is taken for it after a break.
     """
+    right, lost = prior
     n_frames, n_markers = seen.shape
     total, state = np.empty((n_frames, n_markers)), np.empty(n_markers)
     for marker in range(n_markers):

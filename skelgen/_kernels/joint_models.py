@@ -6,18 +6,20 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels import array_part, fixed, kernel, kernel_part
 from skelgen._kernels.least_squares import (
-    _eliminate,
-    _write_step,
+    RANK_TOLERANCE,
+    Linearised,
+    room_for,
     sum_of_squares,
     turn_to_axes,
     write_copy,
+    write_eliminated,
     write_inverse_root,
     write_product,
     write_times_transposed,
 )
-from skelgen._kernels.small_matrices import SMALL_ANGLE
+from skelgen._kernels.small_matrices import SMALL_ANGLE, TINY
 from skelgen.model.arrays import Floats
 
 STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
@@ -41,47 +43,37 @@ ABOUT_Z, ABOUT_X = fixed(0, 1)
 
 
 @kernel
-def linearised(
-    in_parent: Floats, in_child: Floats, between: float, angles: Floats, rotations: Floats, weight: Floats
-) -> tuple[Floats, Floats, Floats]:
+def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     """Return whitened residuals of rotations, and their derivatives by the constants and angles of a joint.
 
     Parameters
     ----------
-    in_parent, in_child, between, angles
+    parts : tuple
         `JointRotation.parts` of a rigid joint, hinge or universal joint.
     rotations : ndarray, shape (n_frames, 3, 3)
         Measured, parent from child.
     weight : ndarray, shape (n_frames, 3, 3)
         Whitening of small turns.
-
-    Returns
-    -------
-    tuple of ndarray
-        Shapes (n_frames, 3), (n_frames, 3, 3 + n_angles) and (n_frames, 3, n_angles).
     """
-    n_frames, n_angles = angles.shape
-    residuals = np.empty((n_frames, 3))
-    constants, own = np.empty((n_frames, 3, 3 + n_angles)), np.empty((n_frames, 3, n_angles))
-    room = np.empty((N_ROOM, 3, 3 + 2 * n_angles))
-    _linearise(in_parent, in_child, between, angles, rotations, weight, room, residuals, constants, own)
-    return residuals, constants, own
+    out, room = _room_for(parts)
+    _linearise(parts, rotations, weight, room, out)
+    return out
+
+
+@array_part
+def _room_for(parts: Parts) -> tuple[Linearised, Floats]:
+    """Return arrays for what `linearised` returns, and to work in."""
+    n_frames, n_angles = parts[3].shape
+    size = 3 + n_angles
+    out = Linearised(np.empty((n_frames, 3)), np.empty((n_frames, 3, size)), np.empty((n_frames, 3, n_angles)))
+    return out, np.empty((N_ROOM, 3, size + n_angles))
 
 
 @kernel_part
-def _linearise(
-    in_parent: Floats,
-    in_child: Floats,
-    between: float,
-    angles: Floats,
-    rotations: Floats,
-    weight: Floats,
-    room: Floats,
-    residuals: Floats,
-    constants: Floats,
-    own: Floats,
-) -> None:
+def _linearise(parts: Parts, rotations: Floats, weight: Floats, room: Floats, out: Linearised) -> None:
     """Write what `linearised` returns; there is `room` to work in."""
+    in_parent, in_child, between, angles = parts
+    residuals, constants, own = out
     n_angles = angles.shape[1]
     first, both, model, error, columns = room[0], room[1], room[2], room[3], room[4]
     vector = room[5, 0]
@@ -112,21 +104,12 @@ def _linearise(
 
 
 @kernel
-def descended(
-    in_parent: Floats,
-    in_child: Floats,
-    between: float,
-    angles: Floats,
-    rotations: Floats,
-    weight: Floats,
-    max_rounds: int,
-    least_gain: float,
-) -> Parts:
+def descended(parts: Parts, rotations: Floats, weight: Floats, max_rounds: int, least_gain: float) -> Parts:
     """Fit a joint to rotations by the steps of `schur_complement.gauss_newton`.
 
     Parameters
     ----------
-    in_parent, in_child, between, angles, rotations, weight
+    parts, rotations, weight
         See `linearised`; the joint is a first guess.
     max_rounds, least_gain
         See `schur_complement.gauss_newton`.
@@ -136,27 +119,22 @@ def descended(
     tuple
         `JointRotation.parts` of the joint that comes nearest.
     """
+    in_parent, in_child, between, angles = parts
     n_frames, n_angles = angles.shape
     size = 3 + n_angles
     parent, child, turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
     next_parent, next_child, next_turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
-    residuals, constants, own = (
-        np.empty((n_frames, 3)),
-        np.empty((n_frames, 3, size)),
-        np.empty((n_frames, 3, n_angles)),
-    )
-    inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, size))
-    alone, reduced, left = np.empty((n_frames, n_angles)), np.empty((n_frames, 3, size)), np.empty((n_frames, 3))
-    normal, gradient, step = np.empty((size, size)), np.empty(size), np.empty(size)
-    matrices, room = np.empty((2, size, size)), np.empty((N_ROOM, 3, 3 + 2 * n_angles))
+    (linear, room), eliminated = _room_for(parts), room_for(n_frames, 3, size, n_angles)
+    follow, alone = eliminated.follow, eliminated.alone
+    step, matrices = np.empty(size), np.empty((2, size, size))
     write_copy(in_parent, parent)
     write_copy(in_child, child)
     write_copy(angles, turns)
-    _linearise(parent, child, between, turns, rotations, weight, room, residuals, constants, own)
-    squares = sum_of_squares(residuals)
+    _linearise((parent, child, between, turns), rotations, weight, room, linear)
+    squares = sum_of_squares(linear.residuals)
     for _ in range(max_rounds):
-        _eliminate(residuals, constants, own, inverse, follow, alone, reduced, left, normal, gradient)
-        _write_step(normal, gradient, matrices[0], matrices[1], step)
+        write_eliminated(linear, eliminated)
+        _write_step(eliminated.normal, eliminated.gradient, matrices[0], matrices[1], step)
         for frame in range(n_frames):
             for a in range(n_angles):
                 for c in range(size):
@@ -168,11 +146,10 @@ def descended(
                     next_turns[frame, a] = turns[frame, a] + part * alone[frame, a]
             if n_angles == 2:
                 next_between = between + part * step[4]
-            _write_stepped(parent, child, n_angles, step, part, room[0], next_parent, next_child)
-            _linearise(
-                next_parent, next_child, next_between, next_turns, rotations, weight, room, residuals, constants, own
-            )
-            reached = sum_of_squares(residuals)
+            tried = next_parent, next_child, next_between, next_turns
+            _write_stepped((parent, child, between, turns), step, part, room[0], tried)
+            _linearise(tried, rotations, weight, room, linear)
+            reached = sum_of_squares(linear.residuals)
             if reached <= squares:
                 break
         if not reached <= squares:
@@ -188,18 +165,11 @@ def descended(
 
 
 @kernel_part
-def _write_stepped(
-    in_parent: Floats,
-    in_child: Floats,
-    n_angles: int,
-    step: Floats,
-    part: float,
-    turn: Floats,
-    parent: Floats,
-    child: Floats,
-) -> None:
+def _write_stepped(parts: Parts, step: Floats, part: float, turn: Floats, stepped: Parts) -> None:
     """Write a joint's frames after a part of a step, as `stepped` of the joint rotations does; `turn` is room."""
-    if n_angles == 0:
+    in_parent, in_child, _, angles = parts
+    parent, child, _, _ = stepped
+    if angles.shape[1] == 0:
         _write_turn(part * step[0], part * step[1], part * step[2], turn)
         write_product(turn, in_parent, parent)
         write_copy(in_child, child)
@@ -219,6 +189,33 @@ def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
     out[0, 0], out[0, 1], out[0, 2] = 1.0 - half * (y * y + z * z), half * x * y - sine * z, half * x * z + sine * y
     out[1, 0], out[1, 1], out[1, 2] = half * x * y + sine * z, 1.0 - half * (x * x + z * z), half * y * z - sine * x
     out[2, 0], out[2, 1], out[2, 2] = half * x * z - sine * y, half * y * z + sine * x, 1.0 - half * (x * x + y * y)
+
+
+@kernel_part
+def _write_step(normal: Floats, gradient: Floats, matrix: Floats, vectors: Floats, out: Floats) -> None:
+    """Solve for a step along the directions that are determined; both matrices are room to work in."""
+    size = len(gradient)
+    for i in range(size):
+        out[i] = 0.0
+        for j in range(size):
+            matrix[i, j] = normal[i, j] / (_scale(normal, i) * _scale(normal, j))
+    turn_to_axes(matrix, vectors, size)
+    largest = TINY
+    for k in range(size):
+        largest = max(largest, matrix[k, k])
+    for k in range(size):
+        if matrix[k, k] > RANK_TOLERANCE * largest:
+            along = 0.0
+            for i in range(size):
+                along += vectors[i, k] * gradient[i] / _scale(normal, i)
+            for i in range(size):
+                out[i] += vectors[i, k] * along / (matrix[k, k] * _scale(normal, i))
+
+
+@kernel_part
+def _scale(normal: Floats, i: int) -> float:
+    """Return the root of a diagonal element: millimetres and radians stand beside each other."""
+    return math.sqrt(max(normal[i, i], TINY))
 
 
 @kernel_part
@@ -311,25 +308,22 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
         The axes in the child before the last round, and the angles' variances after it.
     """
     before, variances = np.empty(starts.shape), np.empty(len(starts))
-    second, room = np.empty(3), np.empty((4, 3, 3))
-    first, middle = np.empty(3), np.empty(3)
+    first, second, room = np.empty(3), np.empty(3), np.empty((5, 3, 3))
     for start in range(len(starts)):
         for i in range(3):
             second[i] = starts[start, i]
         for _ in range(n_rounds):
             for i in range(3):
                 before[start, i] = second[i]
-            _write_partner(moments, mean, second, PARENT, room, middle, first)
-            variances[start] = _write_partner(moments, mean, first, CHILD, room, middle, second)
+            _write_partner(moments, mean, second, PARENT, room, first)
+            variances[start] = _write_partner(moments, mean, first, CHILD, room, second)
     return before, variances
 
 
 @kernel_part
-def _write_partner(
-    moments: Floats, mean: Floats, known: Floats, of: int, room: Floats, middle: Floats, out: Floats
-) -> float:
+def _write_partner(moments: Floats, mean: Floats, known: Floats, of: int, room: Floats, out: Floats) -> float:
     """Write the axis of one limb that keeps its angle to a known one of the other best; return the angle's variance."""
-    spread, root, turned, vectors = room[0], room[1], room[2], room[3]
+    spread, root, turned, vectors, middle = room[0], room[1], room[2], room[3], room[4, 0]
     own, other = (3, 1) if of == PARENT else (1, 3)  # steps in tables whose rows are elements of matrices
     for i in range(3):
         middle[i] = 0.0

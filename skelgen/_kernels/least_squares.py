@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.small_matrices import TINY
 from skelgen.model.arrays import Floats
 
@@ -21,7 +22,53 @@ RANK_TOLERANCE = 1e-12
 OWN_RIDGE = 1e-14
 """Of a frame's own normal matrix: keeps angles that nothing measures in place."""
 
-Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
+
+class Linearised(NamedTuple):
+    """A linearised problem, as in `schur_complement.LinearisedProblem`.
+
+    Attributes
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        In standard deviations.
+    constants : ndarray, shape (n_frames, n_rows, n_constants)
+        Derivatives by the constants.
+    angles : ndarray, shape (n_frames, n_rows, n_angles)
+        Derivatives by the frames' own unknowns.
+    """
+
+    residuals: Floats
+    constants: Floats
+    angles: Floats
+
+
+class Eliminated(NamedTuple):
+    """A problem without the frames' own unknowns.
+
+    Attributes
+    ----------
+    inverse : ndarray, shape (n_frames, n_angles, n_angles)
+        Inverse normal matrices of the frames' own unknowns.
+    follow : ndarray, shape (n_frames, n_angles, n_constants)
+        Derivatives of these by the constants.
+    alone : ndarray, shape (n_frames, n_angles)
+        What they are where the constants stay.
+    reduced : ndarray, shape (n_frames, n_rows, n_constants)
+        Derivatives of the residuals that they leave by the constants.
+    left : ndarray, shape (n_frames, n_rows)
+        These residuals.
+    normal : ndarray, shape (n_constants, n_constants)
+        Normal matrix of the constants.
+    gradient : ndarray, shape (n_constants,)
+        Right-hand side.
+    """
+
+    inverse: Floats
+    follow: Floats
+    alone: Floats
+    reduced: Floats
+    left: Floats
+    normal: Floats
+    gradient: Floats
 
 
 @kernel
@@ -45,38 +92,46 @@ def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminate
     ----------
     residuals, constants, angles : ndarray
         See `schur_complement.LinearisedProblem`.
-
-    Returns
-    -------
-    tuple of ndarray
-        Inverse normal matrices of the frames' own unknowns, shape (n_frames, n_angles, n_angles); how these follow the
-        constants, shape (n_frames, n_angles, n_constants), and what they are without, shape (n_frames, n_angles); the
-        constants' derivatives and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
-        (n_frames, n_rows); the constants' normal matrix and right-hand side.
     """
-    n_frames, _, n_constants = constants.shape
-    n_angles = angles.shape[2]
-    inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, n_constants))
-    alone, reduced, left = np.empty((n_frames, n_angles)), np.empty(constants.shape), np.empty(residuals.shape)
-    normal, gradient = np.empty((n_constants, n_constants)), np.empty(n_constants)
-    _eliminate(residuals, constants, angles, inverse, follow, alone, reduced, left, normal, gradient)
-    return inverse, follow, alone, reduced, left, normal, gradient
+    n_frames, n_rows, n_constants = constants.shape
+    out = room_for(n_frames, n_rows, n_constants, angles.shape[2])
+    write_eliminated(Linearised(residuals, constants, angles), out)
+    return out
+
+
+@array_part
+def room_for(n_frames: int, n_rows: int, n_constants: int, n_angles: int) -> Eliminated:
+    """Return arrays for what `eliminate` returns.
+
+    Parameters
+    ----------
+    n_frames, n_rows, n_constants, n_angles : int
+        Sizes of the problem.
+    """
+    return Eliminated(
+        np.empty((n_frames, n_angles, n_angles)),
+        np.empty((n_frames, n_angles, n_constants)),
+        np.empty((n_frames, n_angles)),
+        np.empty((n_frames, n_rows, n_constants)),
+        np.empty((n_frames, n_rows)),
+        np.empty((n_constants, n_constants)),
+        np.empty(n_constants),
+    )
 
 
 @kernel_part
-def _eliminate(
-    residuals: Floats,
-    constants: Floats,
-    angles: Floats,
-    inverse: Floats,
-    follow: Floats,
-    alone: Floats,
-    reduced: Floats,
-    left: Floats,
-    normal: Floats,
-    gradient: Floats,
-) -> None:
-    """Write what `eliminate` returns."""
+def write_eliminated(linear: Linearised, out: Eliminated) -> None:
+    """Write what `eliminate` returns.
+
+    Parameters
+    ----------
+    linear : Linearised
+        The problem.
+    out : Eliminated
+        Receives the results.
+    """
+    residuals, constants, angles = linear
+    inverse, follow, alone, reduced, left, normal, gradient = out
     n_frames, n_rows, n_constants = constants.shape
     for c in range(n_constants):
         gradient[c] = 0.0
@@ -146,33 +201,6 @@ def _invert_own(slopes: Floats, out: Floats) -> None:
                 out[i, pivot] = 0.0
                 for j in range(size):
                     out[i, j] -= factor * out[pivot, j]
-
-
-@kernel_part
-def _write_step(normal: Floats, gradient: Floats, matrix: Floats, vectors: Floats, out: Floats) -> None:
-    """Solve for a step along the directions that are determined; both matrices are room to work in."""
-    size = len(gradient)
-    for i in range(size):
-        out[i] = 0.0
-        for j in range(size):
-            matrix[i, j] = normal[i, j] / (_scale(normal, i) * _scale(normal, j))
-    turn_to_axes(matrix, vectors, size)
-    largest = TINY
-    for k in range(size):
-        largest = max(largest, matrix[k, k])
-    for k in range(size):
-        if matrix[k, k] > RANK_TOLERANCE * largest:
-            along = 0.0
-            for i in range(size):
-                along += vectors[i, k] * gradient[i] / _scale(normal, i)
-            for i in range(size):
-                out[i] += vectors[i, k] * along / (matrix[k, k] * _scale(normal, i))
-
-
-@kernel_part
-def _scale(normal: Floats, i: int) -> float:
-    """Return the root of a diagonal element: millimetres and radians stand beside each other."""
-    return math.sqrt(max(normal[i, i], TINY))
 
 
 @kernel_part

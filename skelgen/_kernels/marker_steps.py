@@ -276,9 +276,7 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
 
 
 @kernel
-def fitted_steps(
-    positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats, direct: float
-) -> Floats:
+def fitted_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats) -> Floats:
     """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space.
 
     Parameters
@@ -291,26 +289,24 @@ def fitted_steps(
         Markers to which distances are measured.
     sudden : ndarray, shape (n_frames, n_mates), mm
         Jumps of the distances; NaN where unknown.
-    weights : ndarray, shape (n_mates,)
-        Of the distances.
+    weights : ndarray, shape (n_mates + 1,)
+        Of the distances, and of the step in space.
     seen : ndarray, shape (n_frames, 3), mm
         Step in space.
-    direct : float
-        Its weight.
 
     Returns
     -------
     ndarray, shape (n_frames, 3), mm
     """
     result = np.empty((len(sudden), 3))
-    normal, towards = np.empty((3, 3)), np.empty(3)
+    normal, towards, direct = np.empty((3, 3)), np.empty(3), weights[len(mates)]
     for frame in range(len(sudden)):
         for axis in range(3):
             for other in range(axis):
                 normal[axis, other] = 0.0
             normal[axis, axis] = direct
             result[frame, axis] = direct * seen[frame, axis]
-        for mate in range(len(weights)):
+        for mate in range(len(mates)):
             jump = sudden[frame, mate]
             length = _fill_direction(towards, positions[frame, mates[mate]], positions[frame, marker])
             if length > 0.0 and not math.isnan(jump):

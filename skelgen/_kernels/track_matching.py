@@ -3,12 +3,34 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 from skelgen.model.arrays import Bools, Floats, Ints
+
+
+class Links(NamedTuple):
+    """Tracks and points that may be linked, and those that are.
+
+    Attributes
+    ----------
+    pairs : ndarray of intp, shape (n_pairs, 2)
+        Track and point of all within reach, track by track.
+    gains : ndarray, shape (n_pairs,), nats
+        What each link gains.
+    point_of_track : ndarray of intp, shape (n_tracks,)
+        As matched; -1 for none.
+    track_of_point : ndarray of intp, shape (n_points,)
+        The same of each point.
+    """
+
+    pairs: Ints
+    gains: Floats
+    point_of_track: Ints
+    track_of_point: Ints
 
 
 @kernel
@@ -152,14 +174,13 @@ def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: boo
     point_of_track = np.full(n_tracks, -1, dtype=np.intp)
     root = _clusters(pairs, n_tracks, n_points)
     starts, order = _by_root(pairs, root)
-    row_of_track = np.full(n_tracks, -1, dtype=np.intp)
-    column_of_point = np.full(n_points, -1, dtype=np.intp)
+    places = np.full(n_tracks, -1, dtype=np.intp), np.full(n_points, -1, dtype=np.intp)
     for cluster in range(n_tracks):
         start, stop = starts[cluster], starts[cluster + 1]
         if stop == start + 1:
             point_of_track[pairs[order[start], 0]] = pairs[order[start], 1]
         elif stop > start:
-            _match_cluster(pairs, gains, order[start:stop], row_of_track, column_of_point, optimal, point_of_track)
+            _match_cluster(pairs, gains, order[start:stop], places, optimal, point_of_track)
     return point_of_track
 
 
@@ -202,12 +223,12 @@ def _match_cluster(
     pairs: Ints,
     gains: Floats,
     own: Ints,
-    row_of_track: Ints,
-    column_of_point: Ints,
+    places: tuple[Ints, Ints],
     optimal: bool,
     point_of_track: Ints,
 ) -> None:
     """Assign the points of one cluster, which has the pairs `own`, to its tracks; both maps are room to work in."""
+    row_of_track, column_of_point = places
     tracks, points = np.empty(len(own), dtype=np.intp), np.empty(len(own), dtype=np.intp)
     n_tracks, n_points = 0, 0
     for pair in own:
@@ -308,16 +329,7 @@ def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, ro
 
 
 @kernel
-def find_doubts(
-    pairs: Ints,
-    gains: Floats,
-    point_of_track: Ints,
-    track_of_point: Ints,
-    expected: Floats,
-    terms: Floats,
-    points: Floats,
-    rules: Rules,
-) -> Bools:
+def find_doubts(links: Links, expected: Floats, terms: Floats, points: Floats, rules: Rules) -> Bools:
     """Return for each track whether its link is hardly better than another explanation, shape (n_tracks,).
 
     Other explanations are a track that takes a free point (but not a double of its own), a track without a point that
@@ -326,14 +338,8 @@ def find_doubts(
 
     Parameters
     ----------
-    pairs : ndarray of intp, shape (n_pairs, 2)
-        Track and point of all within reach, track by track.
-    gains : ndarray, shape (n_pairs,), nats
-        What each link gains.
-    point_of_track : ndarray of intp, shape (n_tracks,)
-        As matched; -1 for none.
-    track_of_point : ndarray of intp, shape (n_points,)
-        The same of each point.
+    links : Links
+        What may be linked, and what is.
     expected : ndarray, shape (n_tracks, 3), mm
         Where each track is expected.
     terms : ndarray, shape (n_tracks, 4)
@@ -343,6 +349,7 @@ def find_doubts(
     rules : Rules
         How much better a link must be.
     """
+    pairs, gains, point_of_track, track_of_point = links
     gain_of_track = np.zeros(len(point_of_track))
     for pair in range(len(pairs)):
         if point_of_track[pairs[pair, 0]] == pairs[pair, 1]:

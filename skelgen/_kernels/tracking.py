@@ -8,6 +8,7 @@ import numpy as np
 
 from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.track_matching import (
+    Links,
     difference,
     find_doubts,
     find_pairs,
@@ -33,6 +34,7 @@ from skelgen._kernels.tracks import (
     SETTLED,
     SLOPE,
     Rules,
+    TrackedPoints,
 )
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -88,18 +90,16 @@ def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
 
 
 @kernel_part
-def _move(
-    tracks: _State, track: int, expected: Floats, points: Floats, point: int, weight: float, step: int, rules: Rules
-) -> float:
+def _move(tracks: _State, track: int, expected: Floats, points: TrackedPoints, point: int, rules: Rules) -> float:
     """Move one track onto its point; returns the squared distance from where it was expected."""
     motion, counters, _ = tracks
-    ahead = counters[track, MISSED] + step
+    ahead, weight = counters[track, MISSED], points.weights[point]
     level_gain, slope_gain = weight * rules.level_gain, weight * rules.slope_gain
     if counters[track, AGE] == 1:
         level_gain, slope_gain = 1.0, 1.0 if rules.slope_gain > 0.0 else 0.0
     squared = 0.0
     for axis in range(3):
-        error = points[point, axis] - expected[track, axis]
+        error = points.positions[point, axis] - expected[track, axis]
         squared += error * error
         motion[track, LEVEL, axis] = expected[track, axis] + level_gain * error
         motion[track, SLOPE, axis] += slope_gain * error / ahead
@@ -125,17 +125,7 @@ def _own(counters: Ints, track: int) -> int:
 
 @array_part
 def _continue_tracks(
-    points: Floats,
-    weights: Floats,
-    tracks: _State,
-    step: int,
-    expected: Floats,
-    point_of_track: Ints,
-    doubtful: Bools,
-    rules: Rules,
-    identities: Ints,
-    surprise: Floats,
-    states: Floats,
+    points: TrackedPoints, tracks: _State, step: int, expected: Floats, point_of_track: Ints, rules: Rules
 ) -> Bools:
     """Move the tracks that are alive onto their points; returns which are lost that were just seen."""
     motion, counters, totals = tracks
@@ -144,20 +134,18 @@ def _continue_tracks(
     for track in range(totals[ALIVE]):
         point = point_of_track[track]
         seen_before = counters[track, AGE] > 1 and counters[track, MISSED] == 0
+        counters[track, MISSED] += step
         if point >= 0:
-            if doubtful[track]:
-                counters[track, IDENTITY] = totals[GIVEN]
-                totals[GIVEN] += 1
-            squared = _move(tracks, track, expected, points, point, weights[point], step, rules)
-            surprise[point] = squared if seen_before and step == 1 else np.nan
-            identities[point] = _own(counters, track)
+            squared = _move(tracks, track, expected, points, point, rules)
+            points.surprise[point] = squared if seen_before and step == 1 else np.nan
+            points.identities[point] = _own(counters, track)
+            states = points.states
             if len(states):
                 for axis in range(3):
                     states[point, axis] = motion[track, SLOPE, axis]
                 states[point, 3], states[point, 4] = motion[track, RECENT_ERROR, 0], motion[track, RECENT_ERROR, 1]
         else:
             lost[track] = seen_before
-            counters[track, MISSED] += step
             if counters[track, MISSED] > min(rules.max_gap, counters[track, AGE]):
                 continue
         _keep_as(motion, counters, track, n_kept)
@@ -226,9 +214,7 @@ def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, ru
 
 
 @kernel_part
-def _mute_jumps(
-    points: Floats, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int, identities: Ints
-) -> None:
+def _mute_jumps(points: TrackedPoints, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int) -> None:
     """Mute, for each lost track, the begun one that is nearest to where that was expected: the same marker, perhaps."""
     _, counters, totals = tracks
     if mute == 0 or len(begun) == 0:
@@ -238,59 +224,48 @@ def _mute_jumps(
             continue
         nearest, least = 0, np.inf
         for rank in range(len(begun)):
-            x, y, z = difference(points, begun[rank], expected, track)
+            x, y, z = difference(points.positions, begun[rank], expected, track)
             if x * x + y * y + z * z < least:
                 nearest, least = rank, x * x + y * y + z * z
         counters[totals[ALIVE] - len(begun) + nearest, MUTED] = mute - 1
-        identities[begun[nearest]] = -1
+        points.identities[begun[nearest]] = -1
 
 
 @kernel
-def follow_frames(
-    points: Floats,
-    frame_starts: Ints,
-    tracks: _State,
-    rules: Rules,
-    identities: Ints,
-    surprise: Floats,
-    weights: Floats,
-    steps: Ints,
-    states: Floats,
-) -> None:
-    """Follow all points through some frames; `tracks`, `identities`, `surprise` and `states` are written to.
+def follow_frames(points: TrackedPoints, frame_starts: Ints, steps: Ints, tracks: _State, rules: Rules) -> None:
+    """Follow all points through some frames; `points` and `tracks` are written to.
 
     Parameters
     ----------
-    points : ndarray, shape (n_points, 3), mm
+    points : TrackedPoints
         All points of the take.
     frame_starts : ndarray of intp, shape (n_frames + 1,)
         Points of the frames to follow; a slice of the take's.
+    steps : ndarray of intp, shape (n_frames,)
+        Steps of time since the frame before.
     tracks : tuple of ndarray
         The arrays of `Tracks`: motion, counters, totals; carried on from the frames before.
     rules : Rules
         How to follow.
-    identities : ndarray of intp, shape (n_points,)
-        Receives the identity of each point's track; -1 while that is muted, for doubles, and in frames left out.
-    surprise : ndarray, shape (n_points,), mm^2
-        Receives the squared distance between each point and where it was expected; NaN where nothing was expected.
-    weights : ndarray, shape (n_points,), optional
-        How far to believe each point, at most 1; 1 if left out.
-    steps : ndarray of intp, shape (n_frames,), optional
-        Steps of time since the frame before; 1 if left out.
-    states : ndarray, shape (n_points, 5), optional
-        Receives slope [mm] and recent error of each point's track after it; may be left out or empty.
     """
     _, counters, totals = tracks
     for frame in range(len(frame_starts) - 1):
         first, last = frame_starts[frame], frame_starts[frame + 1]
-        own, step = points[first:last], steps[frame]
-        for point in range(first, last):
-            identities[point], surprise[point] = -1, np.nan
+        step = steps[frame]
+        own = TrackedPoints(
+            points.positions[first:last],
+            points.weights[first:last],
+            points.identities[first:last],
+            points.surprise[first:last],
+            points.states[first:last],
+        )
+        for point in range(last - first):
+            own.identities[point], own.surprise[point] = -1, np.nan
         _end_tracks(tracks, step, rules.max_gap)
         n_tracks = totals[ALIVE]
         expected, terms = _expect(tracks, step, rules)
-        order = rising_order(own[:, 0])
-        pairs, gains, is_crowded = find_pairs(expected, terms, own, weights[first:last], order)
+        order = rising_order(own.positions[:, 0])
+        pairs, gains, is_crowded = find_pairs(expected, terms, own.positions, own.weights, order)
         if is_crowded:
             totals[CROWDED] += 1
             for track in range(n_tracks):
@@ -301,22 +276,15 @@ def follow_frames(
         for track in range(n_tracks):
             if point_of_track[track] >= 0:
                 track_of_point[point_of_track[track]] = track
-        doubtful = find_doubts(pairs, gains, point_of_track, track_of_point, expected, terms, own, rules)
-        lost = _continue_tracks(
-            own,
-            weights[first:last],
-            tracks,
-            step,
-            expected,
-            point_of_track,
-            doubtful,
-            rules,
-            identities[first:last],
-            surprise[first:last],
-            states[first:last],
-        )
+        links = Links(pairs, gains, point_of_track, track_of_point)
+        doubtful = find_doubts(links, expected, terms, own.positions, rules)
+        for track in range(n_tracks):
+            if doubtful[track]:
+                counters[track, IDENTITY] = totals[GIVEN]
+                totals[GIVEN] += 1
+        lost = _continue_tracks(own, tracks, step, expected, point_of_track, rules)
         placed = np.empty(last - first, dtype=np.bool_)
         for point in range(last - first):
             placed[point] = track_of_point[point] >= 0
-        begun = _begin_tracks(own, order, placed, tracks, rules, identities[first:last])
-        _mute_jumps(own, begun, expected, lost, tracks, rules.mute, identities[first:last])
+        begun = _begin_tracks(own.positions, order, placed, tracks, rules, own.identities)
+        _mute_jumps(own, begun, expected, lost, tracks, rules.mute)

@@ -113,6 +113,30 @@ class Rules(NamedTuple):
     duplicate: float
 
 
+class TrackedPoints(NamedTuple):
+    """Points with what is found of them.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_points, 3), mm
+        All points, frame by frame.
+    weights : ndarray, shape (n_points,)
+        How far to believe each point, at most 1.
+    identities : ndarray of intp, shape (n_points,)
+        Receives the identity of each point's track; -1 while that is muted, for doubles, and in frames left out.
+    surprise : ndarray, shape (n_points,), mm^2
+        Receives the squared distance between each point and where it was expected; NaN where nothing was expected.
+    states : ndarray, shape (n_points, 5) or (0, 5)
+        Receives slope [mm] and recent error of each point's track after it, unless empty.
+    """
+
+    positions: Floats
+    weights: Floats
+    identities: Ints
+    surprise: Floats
+    states: Floats
+
+
 class Tracks:
     """State of the tracks that are alive; mutable, as it is carried from chunk to chunk.
 

@@ -78,7 +78,7 @@ def test_vectors_between_rotations_are_scipys(turns):
 @pytest.mark.parametrize("n_angles", [0, 1, 2])
 def test_residuals_are_whitened_vectors_from_the_model_to_what_is_measured(turns, weights, n_angles):
     joint = parts(n_angles)
-    residuals, _, _ = linearised(*joint, turns, weights)
+    residuals, _, _ = linearised(joint, turns, weights)
     between = Rotation.from_matrix(turns @ rotations_of(*joint).swapaxes(1, 2)).as_rotvec()
     np.testing.assert_allclose(residuals, np.einsum("fij,fj->fi", weights, between), atol=1e-9)
 
@@ -86,7 +86,7 @@ def test_residuals_are_whitened_vectors_from_the_model_to_what_is_measured(turns
 @pytest.mark.parametrize("n_angles", [0, 1, 2])
 def test_slopes_are_how_the_model_turns_with_its_unknowns(turns, n_angles):
     joint, step, one = parts(n_angles), 1e-6, np.tile(np.eye(3), (N_FRAMES, 1, 1))
-    _, constants, own = linearised(*joint, turns, one)
+    _, constants, own = linearised(joint, turns, one)
     here = rotations_of(*joint)
     unknowns = [*np.eye(3 + n_angles), *np.eye(n_angles)]
     for index, unit in enumerate(unknowns):
@@ -120,8 +120,8 @@ def test_a_joint_descends_to_the_one_that_made_the_rotations(weights, n_angles):
     measured = rotations_of(*truth)
     constants = 0.1 * np.random.default_rng(1).normal(size=3 + n_angles)
     start = moved(truth, constants, 0.1)
-    held = [np.ascontiguousarray(one) if isinstance(one, np.ndarray) else float(one) for one in start]
-    found = descended(*held, measured, weights, 30, 1e-12)
+    held = tuple(np.ascontiguousarray(one) if isinstance(one, np.ndarray) else float(one) for one in start)
+    found = descended(held, measured, weights, 30, 1e-12)
     np.testing.assert_allclose(rotations_of(*found), measured, atol=1e-6)
 
 

@@ -80,7 +80,7 @@ def test_a_step_is_fitted_to_jumps_of_distances_by_least_squares():
     random = np.random.default_rng(4)
     positions, mates, weights = random.normal(scale=100.0, size=(3, 6, 3)), np.arange(1, 6), random.uniform(1, 2, 5)
     sudden, seen, direct = random.normal(size=(3, 5)), random.normal(size=(3, 3)), 0.5
-    found = fitted_steps(positions, 0, mates, sudden, weights, seen, direct)
+    found = fitted_steps(positions, 0, mates, sudden, np.append(weights, direct), seen)
     for frame in range(3):
         away = positions[frame, 0] - positions[frame, mates]
         rows = np.sqrt(weights)[:, np.newaxis] * away / np.linalg.norm(away, axis=1, keepdims=True)
@@ -108,7 +108,7 @@ def test_probabilities_are_those_of_all_ways_through_right_and_wrong():
     evidence = random.normal(scale=2.0, size=(5, 1)).astype(np.float32)
     seen, breaks = np.ones((5, 1), dtype=bool), np.array([[False], [False], [True], [False], [False]])
     right, lost = 0.8, 0.3
-    found = probabilities(evidence, 1.0, seen, np.zeros((0, 0), dtype=bool), breaks, right, lost)
+    found = probabilities(evidence, 1.0, seen, np.zeros((0, 0), dtype=bool), breaks, (right, lost))
     total, held = 0.0, np.zeros(5)
     for states in product([True, False], repeat=5):
         chance = right if states[0] else 1 - right

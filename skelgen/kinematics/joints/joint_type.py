@@ -223,7 +223,7 @@ def _type_fit(
     """Fit one type, and compare its residuals with the noise."""
     start = _start(name, rotations)
     rotations, weight = contiguous(rotations, weight)
-    rotation = constrained_rotation(*descended(*_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
+    rotation = constrained_rotation(*descended(_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
     linear = _linearised(rotation, rotations, weight)
     solution = solve_bordered(linear)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
@@ -258,7 +258,7 @@ def _start(name: str, rotations: Floats) -> ConstrainedRotation:
 
 
 def _linearised(rotation: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
-    return LinearisedProblem(*linearised(*_held(rotation), *contiguous(rotations, weight)))
+    return LinearisedProblem(*linearised(_held(rotation), *contiguous(rotations, weight)))
 
 
 def _held(rotation: ConstrainedRotation) -> Parts:

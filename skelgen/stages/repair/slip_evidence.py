@@ -104,9 +104,8 @@ class PlaceOnLimb:
         """
         weights = 1.0 / _spread(self.sudden) ** 2
         direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-        steps: Floats = kernels.fitted_steps(
-            self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
-        )
+        weights = np.append(weights, direct)
+        steps: Floats = kernels.fitted_steps(self._positions, self._marker, self.mates, self.sudden, weights, seen)
         return steps
 
     def weights(self, frame: int) -> Floats:

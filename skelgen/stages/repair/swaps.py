@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from skelgen._kernels import contiguous
 from skelgen._kernels.marker_steps import lengths as lengths_to
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -190,7 +191,8 @@ def _one_round(trajectories: Trajectories, model: RigidModel, least_evidence: fl
     positions, rate = trajectories.positions, trajectories.rate
     neighbours = neighbours_of(positions)
     # Pairs of labels whose distances to their limbs are off in the same frames
-    doubted = np.stack([_is_off(positions, marker, model) for marker in range(positions.shape[1])], axis=1)
+    [held] = contiguous(positions)
+    doubted = np.stack([_is_off(held, marker, model) for marker in range(positions.shape[1])], axis=1)
     markers = np.flatnonzero(doubted.sum(axis=0) >= LEAST_FRAMES)
     together = doubted[:, markers].T.astype(np.float64) @ doubted[:, markers].astype(np.float64)
     pairs = [(i, j) for i, j in combinations(range(len(markers)), 2) if together[i, j] >= LEAST_FRAMES]

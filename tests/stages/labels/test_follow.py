@@ -9,7 +9,7 @@ import pytest
 
 from skelgen._kernels.track_matching import find_pairs, rising_order
 from skelgen._kernels.tracking import follow_frames
-from skelgen._kernels.tracks import Tracks
+from skelgen._kernels.tracks import TrackedPoints, Tracks
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
@@ -69,7 +69,8 @@ def test_prediction_is_laviolas_double_exponential_smoothing(smoothing):
     state = (tracks.motion, tracks.counters, tracks.totals)
     found, surprise = np.empty(40, dtype=np.intp), np.empty(40)
     ones, nothing = np.ones(40), np.empty((0, 5))
-    follow_frames(path, np.arange(41), state, rules, found, surprise, ones, np.ones(40, dtype=np.intp), nothing)
+    points = TrackedPoints(path, ones, found, surprise, nothing)
+    follow_frames(points, np.arange(41), np.ones(40, dtype=np.intp), state, rules)
 
     slope = path[1] - path[0]
     lag = (1 - smoothing) / smoothing * slope

@@ -128,7 +128,7 @@ def identity_confidence(
     share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
     breaks = breaks.copy()
     breaks[1:] |= seen[1:] & ~seen[:-1]
-    confidence = probabilities(evidence, share, seen, stated, breaks, prior.right, prior.lost)
+    confidence = probabilities(evidence, share, seen, stated, breaks, (prior.right, prior.lost))
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare

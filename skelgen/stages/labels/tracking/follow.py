@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels.tracking import follow_frames
-from skelgen._kernels.tracks import CROWDED, Rules, Tracks
+from skelgen._kernels.tracks import CROWDED, Rules, TrackedPoints, Tracks
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -147,7 +147,8 @@ class _Take:
             points, weights = self.points[span].copy(), self.weights[span].copy()
             received = np.empty((0, 5)) if states is None else states[span]
             steps = self.steps[first:last]
-            follow_frames(points, starts - span.start, state, rules, found, surprise, weights, steps, received)
+            span_points = TrackedPoints(points, weights, found, surprise, received)
+            follow_frames(span_points, starts - span.start, steps, state, rules)
             track_of_point[span] = found
             monitor.advance(last, len(counts))
         return track_of_point, int(tracks.totals[CROWDED])
