@@ -1,7 +1,7 @@
 """A person: the simulated human in somebody's size and proportions, with toes, and a marker set on the body.
 
-The places of markers are anatomical (``tables/places.toml``); whoever sticks them on misses each by some mm (Della Croce
-et al., Gait & Posture 21 (2005) 226-237), and so do we.
+The places of markers are anatomical (``tables/places.toml``); whoever sticks them on misses each by some mm (Della
+Croce et al., Gait & Posture 21 (2005) 226-237), and so do we.
 """
 
 from dataclasses import dataclass, replace

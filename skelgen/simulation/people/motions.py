@@ -1,8 +1,8 @@
 """Natural motions: joint angles follow curves over a cycle (``tables/motions.toml``), and the feet carry the body.
 
 Curves are given for the left side; the right side follows by a part of the cycle. The ankle turns the sole as the
-motion wants it in the room, so that feet on the ground lie flat. The root moves so that whatever touches the ground stays
-in its place; between two contacts it flies along a parabola.
+motion wants it in the room, so that feet on the ground lie flat. The root moves so that whatever touches the ground
+stays in its place; between two contacts it flies along a parabola.
 """
 
 from dataclasses import dataclass

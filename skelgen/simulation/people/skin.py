@@ -4,9 +4,10 @@ With q the rotation vectors of the joints of a marker's limb and w a weight that
 
     d = sum over joints of w (sqrt(s) C + sqrt(1 - s) O) q + x + slow wandering
 
-where C is one random 3 x 3 matrix for all markers of the limb, O one for each that is alike for neighbours, s the share
-that moves together (Camomilla et al., J Biomech 46 (2013) 2216-2222; Bonci et al., J Biomech 47 (2014) 2354-2361: skin is
-linear in the angles of both joints), and x the answer of a damped spring to the limb's acceleration.
+where C is one random 3 x 3 matrix for all markers of the limb, O one for each that is alike for neighbours, s the
+share that moves together, and x the answer of a damped spring to the limb's acceleration. That skin is linear in the
+angles of both joints of a segment: Camomilla et al., J Biomech 46 (2013) 2216-2222; Bonci et al., J Biomech 47 (2014)
+2354-2361.
 """
 
 from dataclasses import dataclass
