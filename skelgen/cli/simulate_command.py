@@ -87,7 +87,7 @@ def simulate(
     options, screen = given(values), Screen(quiet)
     if motion is not None and str(motion) in MOTIONS:
         motion, options["motion"] = None, str(motion)
-    if options.keys() & {"motion", "marker_set", "height"}:
+    if motion is None and options.keys() & {"motion", "marker_set", "height"}:
         structure = structure or "human"
     if (structure is None) == (motion is None):
         raise ParameterError("give either a STRUCTURE, which moves at random or by --motion walk, or --motion FILE")
