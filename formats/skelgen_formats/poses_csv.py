@@ -55,10 +55,12 @@ def read_poses(path: Path) -> Poses:
     header = [split_cells(path, line, number, ",") for number, line in enumerate(lines[:_HEADER_LINES], start=1)]
     rate, factor = _rate_and_unit(path, header)
     names = _names(path, header[3])
-    rows = parse_rows(path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",")
+    rows = parse_rows(
+        path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
+    )
     if not len(rows):
         raise FormatError(path, "", "holds no frame: nothing can be read from it")
-    numbers = rows[:, _LEADING_CELLS:].reshape(len(rows), len(names), len(_COLUMNS))
+    numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
     transforms = _transforms(path, numbers, factor)
     ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
     if not ever.any():

@@ -50,11 +50,11 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
     _check_marker_count(path, header, len(names))
     leading, first = _leading_cells(path, lines, first, len(names))
-    rows = parse_rows(path, lines.numbered(first), leading + 3 * len(names), "\t")
+    rows = parse_rows(path, lines.numbered(first), leading + 3 * len(names), "\t", leading=leading)
     notices: list[str] = []
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     check_frames(path, frames_line, count_in(path, frames_line, frames[0], _FIRST_KEY), len(rows), notices)
-    positions = zeros_unseen(rows[:, leading:].reshape(len(rows), len(names), 3))
+    positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
     return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
 
 

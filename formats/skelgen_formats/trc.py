@@ -73,11 +73,11 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
     frames = (numbered for numbered in lines.numbered(start + _HEADER_LINES) if not numbered[1].startswith("#"))
-    rows = parse_rows(path, frames, _LEADING_CELLS + 3 * n_markers, "\t")
+    rows = parse_rows(path, frames, _LEADING_CELLS + 3 * n_markers, "\t", leading=_LEADING_CELLS)
     notices: list[str] = []
     announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, announced, rows, notices)
-    positions = zeros_unseen(rows[:, _LEADING_CELLS:].reshape(len(rows), n_markers, 3))
+    positions = zeros_unseen(rows.reshape(len(rows), n_markers, 3))
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
 
 
