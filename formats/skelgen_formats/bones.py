@@ -4,7 +4,6 @@ Quaternions are x y z w, as most files store them; they rotate actively, v' = q 
 the same rotation, and either may be in a file.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -134,20 +133,6 @@ def _stated(unit: str) -> float:
     if not 0 < scale < LARGEST_MM:
         raise ParameterError(f"motion-unit is {unit!r}; it must be auto, mm, cm, m, in, or a number of mm")
     return scale
-
-
-def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names that differ: the second of a name gets `` 2`` behind it, and so on."""
-    taken, count, distinct = set(names), Counter[str](), []
-    for name in names:
-        count[name] += 1
-        candidate = name
-        while count[name] > 1 and candidate in taken:
-            candidate = f"{name} {count[name]}"
-            count[name] += candidate in taken
-        taken.add(candidate)
-        distinct.append(candidate)
-    return tuple(distinct)
 
 
 _LARGEST = float(np.finfo(np.float32).max)

@@ -15,7 +15,8 @@ from skelgen.errors import FormatError, ParameterError
 from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
-from skelgen_formats.bones import LARGEST_MM, bone_unit, distinct_names
+from skelgen_formats.bones import LARGEST_MM, bone_unit
+from skelgen_formats.markers import distinct_names
 from skelgen_formats.options import AUTO
 from skelgen_formats.text import Lines, count_in, number_in, parse_rows, read_lines
 
@@ -69,7 +70,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
     if max(np.abs(places).max(), np.abs(offsets).max()) * scale > LARGEST_MM:
         raise FormatError(path, "", f"a place is farther than {LARGEST_MM:g} mm; check the file and --motion-unit")
     return BoneMotion(
-        names=distinct_names([bone.name for bone in bones]),
+        names=distinct_names([bone.name for bone in bones], " "),
         parents=parents,
         rotations=rotations,
         places=places * scale,

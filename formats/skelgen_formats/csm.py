@@ -173,7 +173,7 @@ def _frames(path: Path, lines: Lines, first: int, n_markers: int) -> tuple[Float
             dropped = _DROPOUT in line.upper()
             yield number, _without_dropouts(path, line.split(), number, n_markers) if dropped else line
 
-    return parse_rows(path, checked(), 3 * n_markers + 1, None)[:, 1:], numbers
+    return parse_rows(path, checked(), 3 * n_markers + 1, None, leading=1), numbers
 
 
 def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> str:

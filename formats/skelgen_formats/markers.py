@@ -24,6 +24,8 @@ FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
 
 _UNLABELLED = re.compile(r"(\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
+_CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
+_HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
 
@@ -40,11 +42,30 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
     unit : str
         What the file says, in any case.
     """
-    factor = MM_PER_UNIT.get(unit.strip().lower())
-    if factor is None:
+    word = unit.strip().lower()
+    factors = {
+        mm for name, mm in MM_PER_UNIT.items() if name == word or (len(word) >= _CUT_UNIT and name.startswith(word))
+    }
+    if len(factors) != 1:
         known = ", ".join(dict.fromkeys(MM_PER_UNIT))
         raise FormatError(path, place, f"the length unit is {unit.strip()[:20]!r}; it must be one of {known}")
-    return factor
+    return factors.pop()
+
+
+def assumed_mm_per_unit(positions: Floats, notices: list[str]) -> float:
+    """Return how many mm the unit of positions has that no file names: metres for a room, else millimetres.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        In the file's unit; NaN where unseen.
+    notices : list of str
+        Gets a sentence.
+    """
+    far = max((float(np.nanmax(np.abs(block), initial=0.0)) for _, block in frames_in_blocks(positions)), default=0.0)
+    unit = "m" if far < _HUMAN_SIZE_M else "mm"
+    notices.append(f"the file names no length unit; {unit} is assumed since coordinates reach {far:.3g}")
+    return MM_PER_UNIT[unit]
 
 
 def scaled(path: Path, positions: Floats, factor: float) -> Floats:
@@ -90,13 +111,19 @@ def frames_in_blocks(frames: NDArray[Any]) -> Iterator[tuple[int, NDArray[Any]]]
 
 
 def take_from_markers(
-    path: Path, positions: Floats, names: Sequence[str], rate: float, notices: Sequence[str] = ()
+    path: Path,
+    positions: Floats,
+    names: Sequence[str],
+    rate: float,
+    notices: Sequence[str] = (),
+    computed: Bools | None = None,
 ) -> Trajectories | PointCloud:
     """Make the value that a marker file holds.
 
-    Markers that are never seen are dropped, prefixes such as ``Nick01:`` are dropped while names stay distinct, and
-    trajectories without a label (``*12``, ``Unlabeled 1234``) are left out when there are labelled ones; each with
-    a notice. A file with nothing but unlabelled trajectories becomes a `PointCloud`.
+    Markers that are never seen and points that a model computed are dropped, trajectories without a label (``*12``,
+    ``Unlabeled 1234``) are left out when there are labelled ones, the second of a name is called NAME_2, and prefixes
+    such as ``Nick01:`` are dropped while names stay distinct; each with a notice. A file with nothing but unlabelled
+    trajectories becomes a `PointCloud`.
 
     Parameters
     ----------
@@ -110,29 +137,33 @@ def take_from_markers(
         Frame rate.
     notices : sequence of str
         Notices of the reader so far.
+    computed : ndarray of bool, shape (n_markers,), optional
+        Which are no markers: points that a model computed from markers.
 
     Raises
     ------
     FormatError
-        If there is no frame or no marker, none is ever seen, or two have the same name.
+        If there is no frame or no marker, none is ever seen, or all are computed.
     """
     notices = list(notices)
     if len(positions) == 0 or positions.shape[1] == 0:
         what = "frame" if len(positions) == 0 else "marker"
         raise FormatError(path, "", f"holds no {what}: nothing can be read from it")
-    _refuse_duplicates(path, names)
-    seen: Bools = ~np.isnan(positions[:, :, 0])
-    ever: Bools = np.asarray(seen.any(axis=0))
+    ever: Bools = np.asarray((~np.isnan(positions[:, :, 0])).any(axis=0))
     if not ever.any():
         raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
+    measured = ever if computed is None else ever & ~computed
+    if not measured.any():
+        raise FormatError(path, "", "holds only points that a model computed; with `--points all` they are read")
+    noted(notices, names, ever & ~measured, "left out because a model computed them (`--points all` takes them)")
     labelled = np.array([not _is_unlabelled(name) for name in names])
-    if not (labelled & ever).any():
+    if not (labelled & measured).any():
         notices.append("all trajectories are unlabelled: they are taken as points without identity")
-        return cloud_from_markers(positions, rate, path.name, notices)
-    _note(notices, names, ~ever, "dropped because never seen")
-    _note(notices, names, ever & ~labelled, "left out because unlabelled")
-    keep = np.flatnonzero(ever & labelled).tolist()
-    kept_names = _without_prefixes([names[index] for index in keep], notices)
+        return cloud_from_markers(positions[:, measured], rate, path.name, notices)
+    noted(notices, names, ~ever, "dropped because never seen")
+    noted(notices, names, measured & ~labelled, "left out because unlabelled")
+    keep = np.flatnonzero(measured & labelled).tolist()
+    kept_names = _without_prefixes(distinct_names([names[index] for index in keep], "_", notices), notices)
     kept = positions[:, keep] if len(keep) < positions.shape[1] else positions
     kept.flags.writeable = False  # so that the value takes it as it is
     return Trajectories(kept, kept_names, rate, path.name, tuple(notices))
@@ -242,16 +273,55 @@ def check_writable_names(
     return cleaned
 
 
-def _refuse_duplicates(path: Path, names: Sequence[str]) -> None:
-    for name, count in Counter(names).items():
-        if count > 1:
-            raise FormatError(path, "", f"{count} markers are labelled {name[:60]!r}; labels must differ, rename them")
+def distinct_names(names: Sequence[str], between: str, notices: list[str] | None = None) -> tuple[str, ...]:
+    """Return names that differ: the second of a name gets a 2 behind it, and so on.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The names.
+    between : str
+        What stands between a name and its number.
+    notices : list of str, optional
+        Gets a sentence if a name was changed.
+    """
+    taken, count, distinct = set(names), Counter[str](), []
+    for name in names:
+        count[name] += 1
+        candidate = name
+        while count[name] > 1 and candidate in taken:
+            candidate = f"{name}{between}{count[name]}"
+            count[name] += candidate in taken
+        taken.add(candidate)
+        distinct.append(candidate)
+    if notices is not None:
+        changed = [f"{new} was {old}" for new, old in zip(distinct, names, strict=True) if new != old]
+        if changed:
+            notices.append(f"labels that stand twice got numbers: {_listed(changed)}")
+    return tuple(distinct)
 
 
-def _note(notices: list[str], names: Sequence[str], chosen: Bools, what: str) -> None:
+def noted(
+    notices: list[str], names: Sequence[str], chosen: Bools, what: str, kinds: tuple[str, str] = ("marker", "markers")
+) -> None:
+    """Add a sentence on the chosen markers, if there are any.
+
+    Parameters
+    ----------
+    notices : list of str
+        Gets the sentence.
+    names : sequence of str, length n
+        Of all.
+    chosen : ndarray of bool, shape (n,)
+        Which it is about.
+    what : str
+        What became of them.
+    kinds : tuple of two str
+        What one, and several, are called.
+    """
     listed = [names[index] for index in np.flatnonzero(chosen).tolist()]
     if listed:
-        notices.append(f"{len(listed)} marker{'s' if len(listed) > 1 else ''} {what}: {_listed(listed)}")
+        notices.append(f"{len(listed)} {kinds[len(listed) > 1]} {what}: {_listed(listed)}")
 
 
 def _listed(names: Sequence[str]) -> str:

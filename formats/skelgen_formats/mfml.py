@@ -59,12 +59,12 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
         If the file does not parse with any (or the given) id width, or holds no point.
     """
     with Content(path) as content:
-        width = find_id_width(path, content.view, id_width)
-        headers = np.fromiter(frame_headers(content.view, width), dtype=_HEADER_ROW)
+        width, n_frames = find_id_width(path, content.view, id_width)
+        headers = np.fromiter(frame_headers(content.view, width), dtype=_HEADER_ROW, count=n_frames)
         counts = headers["count"]
+        if not counts.any():
+            raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
         markers = _all_markers(content.view, width, headers["start"])
-    if not len(markers):
-        raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
     starts = np.concatenate(([0], np.cumsum(counts))).astype(np.intp)
     _check_numbers(path, markers, starts)
     notices = [f"unique ids are {width} bytes wide", f"time stamps are taken as {timestamp_unit}"]

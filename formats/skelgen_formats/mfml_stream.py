@@ -88,7 +88,7 @@ def iterate_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us")
         Before the first frame, if the file does not parse.
     """
     with Content(path) as content:
-        width = find_id_width(path, content.view, id_width)
+        width, _ = find_id_width(path, content.view, id_width)
         dtype = MARKER_DTYPES[width]
         for start, count, stamp in frame_headers(content.view, width):
             frame = content.view[start : start + count * dtype.itemsize]
@@ -181,8 +181,8 @@ class Content:
         self.view.close()
 
 
-def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> int:
-    """Return the bytes of a unique id with which the whole file parses.
+def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> tuple[int, int]:
+    """Return the bytes of a unique id with which the whole file parses, and how many frames it has then.
 
     Parameters
     ----------
@@ -201,12 +201,9 @@ def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> int:
     failures: list[tuple[int, UnparsableError]] = []
     for width in MARKER_DTYPES if id_width == "auto" else [int(id_width)]:
         try:
-            for _ in frame_headers(view, width):
-                pass
+            return width, sum(1 for _ in frame_headers(view, width))
         except UnparsableError as error:
             failures.append((width, error))
-        else:
-            return width
     width, failure = max(failures, key=lambda pair: pair[1].n_markers)
     raise FormatError(path, f"byte {failure.position}", f"{failure.problem} (read with ids of {width} bytes)")
 

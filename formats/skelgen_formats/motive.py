@@ -1,4 +1,4 @@
-"""Motive CSV: marker trajectories as OptiTrack Motive exports them.
+"""Motive CSV: markers, rigid bodies and bones as OptiTrack Motive exports them, format versions 1.2 to 1.25.
 
 Layout, comma-separated text::
 
@@ -6,32 +6,38 @@ Layout, comma-separated text::
                                                           (an empty line)
     ,,Marker,Marker,Marker,Rigid Body,...                 what each column belongs to
     ,Name,Skeleton1:LFHD,Skeleton1:LFHD,...               whose column it is
-    ,ID,...                                               (from 1.24 on also a line Parent; older ones lack some)
+    ,ID,...                                               (newer ones have a line Parent, too; older ones lack some)
     ,,Position,Position,Position,Rotation,...             what is measured
-    Frame,Time (Seconds),X,Y,Z,X,...
+    Frame,Time (Seconds),X,Y,Z,X,...                      (a column TimeCode may follow)
     0,0.000000,0.123,1.456,-0.789,...                     empty cells are unseen
 
-Columns of type ``Marker`` are read; where there are none, those of type ``Rigid Body Marker``, which are where
-Motive's model puts the markers. Bodies and bones are left out with a notice. Motive has y up; coordinates stay as they
-are. Machines that use decimal commas export with semicolons; both are understood.
+Until 1.22 no line has a word such as Name or ID at its beginning; 1.25 has Type before the first. Columns of type
+``Marker`` are read; where there are none, those of type ``Rigid Body Marker`` or ``Bone Marker``, which are where
+Motive's model puts the markers; where there are none of these, or with the option `bodies`, the bodies: columns of type
+``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W. Motive has y up; coordinates stay as they are.
+Machines that use decimal commas export with semicolons; both are understood. A file that is cut off is read so far.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from skelgen.errors import FormatError
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, mm_per_unit, scaled, take_from_markers
-from skelgen_formats.options import Format
-from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
+from skelgen_formats.options import BODIES, Format
+from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 _FIRST_CELL = "Format Version"
-_MARKER_TYPES = ("Marker", "Rigid Body Marker")  # in the order of preference: measured before modelled
+_MARKER_TYPES = ("Marker", "Rigid Body Marker", "Bone Marker")  # in the order of preference: measured before modelled
+_BODY_TYPES = ("Rigid Body", "Bone")
 _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
 _FEWEST_TITLE_LINES = 3  # type, name, quantity
 _DEFAULT_UNIT = "meters"  # what Motive exports by default
-_AXES = ("X", "Y", "Z")
+_QUATERNION = "Quaternion"
+_PLACE, _TURN = ("Position", "XYZ"), ("Rotation", "WXYZ")
 
 
 @dataclass(frozen=True)
@@ -46,18 +52,39 @@ class _Titles:
     first: int  # index of the first line with numbers
 
 
-def read_motive(path: Path) -> Trajectories | PointCloud:
-    """Read the markers of a Motive export.
+@dataclass(frozen=True)
+class _Item:
+    """A marker or a body: its name, and its columns by quantity and axis."""
+
+    name: str
+    columns: dict[tuple[str, str], int]
+
+    def of(self, quantity: str, axes: str) -> list[int]:
+        """Columns of a quantity along some axes; empty if one is missing."""
+        found = [self.columns[quantity, axis] for axis in axes if (quantity, axis) in self.columns]
+        return found if len(found) == len(axes) else []
+
+
+def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud | Poses:
+    """Read the markers, or the bodies, of a Motive export.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    bodies : bool
+        Whether bodies are read although there are markers.
 
     Returns
     -------
     Trajectories
-        Positions in mm, y up; or a `PointCloud` if no trajectory has a label.
+        Positions in mm, y up; a `PointCloud` if no trajectory has a label; `Poses` if only bodies were exported.
 
     Raises
     ------
     FormatError
-        If the header is not that of Motive, no marker was exported, or lines are cut off.
+        If the header is not that of Motive, neither markers nor bodies were exported, or bodies in another way than as
+        quaternions in the world.
     """
     lines = read_lines(path)
     delimiter = _delimiter(path, lines[0])
@@ -65,19 +92,43 @@ def read_motive(path: Path) -> Trajectories | PointCloud:
     header = dict(zip(cells[0::2], cells[1::2], strict=False))
     titles = _titles(path, lines, delimiter)
     notices: list[str] = []
-    columns = _marker_columns(path, titles, notices)
     rate = _rate(path, header)
     unit = header.get("Length Units", "")
     if not unit:
         notices.append("the header names no length unit; metres are assumed")
-    wanted = [column for triple in columns.values() for column in triple]
-    rows = parse_rows(path, lines.numbered(titles.first), len(titles.axes), delimiter, wanted)
-    if "Total Exported Frames" in header:
-        announced = count_in(path, 1, header["Total Exported Frames"], "Total Exported Frames")
-        check_frames(path, 1, announced, len(rows), notices)
-    positions = rows.reshape(len(rows), len(columns), 3)
     factor = mm_per_unit(path, 1, unit or _DEFAULT_UNIT)
-    return take_from_markers(path, scaled(path, positions, factor), list(columns), rate, notices)
+    items = [] if bodies else _markers(titles, notices)
+    kinds = [_PLACE] if items else [_PLACE, _TURN]
+    items = items or _bodies(path, header, titles, notices)
+    wanted = [column for item in items for quantity, axes in kinds for column in item.of(quantity, axes)]
+    rows = parse_rows(path, _rows(lines, titles, delimiter, notices), len(titles.axes), delimiter, wanted)
+    rows = _announced(path, header, lines, rows, notices)
+    numbers, names = rows.reshape(len(rows), len(items), -1), [item.name for item in items]
+    if kinds == [_PLACE]:
+        return take_from_markers(path, scaled(path, numbers, factor), names, rate, notices)
+    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), factor), names, rate, notices)
+
+
+def _rows(lines: Lines, titles: _Titles, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
+    """Yield the lines with numbers; the last line of a file that is cut off is left out."""
+    for number, line in lines.numbered(titles.first):
+        if number == len(lines) and line.count(delimiter) < len(titles.axes) - 1:
+            notices.append(f"line {number}, the last, is cut off and left out")
+            break
+        yield number, line
+
+
+def _announced(path: Path, header: Mapping[str, str], lines: Lines, rows: Floats, notices: list[str]) -> Floats:
+    """Return the rows but the last, where the file ends in it; say if there are more or fewer than announced."""
+    if "Total Exported Frames" not in header:
+        return rows
+    announced = count_in(path, 1, header["Total Exported Frames"], "Total Exported Frames")
+    if len(rows) < announced:
+        rows = rows[:-1] if lines[-1].strip() and not any("is cut off" in notice for notice in notices) else rows
+        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
+        return rows
+    check_frames(path, 1, announced, len(rows), notices)
+    return rows
 
 
 def _delimiter(path: Path, line: str) -> str:
@@ -113,42 +164,56 @@ def _arranged(path: Path, rows: list[list[str]], axes: list[str], first: int) ->
     if len(rows) < _FEWEST_TITLE_LINES or unnamed:
         raise FormatError(path, first, "above the frames belong lines with type, name and quantity of each column")
     names = padded[labels.index("Name") if "Name" in labels else 1]
-    ids = padded[labels.index("ID")] if "ID" in labels else [""] * width
+    has_ids = "ID" in labels or (not any(labels) and len(rows) > _FEWEST_TITLE_LINES)
+    ids = padded[labels.index("ID") if "ID" in labels else 2] if has_ids else [""] * width
     return _Titles(padded[0], names, ids, padded[-1], axes, first)
 
 
-def _marker_columns(path: Path, titles: _Titles, notices: list[str]) -> dict[str, list[int]]:
-    """Return the x, y, z columns of each marker by name."""
+def _markers(titles: _Titles, notices: list[str]) -> list[_Item]:
+    """Return the markers; measured ones, or else those of the models."""
     for kind in _MARKER_TYPES:
-        columns = _columns_of(path, titles, kind)
-        if columns:
+        items = [item for item in _items(titles, (kind,)) if item.of(*_PLACE)]
+        if items:
             if kind != _MARKER_TYPES[0]:
-                notices.append("no measured markers were exported; those of the rigid bodies' models are taken")
+                notices.append("no measured markers were exported; those of the bodies' models are taken")
             left_out = sorted({other for other in titles.kinds[2:] if other and other != kind})
             if left_out:
                 notices.append(f"columns left out: {', '.join(left_out)}")
-            return columns
-    found = ", ".join(sorted({kind for kind in titles.kinds[2:] if kind})) or "nothing"
-    raise FormatError(path, titles.first, f"no Marker columns, only {found}; export with markers switched on")
+            return items
+    return []
 
 
-def _columns_of(path: Path, titles: _Titles, kind: str) -> dict[str, list[int]]:
-    groups: dict[tuple[str, str], dict[str, int]] = {}
-    for column, axis in enumerate(titles.axes):
-        if titles.kinds[column] == kind and titles.quantities[column] == "Position" and axis in _AXES:
-            axes = groups.setdefault((titles.names[column], titles.ids[column]), {})
-            if axis in axes:
-                what = f"two markers are labelled {titles.names[column][:60]!r}; rename one"
-                raise FormatError(path, titles.first, what)
-            axes[axis] = column
-    columns: dict[str, list[int]] = {}
-    for (name, _), axes in groups.items():
-        if len(axes) != len(_AXES) or not name:
-            raise FormatError(path, titles.first, f"the marker {name[:60]!r} has no name or not all of X, Y and Z")
-        if name in columns:
-            raise FormatError(path, titles.first, f"two markers are labelled {name[:60]!r}; rename one")
-        columns[name] = [axes[axis] for axis in _AXES]
-    return columns
+def _bodies(path: Path, header: Mapping[str, str], titles: _Titles, notices: list[str]) -> list[_Item]:
+    """Return the rigid bodies and bones with position and quaternion."""
+    items = [item for item in _items(titles, _BODY_TYPES) if item.of(*_PLACE)]
+    whole = [item for item in items if item.of(*_TURN)]
+    rotation, space = header.get("Rotation Type", _QUATERNION), header.get("Coordinate Space", "Global")
+    if items and rotation != _QUATERNION:
+        what = f"rotations are of the type {rotation[:20]}; export with Rotation Type Quaternion, or with markers"
+        raise FormatError(path, 1, what)
+    if not whole:
+        found = ", ".join(sorted({kind for kind in titles.kinds[2:] if kind})) or "nothing"
+        what = f"no Marker columns and no whole bodies, only {found}; export with markers switched on"
+        raise FormatError(path, titles.first, what)
+    if space == "Local":
+        raise FormatError(path, 1, "coordinates are local to the parent; export with global (world) coordinates")
+    if len(whole) < len(items):
+        notices.append(f"{len(items) - len(whole)} bodies without a rotation are left out")
+    return whole
+
+
+def _items(titles: _Titles, kinds: Sequence[str]) -> list[_Item]:
+    """Return what has columns of some types, in the order of the file; unnamed ones are left out."""
+    items: dict[tuple[str, str, str], list[_Item]] = {}
+    columns = zip(titles.kinds, titles.names, titles.ids, titles.quantities, titles.axes, strict=True)
+    for column, (kind, name, identity, quantity, axis) in enumerate(columns):
+        if kind not in kinds or not name:
+            continue
+        same = items.setdefault((kind, name, identity), [_Item(name, {})])
+        if (quantity, axis) in same[-1].columns:  # another one of this name
+            same.append(_Item(name, {}))
+        same[-1].columns[quantity, axis] = column
+    return sorted((item for same in items.values() for item in same), key=lambda item: min(item.columns.values()))
 
 
 FORMAT = Format(
@@ -157,6 +222,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=lambda head, path: decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL),
-    read=lambda path, options: read_motive(path),
-    note="Export with Marker columns, any length unit; y stays up; bodies and bones are left out with a notice.",
+    read=lambda path, options: read_motive(path, options.bodies),
+    options=(BODIES,),
+    note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",
 )

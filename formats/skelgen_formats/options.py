@@ -33,6 +33,9 @@ OptionValue = str | float | bool
 Writable = Project | Take | Filled
 """What writers are given; each says which of these it can hold."""
 
+MEASURED, ALL_POINTS = "markers", "all"
+"""Choices of `POINTS`."""
+
 AS_MOVED, AS_FOUND = "as-moved", "as-found"
 """Choices of `JOINTS`."""
 
@@ -59,6 +62,14 @@ class Options:
         Bytes of a unique id in mfml, or `AUTO`.
     timestamp_unit : str
         Unit of the time stamps in mfml.
+    points : str
+        Whether points that a model computed are left out (`MEASURED`) or read as markers (`ALL_POINTS`).
+    bodies : bool
+        Whether bodies are read where a file has markers, too.
+    recorded_rate : float, Hz
+        Rate of the recording where the file states none; 0: as it says.
+    recorded_unit : str
+        Unit of its lengths where the file states none, or `AUTO`.
     """
 
     axes: str = AS_RECORDED
@@ -69,6 +80,10 @@ class Options:
     dropout: str = "word"
     id_width: str = AUTO
     timestamp_unit: str = "us"
+    points: str = MEASURED
+    bodies: bool = False
+    recorded_rate: float = AS_RECORDED_RATE
+    recorded_unit: str = AUTO
 
 
 @dataclass(frozen=True)
@@ -86,7 +101,9 @@ class Option:
     choices : tuple of str
         Allowed values, empty for any.
     reading : bool
-        Whether the reader takes it too, not only the writer.
+        Whether the reader takes it.
+    writing : bool
+        Whether the writer takes it.
     unit : str
         Unit of a number.
     low, high : float or None
@@ -98,6 +115,7 @@ class Option:
     help: str
     choices: tuple[str, ...] = ()
     reading: bool = True
+    writing: bool = True
     unit: str = ""
     low: float | None = None
     high: float | None = None
@@ -132,6 +150,36 @@ RATE = Option(
 )
 """The registry resamples the value before it is written, for every format that offers this."""
 
+
+POINTS = Option(
+    "points",
+    MEASURED,
+    "Which points are read: measured markers, or all, those that a model computed from them included.",
+    (MEASURED, ALL_POINTS),
+    writing=False,
+)
+"""The option of readers of files that hold results of a model beside the markers."""
+
+BODIES = Option("bodies", False, "Read bodies with orientation where the file has markers, too.", writing=False)
+"""The option of readers of files that may hold both."""
+
+RECORDED_RATE = Option(
+    "recorded_rate",
+    AS_RECORDED_RATE,
+    "Frame rate of the recording, where the file states none; 0 as it says, or 100 Hz.",
+    writing=False,
+    unit="Hz",
+    low=0.0,
+    high=1e6,
+)
+RECORDED_UNIT = Option(
+    "recorded_unit",
+    AUTO,
+    "Unit of the lengths, where the file states none; auto: m if all lie within 50, else mm.",
+    (AUTO, "mm", "cm", "m", "in"),
+    writing=False,
+)
+"""Options of readers of tables and arrays, which state neither."""
 
 FILLED = Option(
     "filled",

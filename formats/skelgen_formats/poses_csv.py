@@ -22,11 +22,11 @@ import numpy as np
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
-from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
+from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Poses, Project
-from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
+from skelgen_formats.bodies import take_from_bodies, transforms_of
+from skelgen_formats.markers import check_writable_names, mm_per_unit
 from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
@@ -35,7 +35,6 @@ _VERSION = "1"
 _COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _LEADING_CELLS = 2  # frame and time
 _HEADER_LINES = 4
-_LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
 
 
 def read_poses(path: Path) -> Poses:
@@ -55,18 +54,11 @@ def read_poses(path: Path) -> Poses:
     header = [split_cells(path, line, number, ",") for number, line in enumerate(lines[:_HEADER_LINES], start=1)]
     rate, factor = _rate_and_unit(path, header)
     names = _names(path, header[3])
-    rows = parse_rows(path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",")
-    if not len(rows):
-        raise FormatError(path, "", "holds no frame: nothing can be read from it")
-    numbers = rows[:, _LEADING_CELLS:].reshape(len(rows), len(names), len(_COLUMNS))
-    transforms = _transforms(path, numbers, factor)
-    ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
-    if not ever.any():
-        raise FormatError(path, "", "no body is seen in any frame: there is nothing to reconstruct from")
-    dropped = [name for name, seen in zip(names, ever, strict=True) if not seen]
-    notices = (f"bodies dropped because never seen: {', '.join(dropped)}",) if dropped else ()
-    kept = tuple(name for name, seen in zip(names, ever, strict=True) if seen)
-    return Poses(transforms[:, ever], kept, rate, path.name, notices)
+    rows = parse_rows(
+        path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
+    )
+    numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
+    return take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
 
 
 def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
@@ -133,24 +125,6 @@ def _names(path: Path, titles: Sequence[str]) -> list[str]:
     if len(set(names)) < len(names) or not all(name.strip() for name in names):
         raise FormatError(path, 4, "two bodies have the same name, or one has none; names must differ")
     return names
-
-
-def _transforms(path: Path, numbers: Floats, factor: float) -> Floats:
-    """Return world_from_body, shape (n_frames, n_bodies, 4, 4), translations in mm."""
-    empty = np.isnan(numbers)
-    seen = ~empty.all(axis=2)
-    with np.errstate(over="ignore", invalid="ignore"):
-        lengths = np.linalg.norm(numbers[:, :, 3:], axis=2)
-        wrong = seen & (empty.any(axis=2) | ~(np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE))
-        wrong |= seen & ~(np.abs(numbers[:, :, :3] * factor) <= FARTHEST).all(axis=2)
-    if wrong.any():
-        frame, body = np.argwhere(wrong)[0]
-        raise FormatError(path, f"frame {frame + 1}", f"body {body + 1} has no unit quaternion or no finite position")
-    transforms = np.full((*numbers.shape[:2], 4, 4), np.nan)
-    transforms[seen] = np.eye(4)
-    transforms[seen, :3, :3] = matrix_from_quaternion(numbers[seen, 3:] / lengths[seen, np.newaxis])
-    transforms[seen, :3, 3] = numbers[seen, :3] * factor
-    return transforms
 
 
 FORMAT = Format(

@@ -1,24 +1,32 @@
-"""Qualisys TSV: marker trajectories as Qualisys Track Manager exports them.
+"""Qualisys TSV: trajectories of markers, or poses of bodies, as Qualisys Track Manager exports them.
 
-Layout, tab-separated text: header lines of a word in capitals and its values (``NO_OF_FRAMES 6000``,
-``FREQUENCY 100``, ``MARKER_NAMES hand_top hand_left ...``), then optionally one line with column titles
-(``Frame  Time  hand_top X  hand_top Y ...``), then one line per frame: x, y, z of each marker in mm, after the frame
-number and the time where these were exported. A marker that is unseen has empty cells, ``NULL`` or three zeros.
+Layout, tab-separated text: header lines of a word in capitals and its values (newer files begin with ``FILE_VERSION``;
+``NO_OF_FRAMES 6000``, ``FREQUENCY 100``, ``MARKER_NAMES hand_top hand_left ...``), then optionally one line with column
+titles (``Frame  Time  hand_top X  hand_top Y ...``), then one line per frame: x, y, z of each marker in mm, after the
+frame number and the time where these were exported. A marker that is unseen has empty cells, ``NULL`` or three zeros.
 Decimal commas, as some machines write them, are understood.
+
+With ``DATA_INCLUDED 6D`` the header has ``BODY_NAMES``, and a body has 16 columns: X Y Z [mm], three angles, residual,
+and the matrix that takes its axes to the world's, column by column (Rot[0] to Rot[8]).
 """
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from skelgen.errors import FormatError
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import Format
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
-_FIRST_KEY = "NO_OF_FRAMES"
+_FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
+_BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
 _LEADING_TITLES = ("frame", "time")
 _MAX_LEADING = len(_LEADING_TITLES)
 _MM = 1.0  # the format has no unit: Track Manager exports mm
@@ -26,36 +34,60 @@ _MM = 1.0  # the format has no unit: Track Manager exports mm
 _Header = dict[str, tuple[int, list[str]]]  # key -> line number and values
 
 
-def read_qualisys(path: Path) -> Trajectories | PointCloud:
-    """Read a 3-D export of Qualisys Track Manager.
+def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
+    """Read a 3D or a 6D export of Qualisys Track Manager.
 
     Returns
     -------
     Trajectories
-        Positions in mm; or a `PointCloud` if no trajectory has a label.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of a 6D export.
 
     Raises
     ------
     FormatError
-        If the header lacks what is needed, the file holds 6DOF data, or lines are cut off.
+        If the header lacks what is needed, or lines are cut off.
     """
     lines = read_lines(path)
     header, first = _header(lines)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
-    if "BODY_NAMES" in header or "6D" in included:
-        line = header.get("BODY_NAMES", header.get("DATA_INCLUDED", (1, [])))[0]
-        raise FormatError(path, line, "holds 6DOF bodies; export the 3D data of the markers from Track Manager instead")
-    _, names = _entry(path, header, "MARKER_NAMES")
+    of_bodies = "BODY_NAMES" in header or "6D" in included
+    if "2D" in included:
+        line = header["DATA_INCLUDED"][0]
+        raise FormatError(path, line, "holds 2D data; export the 3D data of the markers from Track Manager instead")
+    _, names = _entry(path, header, "BODY_NAMES" if of_bodies else "MARKER_NAMES")
     rate_line, rate_text = _entry(path, header, "FREQUENCY")
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
-    _check_marker_count(path, header, len(names))
-    leading, first = _leading_cells(path, lines, first, len(names))
-    rows = parse_rows(path, lines.numbered(first), leading + 3 * len(names), "\t")
+    _check_count(path, header, len(names), "BOD" if of_bodies else "MARKER")
+    width = _BODY_COLUMNS if of_bodies else 3
+    leading, first = _leading_cells(path, lines, first, width * len(names))
+    rows = parse_rows(path, lines.numbered(first), leading + width * len(names), "\t", leading=leading)
     notices: list[str] = []
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     check_frames(path, frames_line, count_in(path, frames_line, frames[0], _FIRST_KEY), len(rows), notices)
-    positions = zeros_unseen(rows[:, leading:].reshape(len(rows), len(names), 3))
-    return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
+    numbers = rows.reshape(len(rows), len(names), width)
+    if not of_bodies:
+        return take_from_markers(path, scaled(path, zeros_unseen(numbers), _MM), names, rate, notices)
+    return take_from_bodies(
+        path, transforms_of_bodies(path, numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:]), names, rate
+    )
+
+
+def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats:
+    """Return the poses of bodies as Track Manager exports them, shape (n_frames, n_bodies, 4, 4), translations in mm.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    places : ndarray, shape (n_frames, n_bodies, 3), mm
+        NaN, or zeros together with the matrix, where a body is unseen.
+    matrices : ndarray, shape (n_frames, n_bodies, 9)
+        World from body, column by column.
+    """
+    numbers = blank_unseen(np.concatenate([places, matrices], axis=2))
+    turns = numbers[:, :, 3:].reshape(*numbers.shape[:2], 3, 3).swapaxes(2, 3)
+    quaternions = quaternions_from_matrices(path, turns)
+    return transforms_of(path, np.concatenate([numbers[:, :, :3], quaternions], axis=2), _MM)
 
 
 def _header(lines: Lines) -> tuple[_Header, int]:
@@ -75,24 +107,30 @@ def _entry(path: Path, header: _Header, key: str) -> tuple[int, list[str]]:
     return header[key]
 
 
-def _check_marker_count(path: Path, header: _Header, n_names: int) -> None:
-    if "NO_OF_MARKERS" not in header:
-        return
-    line, values = _entry(path, header, "NO_OF_MARKERS")
-    announced = count_in(path, line, values[0], "NO_OF_MARKERS")
-    if announced != n_names:
-        raise FormatError(path, line, f"NO_OF_MARKERS says {announced} and MARKER_NAMES lists {n_names}")
+def _check_count(path: Path, header: _Header, n_names: int, what: str) -> None:
+    keys = (f"NO_OF_{what}S", f"NO_OF_{what}IES")
+    for key in keys:
+        if key in header:
+            line, values = _entry(path, header, key)
+            announced = count_in(path, line, values[0], key)
+            if announced != n_names:
+                raise FormatError(path, line, f"{key} says {announced} and the line of names lists {n_names}")
 
 
-def _leading_cells(path: Path, lines: Sequence[str], first: int, n_names: int) -> tuple[int, int]:
+def _leading_cells(path: Path, lines: Sequence[str], first: int, n_cells: int) -> tuple[int, int]:
     """Return how many cells precede the positions, and the index of the first data line."""
     if first == len(lines):
         raise FormatError(path, first, "the file ends after its header; the frames are missing")
     titles = [cell.strip().lower() for cell in lines[first].split("\t")]
     if titles[0] in _LEADING_TITLES or titles[0].endswith(" x"):
         return sum(title in _LEADING_TITLES for title in titles[:_MAX_LEADING]), first + 1
-    leading = len(without_trailing_empty(titles)) - 3 * n_names
+    leading = len(without_trailing_empty(titles)) - n_cells
     return max(0, min(leading, _MAX_LEADING)), first
+
+
+def _is_qualisys(head: bytes, path: Path) -> bool:
+    text = decoded_head(head).lstrip()
+    return text.startswith(_FIRST_KEY) or (text.startswith(_VERSION_KEY) and _FIRST_KEY in text)
 
 
 FORMAT = Format(
@@ -100,7 +138,7 @@ FORMAT = Format(
     title="Qualisys TSV",
     suffixes=(".tsv",),
     holds="markers",
-    sniff=lambda head, path: decoded_head(head).lstrip().startswith(_FIRST_KEY),
+    sniff=_is_qualisys,
     read=lambda path, options: read_qualisys(path),
-    note="3D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen; no 6DOF.",
+    note="3D or 6D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen.",
 )

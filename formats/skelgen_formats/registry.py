@@ -19,6 +19,7 @@ from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats import (
     acclaim,
+    arrays,
     bvh,
     c3d,
     cal3d,
@@ -29,6 +30,8 @@ from skelgen_formats import (
     mjcf,
     motion_csv,
     motive,
+    mvnx,
+    nexus,
     opensim,
     poses_csv,
     qualisys,
@@ -37,7 +40,9 @@ from skelgen_formats import (
     trc,
     urdf,
     usd,
+    wide,
 )
+from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.markers import table_of
 from skelgen_formats.options import AUTO, Format, Options, OptionValue, Writable
 
@@ -48,10 +53,10 @@ _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which
 
 
 FORMATS: tuple[Format, ...] = (
-    *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT),
+    *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT, arrays.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
-    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, mfml.FORMAT),
+    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, wide.CSV, wide.PARQUET, mfml.FORMAT),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 
@@ -85,14 +90,16 @@ def recognise(path: Path) -> Format:
     for entry in readable:
         if entry.sniff(head, path):
             return entry
-    for entry in readable:
-        if path.name.lower().endswith(entry.suffixes):
-            return entry
+    alike = [entry for entry in readable if path.name.lower().endswith(entry.suffixes)]
+    if len(alike) == 1:
+        return alike[0]
+    if sentence := foreign(head, path):
+        raise FormatError(path, "", f"this is {sentence}")
     for entry in known_formats():
         if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
             hint = f"`skelgen simulate --motion {path.name}` puts markers on them"
             raise FormatError(path, "", f"{entry.title} holds bones, not markers; {hint}")
-    names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in readable)
+    names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in alike or readable)
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 
 
@@ -243,7 +250,7 @@ def checked_options(entry: Format, given: Mapping[str, object], *, reading: bool
     reading : bool
         Whether for reading or for writing.
     """
-    declared = {option.name: option for option in entry.options if option.reading or not reading}
+    declared = {option.name: option for option in entry.options if (option.reading if reading else option.writing)}
     for name in given:
         if name not in declared:
             raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(declared) or 'none'}")

@@ -249,6 +249,7 @@ def parse_rows(
     n_cells: int,
     delimiter: str | None,
     columns: Sequence[int] | None = None,
+    leading: int = 0,
 ) -> Floats:
     """Return the numbers of lines; empty cells and words like NaN become NaN.
 
@@ -264,6 +265,8 @@ def parse_rows(
         What separates cells, None for blanks. Decimal commas are understood where it is not a comma itself.
     columns : sequence of int, optional
         Indices of the cells that are wanted, in the wanted order; all if left out.
+    leading : int
+        How many of these are checked but not returned, such as the number of the frame.
 
     Returns
     -------
@@ -280,8 +283,9 @@ def parse_rows(
         if len(cells) != n_cells:
             cells = _fitted(path, cells, number, n_cells, delimiter)
         wanted = cells if columns is None else [cells[column] for column in columns]
-        numbers.extend(_row(path, wanted, number, delimiter, is_plain="_" not in line))
-    return np.frombuffer(numbers).reshape(-1, n_cells if columns is None else len(columns))
+        row = _row(path, wanted, number, delimiter, is_plain="_" not in line)
+        numbers.extend(row[leading:] if leading else row)
+    return np.frombuffer(numbers).reshape(-1, (n_cells if columns is None else len(columns)) - leading)
 
 
 def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str | None) -> list[str]:

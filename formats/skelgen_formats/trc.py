@@ -12,9 +12,15 @@ Layout, tab-separated text::
 
 Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
+
+Commas may stand for the tabs, and doubled tabs for single ones. NumMarkers may differ from the names: what Cortex names
+beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if none has one.
 """
 
-from collections.abc import Sequence
+import re
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +42,16 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MEASURED, POINTS, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE = "PathFileType"
+_LEADING_TITLES = ("frame", "frame#", "time")
+_DOUBLED = re.compile(r"\t[\t ]*")
+_MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
 _KEYS = (
     *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
@@ -50,8 +59,31 @@ _KEYS = (
 )
 
 
-def read_trc(path: Path) -> Trajectories | PointCloud:
+@dataclass(frozen=True)
+class _Table:
+    """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured."""
+
+    delimiter: str
+    names: list[str]
+    n_measured: int
+    doubled: bool = False
+    padded: bool = False
+
+    @property
+    def n_cells(self) -> int:
+        """Cells of a row."""
+        return _LEADING_CELLS + 3 * len(self.names)
+
+
+def read_trc(path: Path, points: str = MEASURED) -> Trajectories | PointCloud:
     """Read a TRC file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    points : str
+        `ALL_POINTS` to read virtual markers, too.
 
     Returns
     -------
@@ -65,20 +97,71 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     """
     lines = read_lines(path)
     start = _header_start(path, lines)
-    header = _header(path, lines, start)
-    n_markers = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
-    names = [cell.strip() for cell in lines[start + 3].split("\t")[_LEADING_CELLS:] if cell.strip()]
-    if len(names) != n_markers:
-        raise FormatError(path, start + 4, f"{len(names)} marker names where NumMarkers says {n_markers}")
+    delimiter = "," if lines[start].strip().removeprefix(_FIRST_LINE)[:1] == "," else "\t"
+    header = _header(path, lines, start, delimiter)
+    announced = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
     rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
-    frames = (numbered for numbered in lines.numbered(start + _HEADER_LINES) if not numbered[1].startswith("#"))
-    rows = parse_rows(path, frames, _LEADING_CELLS + 3 * n_markers, "\t")
     notices: list[str] = []
-    announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
-    _check_length(lines, announced, rows, notices)
-    positions = zeros_unseen(rows[:, _LEADING_CELLS:].reshape(len(rows), n_markers, 3))
-    return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
+    table = _table(path, lines, start, delimiter, announced, notices)
+    rows = parse_rows(path, _rows(lines, start, table), table.n_cells, delimiter, leading=_LEADING_CELLS)
+    n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
+    _check_length(lines, n_frames, rows, notices)
+    positions = zeros_unseen(rows.reshape(len(rows), len(table.names), 3))
+    computed = None if points == ALL_POINTS else np.arange(len(table.names)) >= table.n_measured
+    return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
+
+
+def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int, notices: list[str]) -> _Table:
+    """Return the columns that names, NumMarkers and the rows agree on; say so where they do not."""
+    titles = [cell.strip() for cell in lines[start + 3].split(delimiter)]
+    places = [at for at, title in enumerate(titles) if title and title.lower() not in _LEADING_TITLES]
+    names = [titles[at] for at in places]
+    table = _Table(delimiter, names, len(names))
+    _, first = next(_rows(lines, start, table), (0, ""))
+    if _filled(first, delimiter) > table.n_cells == len(first.replace(delimiter, " ").split()):
+        notices.append("cells are parted by doubled tabs, which are taken as single ones")
+        table = replace(table, doubled=True)
+    if len(names) == announced > 0 or not first:
+        return table
+    count = _count(path, lines, start, table, announced)
+    notices.append(f"NumMarkers says {announced}, {len(names)} markers are named, and {count} have columns")
+    if len(names) >= count:
+        is_virtual = 0 < announced < count
+        return replace(table, names=names[:count], n_measured=announced if is_virtual else count, padded=True)
+    columns = [(at - _LEADING_CELLS) // 3 for at in places]
+    columns = columns if len({*columns}) == len(columns) and max(columns, default=0) < count else [*range(len(names))]
+    every = dict(zip(columns, names, strict=True))
+    return replace(
+        table, names=[every.get(n, f"unlabelled {n + 1}") for n in range(count)], n_measured=count, padded=True
+    )
+
+
+def _count(path: Path, lines: Lines, start: int, table: _Table, announced: int) -> int:
+    """Return for how many markers there are columns: as many as are named, or announced, or as the longest row has."""
+    filled = array("q", (_filled(line, table.delimiter) for _, line in _rows(lines, start, table)))
+    longest = -(-max(max(filled) - _LEADING_CELLS, 0) // 3)
+    named = len(table.names)
+    count = next((count for count in sorted((named, announced)) if longest <= count <= named and count), longest)
+    if len(filled) * count > _MOST_TIMES * sum(filled) + _FEW_CELLS:
+        what = f"{len(filled)} rows, most of them far shorter than the {count} markers of the longest or of the header"
+        raise FormatError(path, start + 4, what)
+    return count
+
+
+def _filled(line: str, delimiter: str) -> int:
+    """Number of a line's cells up to the last that is not blank."""
+    return line.rstrip(delimiter + " \r").count(delimiter) + 1
+
+
+def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
+    """Yield the lines with numbers as `parse_rows` wants them."""
+    for number, line in lines.numbered(start + _HEADER_LINES):
+        if line.startswith("#") or not line.strip(table.delimiter + " "):
+            continue
+        cells = _DOUBLED.sub(table.delimiter, line) if table.doubled else line
+        missing = table.n_cells - 1 - cells.count(table.delimiter) if table.padded else 0
+        yield number, cells + table.delimiter * missing
 
 
 def write_trc(
@@ -128,12 +211,14 @@ def _header_start(path: Path, lines: Lines) -> int:
     raise FormatError(path, 1, f"a TRC file begins with {_FIRST_LINE}; this one does not")
 
 
-def _header(path: Path, lines: Sequence[str], start: int) -> dict[str, str]:
-    keys = [cell.strip().lower() for cell in lines[start + 1].split("\t")]
-    values = [cell.strip() for cell in lines[start + 2].split("\t")]
+def _header(path: Path, lines: Sequence[str], start: int, delimiter: str) -> dict[str, str]:
+    keys, values = ([cell.strip() for cell in lines[start + row].split(delimiter)] for row in (1, 2))
+    named, filled = [key for key in keys if key], [value for value in values if value]
+    if len(named) == len(filled):  # doubled tabs need not stand in the same places
+        keys, values = named, filled
     if len(without_trailing_empty(keys)) > len(values):
         raise FormatError(path, start + 3, f"{len(values)} values where the line above names {len(keys)}")
-    return dict(zip(keys, values, strict=False))
+    return {key.lower(): value for key, value in zip(keys, values, strict=False) if key}
 
 
 def _value(path: Path, header: dict[str, str], key: str, start: int) -> str:
@@ -166,11 +251,11 @@ FORMAT = Format(
     suffixes=(".trc",),
     holds="markers",
     sniff=lambda head, path: any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20]),
-    read=lambda path, options: read_trc(path),
+    read=lambda path, options: read_trc(path, options.points),
     write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
-    options=(AXES, UNIT, RATE, FILLED),
+    options=(POINTS, AXES, UNIT, RATE, FILLED),
     note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written with full precision.",
 )

@@ -83,7 +83,7 @@ def files_of(path: Path, format_name: str | None, options: Mapping[str, Any]) ->
     """
     try:
         entry = registry.format_for_writing(path, format_name)
-        known = {option.name for option in entry.options}
+        known = {option.name for option in entry.options if option.writing}
         chosen = registry.options_of(entry, {name: value for name, value in options.items() if name in known})
     except SkelgenError:
         return (path,)

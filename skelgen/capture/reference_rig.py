@@ -68,5 +68,6 @@ def _limb(
 
     balls = balls.astype(np.float64)
     segment = np.stack([balls.mean(axis=0), balls.mean(axis=0)])
-    angles = [np.array(part, dtype=np.float64) for part in swings]
-    return LimbModel(*names, kind, np.array(joint, dtype=np.float64), segment, _ROD, balls, axes, *angles)
+    amplitudes, offsets = (np.array(part, dtype=np.float64) for part in swings)
+    place = np.array(joint, dtype=np.float64)
+    return LimbModel(*names, kind, place, segment, _ROD, balls, axes, amplitudes, offsets)

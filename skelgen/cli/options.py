@@ -164,7 +164,7 @@ def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
     found: dict[str, inspect.Parameter] = {}
     for entry in readable_formats() if reading else [entry for entry in known_formats() if entry.write is not None]:
         for option in entry.options:
-            if reading and not option.reading:
+            if not (option.reading if reading else option.writing):
                 continue
             text = f"{entry.name}: {option.help}" + (f" ({' | '.join(option.choices)})" if option.choices else "")
             kind = type(option.default) if option.default is not None else str

@@ -22,7 +22,12 @@ def _motion_option(flag: str, metavar: str, text: str, default: str | bool) -> A
 
 MotionFile = Annotated[
     Path | None,
-    _motion_option("--motion", "FILE", "Instead of a STRUCTURE: bones and how they moved (BVH, AMC).", False),
+    typer.Option(
+        "--motion",
+        metavar="walk|run|squat|reach|jump|FILE",
+        help="How a human moves; or, instead of a STRUCTURE, a file of bones and how they moved (BVH, AMC).",
+        show_default="at random",
+    ),
 ]
 MotionSkeleton = Annotated[
     Path | None, _motion_option("--motion-skeleton", "FILE", "The ASF that belongs to an AMC.", "found beside it")
@@ -57,9 +62,9 @@ def simulate(
     output : Path
         Take to write; the truth goes beside it.
     structure : str, optional
-        What moves at random.
+        What moves; a human where a natural motion or a marker set is named.
     motion, motion_skeleton : Path, optional
-        A recorded motion in place of a structure, and the ASF of an AMC.
+        A natural motion of a human, or a recorded one in place of a structure; and the ASF of an AMC.
     motion_unit : str, optional
         Unit of lengths in the motion; found by the body's size if left out.
     motion_rate : float, optional, Hz
@@ -71,16 +76,21 @@ def simulate(
     quiet : bool
         Whether neither progress nor notes are shown.
     **values
-        What is simulated: frames, noise, dropouts and so on.
+        What is simulated: frames, marker set, soft tissue, noise, dropouts and so on.
     """
     from skelgen.app.files import write_any
     from skelgen.app.replacing import check_outputs
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
+    from skelgen.simulation.people import MOTIONS
 
-    if (structure is None) == (motion is None):
-        raise ParameterError("give either a STRUCTURE, which moves at random, or --motion FILE")
     options, screen = given(values), Screen(quiet)
+    if motion is not None and str(motion) in MOTIONS:
+        motion, options["motion"] = None, str(motion)
+    if motion is None and options.keys() & {"motion", "marker_set", "height"}:
+        structure = structure or "human"
+    if (structure is None) == (motion is None):
+        raise ParameterError("give either a STRUCTURE, which moves at random or by --motion walk, or --motion FILE")
     truth_file = output.parent / (output.stem + TRUTH_SUFFIX)
     check_outputs((output, truth_file), (motion, motion_skeleton), (output,), overwrite=overwrite)
     stated = {"motion_skeleton": motion_skeleton, "motion_unit": motion_unit, "motion_rate": motion_rate}

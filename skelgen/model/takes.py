@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +23,7 @@ from skelgen.model.arrays import (
     displayable,
     set_fields,
 )
+from skelgen.model.rates import rate_of
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Units of length that arrays may be in, in mm."""
@@ -86,12 +88,10 @@ class PointCloud:
         """Number of points in each frame, shape (n_frames,)."""
         return np.diff(self.frame_starts)
 
-    @property
+    @cached_property
     def rate(self) -> float:
-        """Frame rate [Hz] from the median step of the time stamps; 1 if they do not rise."""
-        steps = np.diff(self.times)
-        rising = steps[steps > 0]
-        return 1.0 / float(np.median(rising)) if len(rising) else 1.0
+        """Frame rate [Hz] that the time stamps tell; see `skelgen.model.rates.rate_of`."""
+        return rate_of(self.times)
 
     def frame(self, index: int) -> Floats:
         """Points of one frame [mm], shape (n, 3)."""

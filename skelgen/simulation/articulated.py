@@ -53,7 +53,9 @@ class LimbModel:
         axis is fixed in the parent, the second in the child. A ball turns by the rotation vector whose components
         along the axes are the angles; the root turns about its axes one after the other.
     amplitudes, offsets : ndarray, shape (n_angles,), deg
-        Each angle stays within offset ± amplitude.
+        Each angle stays within offset ± amplitude when the limb moves at random.
+    marker_names : tuple of str, length n
+        Names of the markers; empty for numbers after the limb's name.
     """
 
     name: str
@@ -66,6 +68,7 @@ class LimbModel:
     axes: Floats
     amplitudes: Floats
     offsets: Floats
+    marker_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind not in DEGREES_OF_FREEDOM:
@@ -79,6 +82,8 @@ class LimbModel:
             object.__setattr__(self, field, clean)
         if np.abs(np.linalg.norm(self.axes, axis=1) - 1).max() > _UNIT_TOLERANCE:
             raise InputError(f"an axis of limb {self.name!r} has not the length 1")
+        if self.marker_names:
+            object.__setattr__(self, "marker_names", check_names(self.marker_names, len(self.markers), "marker"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +152,9 @@ class Structure:
 
     @property
     def marker_names(self) -> tuple[str, ...]:
-        """Names such as ``chest 2``."""
-        return tuple(f"{limb.name} {i + 1}" for limb in self.limbs for i in range(len(limb.markers)))
+        """Names such as ``chest 2`` or ``LASI``."""
+        numbered = [(limb, [f"{limb.name} {i + 1}" for i in range(len(limb.markers))]) for limb in self.limbs]
+        return tuple(name for limb, numbers in numbered for name in limb.marker_names or numbers)
 
 
 class Swing(NamedTuple):

@@ -18,7 +18,9 @@ from skelgen.simulation.articulated import (
     unit,
 )
 
-_SIDES = {"left": 1.0, "right": -1.0}
+SIDES = {"left": 1.0, "right": -1.0}
+"""Sides of a body, and the sign of y there."""
+
 _TRUNK = Swing((25, 30, 35))
 
 ROD_LENGTH = 350.0
@@ -53,7 +55,7 @@ def human(n_markers_per_limb: int = 3) -> Structure:
         limb("chest", Attachment("pelvis", "ball", (-15, 0, 110), _TRUNK), Capsule((0, 0, 300), 120), n),
         limb("head", Attachment("chest", "ball", (10, 0, 370), Swing((30, 35, 50))), Capsule((15, 0, 190), 80), n),
     ]
-    for side, s in _SIDES.items():
+    for side, s in SIDES.items():
         upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
         elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
         wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
@@ -91,7 +93,7 @@ def classic_human() -> Structure:
         limb("head", Attachment("breast", "ball", (10, 0, 300)), Capsule((15, 0, 190), 80), 2),
         limb("hip", Attachment("breast", "ball", (0, 0, -120), _TRUNK), Capsule((0, 0, -150), 110), 2),
     ]
-    for side, s in _SIDES.items():
+    for side, s in SIDES.items():
         upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
         elbow = Swing((25, 45, 35), (0, -55, 0))
         limbs += [
@@ -117,7 +119,7 @@ def quadruped() -> Structure:
         limb("head", Attachment("neck", "ball", (150, 0, 150), Swing((30, 30, 35))), Capsule((200, 0, -30), 55), 3),
         limb("tail", Attachment("pelvis", "ball", (-140, 0, 20), Swing((20, 30, 45))), Capsule((-320, 0, 0), 20), 3),
     ]
-    for side, s in _SIDES.items():
+    for side, s in SIDES.items():
         upper, fore, foot = f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
         shoulder = Swing((20, 35, 20))
         elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])

@@ -8,7 +8,7 @@ import numpy as np
 from skelgen.errors import ParameterError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_whole
-from skelgen.parameters import StageParameters, declare
+from skelgen.parameters import Declaration, StageParameters, declare
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.markers import (
     CAMERAS_NEEDED,
@@ -24,13 +24,18 @@ from skelgen.simulation.markers import (
     soft_tissue_motion,
 )
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
+from skelgen.simulation.people import HEIGHTS, MARKER_SETS, MOTIONS, Person, natural_motion, person, skin_motion
 from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth
 
 # Each has its own random numbers, by its place in the list.
-_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates")
+_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates", "person")
 _UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot carry one label
+_OF_RANDOM_MOTION = ("motion_range", "walk")
+_OF_PEOPLE = ("motion", "marker_set", "height")
+_REALISTIC, _NONE = "realistic", "none"
+_SLIDE = Declaration("soft_tissue", float, 0.0, "", unit="mm", low=0.0, high=1000.0)
 
 
 @dataclass(frozen=True)
@@ -42,8 +47,10 @@ class SimulationParameters(StageParameters):
     n_frames: int = declare(1000, "Length of the take.", unit="frames", within=(1, 1_000_000))
     rate: float = declare(100.0, "Frame rate.", unit="Hz", within=(1e-3, 1e5))
     noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", within=(0.0, 1000.0))
-    soft_tissue: float = declare(
-        0.0, "Standard deviation of each marker's slide on its limb, per coordinate.", unit="mm", within=(0.0, 1000.0)
+    soft_tissue: str = declare(
+        _NONE,
+        "What skin does to markers: realistic, as measured on people; none; or the standard deviation of each marker's "
+        "slide on its limb, per coordinate, in mm.",
     )
     dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
     n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", within=(0, 64))
@@ -67,6 +74,37 @@ class SimulationParameters(StageParameters):
     labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
     motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", within=(0.0, 3.0))
     walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", within=(0.0, 1e5))
+    motion: str = declare("random", "How a human moves.", choices=("random", *MOTIONS))
+    marker_set: str = declare(
+        _NONE,
+        "Markers as people wear them, on a human; none: markers that wind around all limbs. A human who walks, runs or "
+        "the like wears plug-in-gait unless told otherwise.",
+        choices=(_NONE, *MARKER_SETS),
+    )
+    height: float = declare(
+        0.0, "Height of a human who wears a marker set; 0: drawn by the seed.", unit="mm", within=(0.0, HEIGHTS[1])
+    )
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "soft_tissue", str(self.soft_tissue))
+        super().__post_init__()
+        if 0 < self.height < HEIGHTS[0]:
+            raise ParameterError(f"{self.stage}: height is {self.height:g}; it must be 0 or at least {HEIGHTS[0]:g} mm")
+        if self.soft_tissue not in {_REALISTIC, _NONE}:
+            try:
+                _SLIDE.check(self.soft_tissue, self.stage)
+            except ParameterError as error:
+                raise ParameterError(f"{error}, or be {_REALISTIC} or {_NONE}") from error
+
+    @property
+    def slide(self) -> float:
+        """Standard deviation [mm] that `soft_tissue` states; 0 where it is realistic or none."""
+        return 0.0 if self.soft_tissue in {_REALISTIC, _NONE} else float(self.soft_tissue)
+
+    @property
+    def is_of_person(self) -> bool:
+        """Whether somebody with a size, a marker set and a natural motion is simulated."""
+        return any(getattr(self, option) != getattr(type(self), option) for option in _OF_PEOPLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +143,7 @@ def simulate(
     parameters : SimulationParameters, optional
         All options; the defaults if left out.
     **options
-        Changes to `parameters`, by name: ``n_frames``, ``noise``, ``dropouts``, ...
+        Changes to `parameters`, by name: ``n_frames``, ``noise``, ``motion``, ``marker_set``, ``soft_tissue``, ...
 
     Returns
     -------
@@ -122,6 +160,9 @@ def simulate(
     >>> simulated = simulate("rods", n_frames=50, noise=0.5)
     >>> simulated.take.positions.shape
     (50, 9, 3)
+    >>> walking = simulate("human", n_frames=50, motion="walk", marker_set="helen-hayes", soft_tissue="realistic")
+    >>> walking.take.names[:3]
+    ('R.ASIS', 'L.ASIS', 'V.Sacral')
     >>> simulated.truth.joint_names
     ('middle rod - rear rod', 'middle rod - front rod')
     """
@@ -132,9 +173,10 @@ def simulate(
         recorded = SimulationParameters(n_frames=len(structure.world_from_limb), rate=structure.rate)
         scene = _played(structure, _settings(parameters or recorded, options), seed)
     else:
-        body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
-        scene = _moved(body, _settings(parameters or SimulationParameters(), options), seed)
-    return _delivered(scene, _observed(scene))
+        settings = _settings(parameters or SimulationParameters(), options)
+        scene = (_living if settings.is_of_person else _moved)(structure, settings, seed)
+    displaced = _displaced(scene)
+    return _delivered(scene, _observed(scene, displaced), displaced)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +190,13 @@ class _Scene:
     angles: list[Floats]
     poses: Floats
     rigid: Floats
+    person: Person | None = None
 
 
 def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
     """Move a body as recorded; the seed is that of the faults alone."""
-    for option in ("motion_range", "walk"):
-        if getattr(settings, option) != getattr(SimulationParameters(), option):
-            raise ParameterError(f"{option} belongs to random motion; a recorded one is played as it is")
+    _refuse(settings, _OF_RANDOM_MOTION, "random motion; a recorded one is played as it is")
+    _refuse(settings, _OF_PEOPLE, "the simulated human; bones of a recorded motion get markers_per_limb")
     n_frames, recorded_frames = settings.n_frames, len(recorded.world_from_limb)
     if n_frames > recorded_frames:
         raise ParameterError(f"n_frames is {n_frames}; the motion has {recorded_frames} at {recorded.rate:g} Hz")
@@ -171,7 +213,35 @@ def _streams(seed: int) -> dict[str, np.random.Generator]:
     return {name: np.random.default_rng([seed, index]) for index, name in enumerate(_STREAMS)}
 
 
-def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene:
+def _refuse(settings: SimulationParameters, options: tuple[str, ...], belongs_to: str) -> None:
+    for option in options:
+        if getattr(settings, option) != getattr(SimulationParameters, option):
+            raise ParameterError(f"{option} belongs to {belongs_to}")
+
+
+def _living(structure: Structure | str, settings: SimulationParameters, seed: int) -> _Scene:
+    """Let a person move, who wears a marker set."""
+    if structure != "human":
+        name = structure.name if isinstance(structure, Structure) else structure
+        _refuse(settings, _OF_PEOPLE, f"the structure human, not to {name}")
+    streams, n_frames, rate = _streams(seed), settings.n_frames, settings.rate
+    marker_set = MARKER_SETS[0] if settings.marker_set == _NONE else settings.marker_set
+    someone, rng = person(marker_set, settings.height, streams["person"]), streams["motion"]
+    if settings.motion in MOTIONS:
+        _refuse(settings, _OF_RANDOM_MOTION, f"random motion, not to motion {settings.motion}")
+        angles, poses = natural_motion(someone, settings.motion, n_frames, rate, rng)
+    else:
+        angles = random_angles(someone.body, n_frames, rate, rng, settings.motion_range)
+        walked = random_walk(someone.body, n_frames, rate, rng, settings.walk)
+        poses = world_from_limbs(someone.body, angles, walked)
+    angles, poses = [angles[limb] for limb in someone.limbs], poses[:, someone.limbs]
+    name = f"{marker_set}-{settings.motion}-{seed}"
+    rigid = carried_markers(someone.worn, poses)
+    return _Scene(someone.worn, settings, streams, name, angles, poses, rigid, someone)
+
+
+def _moved(structure: Structure | str, settings: SimulationParameters, seed: int) -> _Scene:
+    body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
     streams = _streams(seed)
     n_frames, rate, rng = settings.n_frames, settings.rate, streams["motion"]
     angles = random_angles(body, n_frames, rate, rng, settings.motion_range)
@@ -181,7 +251,8 @@ def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene
 
 
 def _settings(parameters: SimulationParameters, options: dict[str, object]) -> SimulationParameters:
-    settings = SimulationParameters.from_mapping(parameters.as_mapping() | options)
+    wanted = parameters.as_mapping() | options
+    settings = SimulationParameters.from_mapping(wanted | {"soft_tissue": str(wanted["soft_tissue"])})
     unnamed = [fault for fault in _UNLABELLED if getattr(settings, fault) > 0]
     if settings.labelled and unnamed:
         raise ParameterError(f"points of the fault {unnamed[0]} have no label of their own: it needs labelled = false")
@@ -190,12 +261,21 @@ def _settings(parameters: SimulationParameters, options: dict[str, object]) -> S
     return settings
 
 
-def _observed(scene: _Scene) -> Floats:
-    body, settings, streams, positions = scene.body, scene.settings, scene.streams, scene.rigid
-    if settings.soft_tissue > 0:
-        positions = positions + soft_tissue_motion(
-            body, scene.poses, scene.angles, rate=settings.rate, deviation=settings.soft_tissue, rng=streams["tissue"]
+def _displaced(scene: _Scene) -> Floats:
+    """What soft tissue does to the markers [mm], shape (n_frames, n_markers, 3)."""
+    body, settings, rng = scene.body, scene.settings, scene.streams["tissue"]
+    if settings.soft_tissue == _REALISTIC:
+        sliding, plates = (scene.person.sliding, scene.person.plates) if scene.person else (None, ())
+        return skin_motion(body, scene.poses, scene.angles, settings.rate, rng, sliding=sliding, plates=plates)
+    if settings.slide > 0:
+        return soft_tissue_motion(
+            body, scene.poses, scene.angles, rate=settings.rate, deviation=settings.slide, rng=rng
         )
+    return np.zeros_like(scene.rigid)
+
+
+def _observed(scene: _Scene, displaced: Floats) -> Floats:
+    body, settings, streams, positions = scene.body, scene.settings, scene.streams, scene.rigid + displaced
     observed = positions + settings.noise * streams["noise"].normal(size=positions.shape)
     if settings.n_cameras:
         cameras = camera_ring(positions, settings.n_cameras)
@@ -208,11 +288,11 @@ def _observed(scene: _Scene) -> Floats:
     return observed
 
 
-def _delivered(scene: _Scene, observed: Floats) -> SimulatedTake:
+def _delivered(scene: _Scene, observed: Floats, displaced: Floats) -> SimulatedTake:
     settings = scene.settings
     if settings.labelled:
         take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
-        return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp)))
+        return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp), displaced))
     more = [_of_nobody(*ghosts(scene.rigid, settings.ghosts, scene.streams["ghosts"]))]
     if settings.merged > 0:
         observed, merged_frames, places = merged_points(observed, settings.merged)
@@ -222,14 +302,14 @@ def _delivered(scene: _Scene, observed: Floats) -> SimulatedTake:
     frames, owners, points = (np.concatenate(parts) for parts in zip(*more, strict=True))
     points, starts, markers = shuffled_points(observed, (frames, owners, points), scene.streams["order"])
     cloud = PointCloud(points, starts, np.arange(settings.n_frames) / settings.rate, name=scene.name)
-    return SimulatedTake(cloud, _truth(scene, markers))
+    return SimulatedTake(cloud, _truth(scene, markers, displaced))
 
 
 def _of_nobody(frames: Ints, points: Floats) -> tuple[Ints, Ints, Floats]:
     return frames, np.full(len(frames), -1, dtype=np.intp), points
 
 
-def _truth(scene: _Scene, marker_of_point: Ints) -> Truth:
+def _truth(scene: _Scene, marker_of_point: Ints, displaced: Floats) -> Truth:
     body, poses, children = scene.body, scene.poses, scene.body.children
     joints = [body.limbs[child] for child in children]
     no_axis = np.full(3, np.nan)
@@ -250,4 +330,5 @@ def _truth(scene: _Scene, marker_of_point: Ints) -> Truth:
         marker_of_point=marker_of_point,
         rate=scene.settings.rate,
         name=scene.name,
+        soft_tissue=displaced,
     )

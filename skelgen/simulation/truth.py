@@ -5,7 +5,7 @@ import struct
 import warnings
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -22,6 +22,7 @@ TRUTH_SUFFIX = ".truth.npz"
 """Usual end of a truth file's name."""
 
 _VERSION = 1
+_LATER = "soft_tissue"  # files of earlier versions do not hold it
 _MOST_TIMES, _FREE_MEMORY = 16, 1 << 24  # noise and motion shrink to a half; what a small file may take, in bytes
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError),  # a damaged archive
@@ -57,6 +58,8 @@ class Truth:
         Poses of the limbs.
     marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
         Where each marker is if it is rigidly fixed to its limb: without noise and soft-tissue motion, never unseen.
+    soft_tissue : ndarray, shape (n_frames, n_markers, 3), mm
+        Displacement of each marker by soft tissue, in the world; 0 where there is none, and in files that do not say.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point of an unlabelled take, -1 for a ghost and for what two markers merged into; empty for a
         labelled one.
@@ -80,11 +83,12 @@ class Truth:
     marker_of_point: Ints
     rate: float
     name: str = ""
+    soft_tissue: Floats = field(default_factory=lambda: np.empty((0, 0, 3)))
 
     def __post_init__(self) -> None:
         ints = {"parents": (None,), "limb_of_marker": (None,), "marker_of_point": (None,)}
-        for field, shape in ints.items():
-            object.__setattr__(self, field, check_ints(getattr(self, field), shape, field))
+        for name, shape in ints.items():
+            object.__setattr__(self, name, check_ints(getattr(self, name), shape, name))
         n_limbs, n_markers = len(self.parents), len(self.limb_of_marker)
         n_joints = int((self.parents >= 0).sum())
         poses = check_floats(self.world_from_limb, (None, n_limbs, 4, 4), "world_from_limb", finite=True)
@@ -92,8 +96,11 @@ class Truth:
         set_fields(self, world_from_limb=poses)
         shapes: dict[str, tuple[int, ...]] = {"positions_in_parent": (n_joints, 3), "positions_in_child": (n_joints, 3)}
         shapes |= {"joint_positions": (n_frames, n_joints, 3), "marker_positions": (n_frames, n_markers, 3)}
-        for field, wanted in shapes.items():
-            object.__setattr__(self, field, check_floats(getattr(self, field), wanted, field, finite=True))
+        shapes["soft_tissue"] = (n_frames, n_markers, 3)
+        if not len(self.soft_tissue):
+            set_fields(self, soft_tissue=np.zeros((n_frames, n_markers, 3)))
+        for name, wanted in shapes.items():
+            object.__setattr__(self, name, check_floats(getattr(self, name), wanted, name, finite=True))
         axes = check_floats(self.joint_axes, (n_frames, n_joints, 3), "joint_axes")
         markers = check_names(self.marker_names, n_markers, "marker")
         limbs = check_names(self.limb_names, n_limbs, "limb")
@@ -162,7 +169,7 @@ def write_truth(truth: Truth, path: Path | str) -> Path:
         If the file cannot be written.
     """
     path = Path(path)
-    arrays: dict[str, Any] = {field.name: np.asarray(getattr(truth, field.name)) for field in dataclasses.fields(truth)}
+    arrays: dict[str, Any] = {one.name: np.asarray(getattr(truth, one.name)) for one in dataclasses.fields(truth)}
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, skelgen_truth=np.array(_VERSION), **arrays)
     return path
@@ -203,6 +210,7 @@ def read_truth(path: Path | str) -> Truth:
 
 def _from_arrays(arrays: dict[str, Any]) -> Truth:
     texts = {name: tuple(map(str, arrays[name])) for name in ("marker_names", "limb_names", "joint_kinds")}
-    values = {field.name: arrays[field.name] for field in dataclasses.fields(Truth)}
+    values = {entry.name: arrays[entry.name] for entry in dataclasses.fields(Truth) if entry.name != _LATER}
+    values |= {_LATER: arrays[_LATER]} if _LATER in arrays else {}
     values |= texts | {"rate": float(arrays["rate"]), "name": str(arrays["name"])}
     return Truth(**values)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
@@ -91,14 +92,17 @@ def _settings(path: Path, turn: int) -> None:
     read_settings(path) if turn % 2 else read_capture_settings(path)
 
 
-_TEXTS = ("trc", "csm", "qualisys", "motive", "poses-csv", "classic-xml")
+_TEXTS = ("trc", "csm", "qualisys", "motive", "nexus", "mvnx", "wide-csv", "poses-csv", "classic-xml")
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
+
+MORE_SEEDS = {"c3d": ("c3d-integers.c3d", "c3d-dec.c3d"), "numpy": ("numpy.npz",)}
+"""Further sound files of a format."""
 
 READERS = (
     *(
         Reader(name, "text" if name in _TEXTS else "bytes", (f"{name}{suffix}", *more), _take(name))
         for name, suffix, *more in (
-            (entry.name, entry.suffixes[0], *(("c3d-integers.c3d", "c3d-dec.c3d") if entry.name == "c3d" else ()))
+            (entry.name, entry.suffixes[0], *(MORE_SEEDS.get(entry.name, ())))
             for entry in known_formats()
             if entry.read is not None
         )
@@ -136,6 +140,7 @@ def make_seeds(folder: Path) -> None:
         if entry.read is not None and entry.write is not None:
             write_file(values.get(entry.name, odd), folder / f"{entry.name}{entry.suffixes[0]}", entry.name)
     _other_c3d(folder)
+    _tables(folder, odd)
     save_project(finished, folder / "finished.skelgen")
     save_project(_still(skelgen.reconstruct(cloud, until="labels")), folder / "labels.skelgen")
     save_project(Project(sensors), folder / "sensors.skelgen")
@@ -149,6 +154,16 @@ def make_seeds(folder: Path) -> None:
         opencv().imwrite(str(folder / f"image.{suffix}"), left)
     for name, text in _TEXT_SEEDS.items():
         (folder / name).write_text(text)
+
+
+def _tables(folder: Path, take: Trajectories) -> None:
+    """An array of points, and a wide Parquet file."""
+    np.save(folder / "numpy.npy", take.positions)
+    np.savez_compressed(folder / "numpy.npz", positions=take.positions, names=take.names, rate=take.rate)
+    table = pandas.DataFrame({"time": take.times})
+    for column, title in enumerate(f"{name}_{axis}" for name in take.names for axis in "xyz"):
+        table[title] = take.positions.reshape(take.n_frames, -1)[:, column]
+    table.to_parquet(folder / "wide-parquet.parquet")
 
 
 def _still(project: Project) -> Project:
@@ -197,6 +212,15 @@ _TEXT_SEEDS = {
     ",Name,Foot,Bob:LKNE,Bob:LKNE,Bob:LKNE,Bob:RKNE,Bob:RKNE,Bob:RKNE\n,ID,F1,A0,A0,A0,A1,A1,A1\n"
     ",,Rotation,Position,Position,Position,Position,Position,Position\nFrame,Time (Seconds),X,X,Y,Z,X,Y,Z\n"
     "0,0.0000,0.1,0.5,0.6,0.7,-0.5,-0.6,-0.7\n1,0.0083,0.1,0.51,0.61,0.71,,,\n",
+    "nexus.csv": "Model Outputs\n100\n,,A:LHipAngles,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n1,0,10,20,30\n\n"
+    "Trajectories\n100\n,,A:LASI,,,A:RASI,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"
+    "1,0,1.5,2.5,3.5,4.5,5.5,6.5\n2,0,1.6,2.6,3.6,,,\n3,0,1.7,2.7,3.7,4.7,5.7,6.7\n",
+    "mvnx.mvnx": '<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">\n'
+    '<subject frameRate="60">\n<segments><segment label="Pelvis" id="1"/><segment label="L5" id="2"/></segments>'
+    '\n<frames><frame type="identity"><orientation>1 0 0 0 1 0 0 0</orientation></frame>\n<frame type="normal">'
+    "<orientation>1 0 0 0 0.6 0.8 0 0</orientation>\n<position>0 0 0.9 0.1 0.2 1.0</position></frame></frames>\n"
+    "</subject></mvnx>\n",
+    "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"
     "    axis 0 0 90 XYZ\n    dof rx ry tz\n  end\n  begin\n    name shank\n    direction 0 -1 0\n    length 7\n"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 
 FIRST_MM = [[500, 600, 700], [-500, -600, -700]]
 EXACT = 1e-9  # mm: a decimal times a thousand rounds in the last of 16 digits
@@ -72,8 +72,64 @@ def test_nothing_but_unlabelled_markers_is_a_point_cloud(put, motive_text):
     assert take.points_per_frame.tolist() == [2, 1, 2]
 
 
-def test_duplicate_label_is_named(refused, put, motive_text):
-    assert "'Bob:LKNE'" in refused(put("two.csv", motive_text.replace("RKNE", "LKNE")))
+def test_label_that_stands_twice_gets_a_number(put, motive_text):
+    take = read_take(put("two.csv", motive_text.replace("RKNE", "LKNE")))
+    assert take.names == ("LKNE", "LKNE_2")
+    np.testing.assert_allclose(take.positions[0], FIRST_MM, atol=EXACT)
+
+
+def of_bodies(kind="Rigid Body", version="1.23", rotation="Quaternion", space="Global") -> str:
+    """A body turned by 90 degrees about y, in frame 1 unseen, as versions of Motive write it."""
+    words = {"1.2": ("", "", "", ""), "1.23": ("", "Name", "ID", ""), "1.25": ("Type", "Name", "ID", "Parent")}[version]
+    first, name, identity, parent = words
+    titles = [f",{first},{','.join([kind] * 8)}", f",{name}" + ",Foot" * 8, f",{identity}" + ",F1" * 8]
+    titles += [f",{parent}" + ",Root" * 8] if parent else []
+    return "\r\n".join(
+        [
+            f"Format Version,{version},Take Name,a,Export Frame Rate,120.000000,Total Exported Frames,2,"
+            f"Rotation Type,{rotation},Length Units,Meters,Coordinate Space,{space}",
+            "",
+            *titles,
+            ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error",
+            "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,",
+            "0,0.000000,0,0.70710678,0,0.70710678,1.5,2.5,-3.5,0.0002",
+            "1,0.008333,,,,,,,,",
+            "",
+        ]
+    )
+
+
+@pytest.mark.parametrize("version", ["1.2", "1.23", "1.25"])
+@pytest.mark.parametrize("kind", ["Rigid Body", "Bone"])
+def test_bodies_are_read_where_there_are_no_markers(put, kind, version):
+    take = read_take(put("bodies.csv", of_bodies(kind, version)))
+    assert isinstance(take, Poses)
+    assert (take.names, take.rate) == (("Foot",), 120.0)
+    turned = [[0, 0, 1, 1500], [0, 1, 0, 2500], [-1, 0, 0, -3500], [0, 0, 0, 1]]
+    np.testing.assert_allclose(take.world_from_body[0, 0], turned, atol=1e-6)
+    assert np.isnan(take.world_from_body[1]).all()
+
+
+def test_bodies_beside_markers_are_read_on_request(put):
+    lines = of_bodies().split("\r\n")
+    more = (",Marker" * 3, ",toe" * 3, ",T1" * 3, ",Position" * 3, ",X,Y,Z", ",1,2,3", ",4,5,6")
+    lines[2:9] = [line + text for line, text in zip(lines[2:9], more, strict=True)]
+    path = put("both.csv", "\r\n".join(lines))
+    assert read_take(path).names == ("toe",)
+    assert read_take(path, bodies=True).names == ("Foot",)
+
+
+def test_angles_and_local_coordinates_say_what_to_export(refused, put):
+    assert "export with Rotation Type Quaternion" in refused(put("euler.csv", of_bodies(rotation="XYZ")))
+    assert "export with global" in refused(put("local.csv", of_bodies(kind="Bone", space="Local")))
+
+
+def test_column_with_time_codes_is_passed_over(put, motive_text):
+    lines = motive_text.split("\r\n")
+    codes = ["", "", "", "", "TimeCode", "15:26:46:12.02", "15:26:46:12.03", "15:26:46:12.04"]
+    split = [line.split(",", 2) for line in lines[2:10]]
+    lines[2:10] = [",".join([*cells[:2], code, *cells[2:]]) for cells, code in zip(split, codes, strict=True)]
+    np.testing.assert_allclose(read_take(put("code.csv", "\r\n".join(lines))).positions[0], FIRST_MM, atol=EXACT)
 
 
 @pytest.mark.parametrize("line", ["Frame,Time", ",Name,"])
@@ -82,5 +138,14 @@ def test_missing_title_line_is_a_format_error(refused, put, motive_text, line):
     refused(put("no.csv", "\r\n".join(lines)))
 
 
-def test_missing_frames_are_an_error(refused, put, motive_text):
-    assert "3 frames are announced" in refused(put("cut.csv", motive_text[: motive_text.index("2,0.0167")]))
+@pytest.mark.parametrize("cut", ["2,0.0167", ".0167", "-0.62"])
+def test_file_that_is_cut_off_is_read_so_far(put, motive_text, cut):
+    take = read_take(put("cut.csv", motive_text[: motive_text.index(cut)]))
+    assert take.n_frames == 2
+    assert any("3 frames are announced and 2 are there: the file is cut off" in notice for notice in take.notices)
+
+
+def test_last_number_that_may_be_cut_is_left_out(put, motive_text):
+    assert read_take(put("cut.csv", motive_text.removesuffix("72\r\n"))).n_frames == 3  # nothing says that it is cut
+    announced = motive_text.replace("Frames,3", "Frames,4").removesuffix("2\r\n")
+    assert read_take(put("cut2.csv", announced)).n_frames == 2

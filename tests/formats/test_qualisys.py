@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
-from skelgen.model import Trajectories
+from skelgen.model import Poses, Trajectories
 
 FIRST = [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
 
@@ -37,8 +37,30 @@ def test_older_files_without_titles_and_with_fewer_columns_read(put, qualisys_te
     np.testing.assert_array_equal(take.positions[0], FIRST)
 
 
-def test_6dof_export_is_refused_with_advice(refused, edited, qualisys_text):
-    assert "export the 3D data" in refused(edited("6d.tsv", qualisys_text, "INCLUDED\t3D", "INCLUDED\t6D"))
+def test_2d_export_is_refused_with_advice(refused, edited, qualisys_text):
+    assert "export the 3D data" in refused(edited("2d.tsv", qualisys_text, "INCLUDED\t3D", "INCLUDED\t2D"))
+
+
+BODIES = (
+    "FILE_VERSION\t2.0.0\nNO_OF_FRAMES\t2\nNO_OF_BODIES\t1\nFREQUENCY\t100\nDATA_INCLUDED\t6D\nBODY_NAMES\tship\n"
+    "Frame\tTime\tship X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t" + "\t".join(f"Rot[{n}]" for n in range(9)) + "\n"
+    "1\t0.00000\t-194.9\t2.2\t0.9\t0.0\t0.0\t90.0\t4.9\t0.0\t1.0\t0.0\t-1.0\t0.0\t0.0\t0.0\t0.0\t1.0\n"
+    "2\t0.01000" + "\t0.000" * 16 + "\n"
+)
+
+
+@pytest.mark.parametrize("text", [BODIES, BODIES.replace("FILE_VERSION\t2.0.0\n", "")])
+def test_6d_export_is_read_as_bodies(put, text):
+    take = read_take(put("ship_6D.tsv", text))
+    assert isinstance(take, Poses)
+    assert (take.names, take.rate) == (("ship",), 100.0)
+    yawed = [[0, -1, 0, -194.9], [1, 0, 0, 2.2], [0, 0, 1, 0.9], [0, 0, 0, 1]]  # by 90 degrees about z
+    np.testing.assert_allclose(take.world_from_body[0, 0], yawed, atol=1e-12)
+    assert np.isnan(take.world_from_body[1]).all()
+
+
+def test_matrix_that_is_no_rotation_names_frame_and_body(refused, edited):
+    assert "frame 1: the matrix of body 1" in refused(edited("odd.tsv", BODIES, "\t-1.0\t", "\t-0.5\t"))
 
 
 @pytest.mark.parametrize("key", ["MARKER_NAMES", "FREQUENCY"])
@@ -46,8 +68,8 @@ def test_missing_header_line_is_named(refused, edited, qualisys_text, key):
     assert key in refused(edited("no.tsv", qualisys_text, key, "NOTHING"))
 
 
-def test_duplicate_label_is_named(refused, edited, qualisys_text):
-    assert "'hip'" in refused(edited("two.tsv", qualisys_text, "\tknee\r\n", "\thip\r\n"))
+def test_label_that_stands_twice_gets_a_number(edited, qualisys_text):
+    assert read_take(edited("two.tsv", qualisys_text, "\tknee\r\n", "\thip\r\n")).names == ("hip", "hip_2")
 
 
 def test_missing_frames_are_an_error(refused, put, qualisys_text):

@@ -7,7 +7,12 @@ import pytest
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError
-from skelgen.model import Trajectories
+from skelgen.model import PointCloud, Trajectories
+
+HEADER_OF_NONE = (
+    "PathFileType\t4\t(X/Y/Z)\tcloud.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n"
+    "100\t100\t3\t0\tmm\t100\nFrame#\tTime\t\n\t\tX1\tY1\tZ1\n\n"
+)
 
 
 @pytest.fixture
@@ -49,12 +54,59 @@ def test_word_for_a_number_names_the_line_and_value(refused, put, text):
     assert refused(put("word.trc", "\n".join(lines))).startswith(":7: 'abc' in value 6")
 
 
-def test_number_of_names_must_be_the_announced_one(refused, edited, text):
-    assert "6 marker names where NumMarkers says 7" in refused(edited("n.trc", text, "\t6\tmm", "\t7\tmm"))
+def test_names_count_where_the_header_announces_more(edited, text):
+    take = read_take(edited("n.trc", text, "\t6\tmm", "\t66\tmm"))
+    assert take.n_markers == 6
+    assert "NumMarkers says 66, 6 markers are named, and 6 have columns" in take.notices
 
 
-def test_duplicate_label_is_named(refused, edited, text):
-    assert "'C7'" in refused(edited("two.trc", text, "RFHD", "C7"))
+def test_names_beyond_those_announced_are_virtual_markers(edited, text):
+    path = edited("virtual.trc", text, "\t6\tmm", "\t4\tmm")
+    measured, every = read_take(path), read_take(path, points="all")
+    assert (measured.n_markers, every.n_markers) == (4, 6)
+    assert measured.names == every.names[:4]
+    np.testing.assert_array_equal(measured.positions, every.positions[:, :4])
+    assert any("a model computed them (`--points all` takes them): T10, STRN" in notice for notice in measured.notices)
+
+
+def test_columns_without_a_name_are_left_out(edited, text):
+    take = read_take(edited("unnamed.trc", text, "\t\t\tSTRN", "\t\t\t"))
+    assert take.n_markers == 5
+    assert any("unlabelled: unlabelled 6" in notice for notice in take.notices)
+
+
+def test_columns_without_any_names_are_a_cloud(put):
+    rows = "1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1.1\t2.1\t3.1\n3\t0.02\t7\t8\t9\t4.2\t5.2\t6.2\n"
+    take = read_take(put("cloud.trc", f"{HEADER_OF_NONE}{rows}"))
+    assert isinstance(take, PointCloud)
+    assert take.points_per_frame.tolist() == [2, 1, 2]
+    np.testing.assert_array_equal(take.frame(1), [[1.1, 2.1, 3.1]])
+
+
+def test_rows_of_very_different_lengths_take_no_memory(refused, put):
+    rows = "1\t0\t" + "1\t" * 30_000 + "\n" + "2\t0\t1\t2\t3\n" * 3_000
+    assert "far shorter" in refused(put("steep.trc", f"{HEADER_OF_NONE}{rows}"))
+
+
+def test_commas_for_tabs_are_understood(put, text, walk):
+    commas = text.replace("\t", ",").replace("\n\n", "\n" + "," * 19 + "\n", 1)
+    back = read_take(put("commas.trc", commas))
+    np.testing.assert_array_equal(back.positions, walk.positions)
+    assert back.names == walk.names
+
+
+def test_doubled_tabs_are_single_ones(put):
+    doubled = HEADER_OF_NONE.replace("\t0\tmm", "\t2\tmm").replace("Time\t", "Time\tA\t\t\tB\t\t").replace("\t", "\t\t")
+    take = read_take(put("doubled.trc", doubled + "1\t\t0\t\t1\t\t2\t\t3\t\t4\t\t5\t\t6\n"))
+    assert take.names == ("A", "B")
+    np.testing.assert_array_equal(take.positions[0], [[1, 2, 3], [4, 5, 6]])
+    assert any("doubled tabs" in notice for notice in take.notices)
+
+
+def test_label_that_stands_twice_gets_a_number(edited, text):
+    take = read_take(edited("two.trc", text, "RFHD", "C7"))
+    assert take.names[:3] == ("LFHD", "C7", "C7_2")
+    assert "labels that stand twice got numbers: C7_2 was C7" in take.notices
 
 
 def test_shortened_file_reads_with_a_notice(put, text):

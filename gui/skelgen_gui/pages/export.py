@@ -138,10 +138,11 @@ class ExportPage(QWidget):
         self.note.setText(QCoreApplication.translate("Formats", entry.note))
         self.form.hide()
         self.form.deleteLater()
-        self.form = ParameterForm([option.declaration for option in entry.options], self)
+        options = [option.declaration for option in entry.options if option.writing]
+        self.form = ParameterForm(options, self)
         self.form.changed.connect(self._follow)
         self._options.addWidget(self.form)
-        self.options_box.setVisible(bool(entry.options))
+        self.options_box.setVisible(bool(options))
         self._follow()
 
     def _follow(self) -> None:

@@ -1,0 +1,174 @@
+"""NumPy arrays of points (.npy, .npz): shape (n_frames, n_points, 3), in an archive with their names if there are any.
+
+An archive holds the positions as its only array of that shape, or under one of some names; beside them may stand the
+names of the points, the frame rate (or times) and the unit. What is not there is assumed as of a wide table. Pickled
+objects are never loaded.
+"""
+
+import struct
+import tokenize
+import warnings
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import FormatError
+from skelgen.files import open_regular
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
+from skelgen.model import PointCloud, Trajectories
+from skelgen_formats.options import RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.wide import take_from_table
+
+_POSITIONS = ("positions", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
+_NAMES = (
+    "names",
+    "labels",
+    "marker_names",
+    "marker_labels",
+    "labels_marker",
+    "point_names",
+    "keypoint_names",
+    "markers",
+)
+_RATES = ("rate", "fps", "frame_rate", "framerate", "sampling_rate", "mocap_framerate")
+_TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
+_BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
+_SURPLUS = 4096  # bytes that archives and headers may take beside the numbers
+_MOST_TIMES = 100  # what a compressed archive may hold, in its own size
+_BROKEN = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, NotImplementedError),  # a damaged archive
+    *(ValueError, TypeError, SyntaxError, tokenize.TokenError, OverflowError, MemoryError, KeyError),  # or array in it
+)
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
+    """Read the points of an array file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : Options
+        `recorded_rate` and `recorded_unit` count.
+
+    Raises
+    ------
+    FormatError
+        If it holds no array of that shape, or is damaged.
+    """
+    arrays = _arrays(path)
+    if set(arrays) >= _BODY_MODEL:
+        what = "holds angles of a body model (AMASS, SMPL), no points; write the joints or some vertices that the model"
+        raise FormatError(path, "", f"{what} gives for them as .npy, (frames, points, 3), or take the markers' C3D")
+    key = _key_of_positions(path, arrays)
+    positions = arrays[key]
+    if len(arrays) == 1:
+        return take_from_table(path, positions, _names(arrays, positions.shape[1], key), None, options)
+    rate = _number(arrays, _RATES)
+    times = next(
+        (arrays[name] for name in _TIMES if name in arrays and arrays[name].shape == positions.shape[:1]), None
+    )
+    if rate is not None and rate > 0 and options.recorded_rate == AS_RECORDED_RATE:
+        times = np.arange(len(positions)) / rate
+    times = None if times is None or times.dtype.kind not in "fiu" else times.astype(np.float64)
+    unit = next((str(arrays[name]) for name in _UNITS if name in arrays and arrays[name].ndim == 0), "")
+    return take_from_table(path, positions, _names(arrays, positions.shape[1], key), times, options, unit)
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return all arrays of numbers and texts; what would have to be unpickled is left out."""
+    try:
+        with open_regular(path) as stream, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of headers as Python 2 wrote them
+            size = path.stat().st_size
+            if stream.read(2) == b"PK":
+                stream.seek(0)
+                with zipfile.ZipFile(stream) as archive:
+                    if sum(member.file_size for member in archive.infolist()) > _MOST_TIMES * size + _SURPLUS:
+                        raise FormatError(path, "", "announces far more numbers than such a file holds")
+                stream.seek(0)
+                with np.load(stream, allow_pickle=False) as members:
+                    return {name: members[name] for name in members.files if _is_plain(members, name)}
+            stream.seek(0)
+            return {"": _one(path, stream, size)}
+    except OSError as error:
+        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    except _BROKEN as error:
+        what = f"no file of NumPy arrays, or damaged: {' '.join(str(error).split())[:100]}"
+        raise FormatError(path, "", what) from error
+
+
+def _is_plain(members: Any, name: str) -> bool:
+    """Whether a member is an array without objects: its header says so."""
+    with members.zip.open(f"{name}.npy" if f"{name}.npy" in members.zip.namelist() else name) as stream:
+        return _header(stream)[1].hasobject is False
+
+
+def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    return shape, dtype
+
+
+def _one(path: Path, stream: Any, size: int) -> NDArray[Any]:
+    shape, dtype = _header(stream)
+    if dtype.hasobject:
+        raise FormatError(path, "", "holds pickled objects, which are never loaded; save the array of numbers alone")
+    if int(np.prod(shape, dtype=object)) * dtype.itemsize > size:
+        raise FormatError(path, "", f"announces an array of the shape {shape}, which the file does not hold")
+    stream.seek(0)
+    array: NDArray[Any] = np.load(stream, allow_pickle=False)
+    return array
+
+
+def _key_of_positions(path: Path, arrays: Arrays) -> str:
+    fitting = [key for key, array in arrays.items() if _is_of_points(array)]
+    named = [key for key in _POSITIONS if key in fitting]
+    if named or len(fitting) == 1:
+        return (named or fitting)[0]
+    held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
+    if not fitting:
+        what = "no array of the shape (frames, points, 3); reshape the positions, and save them"
+        raise FormatError(path, "", f"{what}; arrays are {held}"[:250])
+    raise FormatError(path, "", f"several arrays of points: {', '.join(fitting)[:100]}; call the right one positions")
+
+
+def _is_of_points(array: NDArray[Any]) -> bool:
+    return array.ndim == 3 and array.shape[2] == 3 and array.dtype.kind in "fiu"
+
+
+def _names(arrays: Arrays, count: int, key: str) -> list[str]:
+    found = (arrays[name] for name in _NAMES if name in arrays and name != key)
+    fitting = (names for names in found if names.shape == (count,) and names.dtype.kind in "US")
+    texts = next(fitting, np.array([f"point {number}" for number in range(1, count + 1)]))
+    names = [text.decode("latin-1") if isinstance(text, bytes) else str(text) for text in texts.tolist()]
+    return [name.strip() or f"point {number}" for number, name in enumerate(names, start=1)]
+
+
+def _number(arrays: Arrays, names: tuple[str, ...]) -> float | None:
+    found = (arrays[name] for name in names if name in arrays and arrays[name].size == 1)
+    return next((float(one.reshape(())) for one in found if one.dtype.kind in "fiu"), None)
+
+
+def _is_array(head: bytes, path: Path) -> bool:
+    return head.startswith(b"\x93NUMPY") or (head.startswith(b"PK\x03\x04") and path.name.lower().endswith(".npz"))
+
+
+FORMAT = Format(
+    name="numpy",
+    title="NumPy array of points",
+    suffixes=(".npy", ".npz"),
+    holds="markers",
+    sniff=_is_array,
+    read=read_arrays,
+    options=(RECORDED_RATE, RECORDED_UNIT),
+    note="Shape (frames, points, 3); in .npz also names, rate or times, and unit; else by option, as of wide-csv.",
+)

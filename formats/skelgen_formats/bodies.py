@@ -1,0 +1,120 @@
+"""What all formats of bodies share: places and rotations as files have them become poses, or are refused."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError
+from skelgen.geometry.rotations import matrix_from_quaternion, nearest_rotation, quaternion_from_matrix
+from skelgen.model import Poses
+from skelgen.model.arrays import Bools, Floats
+from skelgen_formats.markers import FARTHEST, distinct_names, noted
+
+_LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
+_MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
+
+
+def transforms_of(path: Path, numbers: Floats, factor: float) -> Floats:
+    """Return the poses of bodies, shape (n_frames, n_bodies, 4, 4), translations in mm, NaN where unseen.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    numbers : ndarray, shape (n_frames, n_bodies, 7)
+        Position in the file's unit and unit quaternion, scalar first; all NaN where a body is unseen.
+    factor : float
+        mm per unit of the file.
+
+    Raises
+    ------
+    FormatError
+        If a body is half seen, is too far away, or its quaternion is not one of a rotation.
+    """
+    empty = np.isnan(numbers)
+    seen = ~empty.all(axis=2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(numbers[:, :, 3:], axis=2)
+        wrong = seen & (empty.any(axis=2) | ~(np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE))
+        wrong |= seen & ~(np.abs(numbers[:, :, :3] * factor) <= FARTHEST).all(axis=2)
+    if wrong.any():
+        frame, body = np.argwhere(wrong)[0]
+        raise FormatError(path, f"frame {frame + 1}", f"body {body + 1} has no unit quaternion or no finite position")
+    transforms = np.full((*numbers.shape[:2], 4, 4), np.nan)
+    transforms[seen] = np.eye(4)
+    transforms[seen, :3, :3] = matrix_from_quaternion(numbers[seen, 3:] / lengths[seen, np.newaxis])
+    transforms[seen, :3, 3] = numbers[seen, :3] * factor
+    return transforms
+
+
+def quaternions_from_matrices(path: Path, matrices: Floats) -> Floats:
+    """Return unit quaternions, scalar first, of the rotations nearest to matrices as files print them.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    matrices : ndarray, shape (n_frames, n_bodies, 3, 3)
+        NaN where a body is unseen.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_bodies, 4)
+
+    Raises
+    ------
+    FormatError
+        If a matrix is far from a rotation.
+    """
+    seen: Bools = np.asarray(np.isfinite(matrices).all(axis=(2, 3)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        products = matrices @ matrices.swapaxes(2, 3)
+        off = seen & ~(np.abs(products - np.eye(3)).max(axis=(2, 3)) <= _MATRIX_TOLERANCE)
+    if off.any():
+        frame, body = np.argwhere(off)[0]
+        raise FormatError(path, f"frame {frame + 1}", f"the matrix of body {body + 1} is not that of a rotation")
+    quaternions = np.full((*matrices.shape[:2], 4), np.nan)
+    quaternions[seen] = quaternion_from_matrix(nearest_rotation(matrices[seen]))
+    return quaternions
+
+
+def blank_unseen(numbers: Floats) -> Floats:
+    """Make a body NaN where all its numbers are 0, or any is NaN; shape (n_frames, n_bodies, n); the same array."""
+    unseen = (numbers == 0.0).all(axis=2) | np.isnan(numbers).any(axis=2)
+    numbers[unseen] = np.nan
+    return numbers
+
+
+def take_from_bodies(
+    path: Path, transforms: Floats, names: Sequence[str], rate: float, notices: Sequence[str] = ()
+) -> Poses:
+    """Make the value that a file of bodies holds: bodies that are never seen are dropped with a notice.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    transforms : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
+        NaN where a body is unseen.
+    names : sequence of str, length n_bodies
+        As in the file.
+    rate : float, Hz
+        Frame rate.
+    notices : sequence of str
+        Notices of the reader so far.
+
+    Raises
+    ------
+    FormatError
+        If there is no frame, or no body is ever seen.
+    """
+    if not len(transforms):
+        raise FormatError(path, "", "holds no frame: nothing can be read from it")
+    ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
+    if not ever.any():
+        raise FormatError(path, "", "no body is seen in any frame: there is nothing to reconstruct from")
+    notes = list(notices)
+    noted(notes, names, ~ever, "dropped because never seen", ("body", "bodies"))
+    kept = distinct_names([name for name, seen in zip(names, ever, strict=True) if seen], "_", notes)
+    return Poses(transforms[:, ever], kept, rate, path.name, tuple(notes))

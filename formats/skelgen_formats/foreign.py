@@ -1,0 +1,73 @@
+"""Files that people try and that hold nothing to read: what each is, and what to export instead."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from skelgen_formats.text import decoded_head
+
+
+class _Foreign(NamedTuple):
+    """A kind of file: how it begins (any of these; none if the suffix alone tells), its suffixes, and what to do."""
+
+    starts: tuple[bytes, ...]
+    suffixes: tuple[str, ...]
+    sentence: str
+
+
+_MARKERS = "export the markers as C3D or TRC"
+
+_FOREIGN = (
+    _Foreign(
+        (b"Kaydara FBX Binary", b"; FBX"),
+        (".fbx",),
+        f"an FBX scene; {_MARKERS} from the program that recorded them, or bones as BVH",
+    ),
+    _Foreign((), (".vsk", ".vst", ".vss", ".mp"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"),
+    _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
+    _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
+    _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, TSV or MAT from Track Manager"),
+    _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
+    _Foreign((), (".cap", ".vc", ".trb", ".prj"), f"binary data of Cortex or EVaRT; {_MARKERS} from Cortex"),
+    _Foreign((), (".tdf",), f"binary data of BTS; {_MARKERS} from SMART Tracker"),
+    _Foreign((), (".anc", ".anb", ".forces"), f"analogue data of Cortex, no markers; {_MARKERS}"),
+    _Foreign((b"<OpenSimDocument",), (".osim",), "a model of OpenSim, without a recording; give its .trc"),
+    _Foreign((), (".mot", ".sto"), "coordinates or forces of OpenSim, no markers; give the .trc that they come from"),
+    _Foreign((b"glTF",), (".glb", ".gltf"), f"a 3D scene; {_MARKERS}, or bones as BVH for `skelgen simulate --motion`"),
+    _Foreign((b"PXR-USDC", b"#usda"), (".usd", ".usda", ".usdc"), f"a USD scene; {_MARKERS}"),
+    _Foreign((), (".blend", ".ma", ".mb", ".max"), f"a scene of an animation program; {_MARKERS}, or bones as BVH"),
+    _Foreign(
+        (b"\x89HDF\r\n\x1a\n",),
+        (".h5", ".hdf5", ".nwb", ".slp"),
+        "an HDF5 file; export a wide CSV (name_x, name_y, name_z) from DeepLabCut, SLEAP or anipose",
+    ),
+    _Foreign((), (".pkl", ".pickle", ".p"), "a pickle, which may run anything; save the positions with numpy.save"),
+    _Foreign((b"PK\x03\x04",), (".xlsx", ".ods"), "a spreadsheet; save the sheet as CSV"),
+    _Foreign((b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"), (".zip", ".gz", ".7z"), "an archive; unpack it first"),
+    _Foreign(
+        (b"RIFF",),
+        (".mp4", ".avi", ".mov", ".mkv"),
+        "a video; markers in it become points with `skelgen motion-capture`, of two calibrated cameras",
+    ),
+)
+
+
+def is_foreign(head: bytes, path: Path) -> str:
+    """Return what a file is and what to do instead, or an empty text if it is none of these.
+
+    Parameters
+    ----------
+    head : bytes
+        Its beginning.
+    path : Path
+        The file; its suffix tells where the content does not.
+    """
+    name = path.name.lower()
+    if decoded_head(head).lstrip().startswith("HIERARCHY"):
+        return f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
+    for kind in _FOREIGN:
+        if name.endswith(kind.suffixes):
+            return kind.sentence
+    for kind in _FOREIGN:
+        if head.startswith(kind.starts):
+            return kind.sentence
+    return ""

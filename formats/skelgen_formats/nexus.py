@@ -1,0 +1,170 @@
+"""Nexus CSV: marker trajectories as Vicon Nexus exports them in ASCII.
+
+Layout, comma-separated text (or tab-separated, as .txt), blocks one after the other with empty lines between::
+
+    (two empty lines, in newer versions)
+    Trajectories                                 the block; Model Outputs, Devices, Joints, Segments, Events go likewise
+    100                                          its rate in Hz
+    ,,Ann:LASI,,,Ann:RASI,,,...                  the name stands over the first column of a marker
+    Frame,Sub Frame,X,Y,Z,X,Y,Z,...              velocities and accelerations are titled X', X'' and so on
+    ,,mm,mm,mm,mm,mm,mm,...
+    1,0,44.1628,-276.862,675.697,...             empty cells are unseen; rows may end before them
+    (an empty line)
+
+Only Trajectories is read. Frames that the file leaves out are unseen.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.errors import FormatError
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
+from skelgen_formats.options import Format
+from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines, split_cells
+
+BLOCKS = ("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events", "Forces")
+"""Titles of the blocks of an export."""
+
+_DELIMITERS = ",\t;"
+_AXES = ("X", "Y", "Z")
+_LEADING_CELLS = 2  # frame and sub-frame
+_MOST_TIMES = 4  # frames in the take for one in the file, at most
+
+
+class _Block(NamedTuple):
+    """A block: its title, and the index of the line behind it."""
+
+    title: str
+    first: int
+
+
+def read_nexus(path: Path) -> Trajectories | PointCloud:
+    """Read the trajectories of an ASCII export of Vicon Nexus.
+
+    Returns
+    -------
+    Trajectories
+        Positions in mm; or a `PointCloud` if no trajectory has a label.
+
+    Raises
+    ------
+    FormatError
+        If no trajectories were exported, or their header is not as the layout demands.
+    """
+    lines = read_lines(path)
+    blocks = list(_blocks(lines))
+    found = [block for block in blocks if block.title == BLOCKS[0]]
+    if not found:
+        there = ", ".join(dict.fromkeys(block.title for block in blocks)) or "none"
+        what = f"no block {BLOCKS[0]}, only {there}; export ASCII with trajectories switched on"
+        raise FormatError(path, "", what)
+    head = [numbered for numbered, _ in zip(lines.numbered(found[0].first), range(4), strict=False)]
+    if len(head) < 3:
+        raise FormatError(path, len(lines), "the header of the block Trajectories is cut off")
+    delimiter = _delimiter(path, *head[2])
+    rate = rate_in(path, head[0][0], head[0][1].strip(_DELIMITERS + " "), "the rate of the trajectories")
+    names, titles = (split_cells(path, line, number, delimiter) for number, line in head[1:3])
+    columns = _columns(path, head[2][0], names, titles)
+    notices = [f"blocks left out: {', '.join(block.title for block in blocks if block.title != BLOCKS[0])}"]
+    notices = notices if len(blocks) > len(found) else []
+    unit, behind = _unit(path, head, columns, delimiter, notices)
+    wanted = [0, *(column for triple in columns.values() for column in triple)]
+    rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
+    rows = _every_frame(rows, notices)
+    positions = rows[:, 1:].reshape(len(rows), len(columns), 3)
+    names_in_file = [names[first] for first in columns]
+    return take_from_markers(path, scaled(path, positions, unit), names_in_file, rate, notices)
+
+
+def _blocks(lines: Lines) -> Iterator[_Block]:
+    for number, line in lines.numbered():
+        title = line.strip(_DELIMITERS + ' "')
+        if title in BLOCKS:
+            yield _Block(title, number)
+
+
+def _delimiter(path: Path, number: int, titles: str) -> str:
+    rest = titles.strip().lstrip('"').removeprefix("Frame").lstrip('"')
+    if not titles.strip().lstrip('"').startswith("Frame") or rest[:1] not in tuple(_DELIMITERS):
+        raise FormatError(path, number, "the line Frame,Sub Frame,X,Y,Z belongs here")
+    return rest[0]
+
+
+def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str]) -> dict[int, list[int]]:
+    """Return the x, y, z columns of each marker by the column under its name."""
+    columns = {}
+    for first in range(_LEADING_CELLS, min(len(names), len(titles))):
+        if names[first] and tuple(titles[first : first + 3]) == _AXES:
+            columns[first] = [first, first + 1, first + 2]
+    if not columns:
+        raise FormatError(path, number, "no name stands over three columns X, Y, Z; trajectories were not exported")
+    return columns
+
+
+def _unit(
+    path: Path,
+    head: Sequence[tuple[int, str]],
+    columns: dict[int, list[int]],
+    delimiter: str,
+    notices: list[str],
+) -> tuple[float, int]:
+    """Return mm per unit, and the index of the first line with numbers; a line of units may be missing."""
+    number, line = head[3] if len(head) > 3 else (head[2][0] + 1, "")
+    cells = split_cells(path, line, number, delimiter)
+    first = next(iter(columns))
+    if len(cells) > first and cells[0] == "" and cells[first].isalpha():
+        return mm_per_unit(path, number, cells[first]), number
+    notices.append("the file names no length unit; mm is assumed, which Nexus exports")
+    return 1.0, number - 1
+
+
+def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
+    """Yield the rows of a block, up to the next empty line; what they lack at their end is unseen."""
+    last, padded = 0, 0
+    for number, line in lines.numbered(first):
+        if (last and number > last + 1) or not line.strip(_DELIMITERS + " "):
+            break
+        last, missing = number, n_cells - 1 - line.count(delimiter)
+        padded += missing > 0
+        if missing > 0 and number == len(lines):
+            notices.append(f"line {number}, the last, is cut off and left out")
+            break
+        yield number, line + delimiter * missing
+    if padded:
+        notices.append(f"{padded} rows end before the last column; what they lack is unseen")
+
+
+def _every_frame(rows: Floats, notices: list[str]) -> Floats:
+    """Return rows for all frames from the first to the last, those that the file leaves out NaN."""
+    frames = rows[:, 0]
+    if len(rows) < 2 or not np.isfinite(frames).all() or (np.diff(frames) <= 0).any() or (frames % 1).any():
+        return rows
+    n_frames = int(frames[-1] - frames[0]) + 1
+    if n_frames == len(rows) or n_frames > _MOST_TIMES * len(rows):
+        return rows
+    notices.append(f"{n_frames - len(rows)} frames are left out in the file; they are unseen")
+    every = np.full((n_frames, rows.shape[1]), np.nan)
+    every[(frames - frames[0]).astype(np.intp)] = rows
+    return every
+
+
+def _is_nexus(head: bytes, path: Path) -> bool:
+    lines = [line for line in decoded_head(head).splitlines() if line.strip(_DELIMITERS + ' "')][:2]
+    titled = bool(lines) and lines[0].strip(_DELIMITERS + ' "') in BLOCKS
+    return titled and (len(lines) < 2 or lines[1].strip(_DELIMITERS + ' "').replace(".", "", 1).isdigit())
+
+
+FORMAT = Format(
+    name="nexus",
+    title="Vicon Nexus CSV",
+    suffixes=(".csv",),
+    holds="markers",
+    sniff=_is_nexus,
+    read=lambda path, options: read_nexus(path),
+    note="ASCII export with Trajectories, any length unit; other blocks are left out with a notice.",
+)

@@ -1,0 +1,241 @@
+"""Wide tables: one row per frame, three columns per point, as scripts write them, in CSV or Parquet.
+
+Titles are one line, ``name_x,name_y,name_z,...`` (also with a point, a blank or nothing between, any case, and a unit
+behind: ``name_x_mm``, ``name X (m)``), as anipose and FreeMoCap write them; or two, the name over the first of the
+columns X, Y, Z; or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``. Other columns are left out.
+
+No such file states its frame rate, and few a unit. The rate is that of a column with times, else 100 Hz is assumed; so
+is the unit, by the size of the coordinates. Options state both.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import FormatError, MissingPackageError
+from skelgen.files import open_regular
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen.model.rates import rate_of
+from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.options import AUTO, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.text import Lines, decoded_head, parse_rows, read_lines
+
+ASSUMED_RATE = 100.0
+"""Frame rate [Hz] of files that state none."""
+
+_TITLE = re.compile(r"(.{1,200}?)[ _.:-]?([xyzXYZ])(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?")
+_AXES = "xyz"
+_TIMES = ("time", "times", "timestamp", "timestamps", "t", "seconds", "time_s", "time (s)", "time [s]", "time(s)")
+_DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
+_DELIMITERS = (",", ";", "\t")
+_SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
+_FEWEST = 2  # points of a table that no word says what it is
+_MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
+
+
+@dataclass
+class _Columns:
+    """Which columns are what: x, y, z of each point by name, the times, the unit in the titles, and what lies first."""
+
+    points: dict[str, list[int]] = field(default_factory=dict)
+    times: int | None = None
+    unit: str = ""
+    n_cells: int = 0
+    n_titles: int = 1
+
+
+def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
+    """Read a table of points.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : Options
+        `recorded_rate` and `recorded_unit` count.
+
+    Raises
+    ------
+    FormatError
+        If the titles name no points, points have two coordinates, or a row is not as long as they are.
+    """
+    lines = read_lines(path)
+    delimiter, columns = _columns_of(lines[:8])
+    if columns is None:
+        what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
+        raise FormatError(path, 1, what)
+    if not columns.points:
+        raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
+    wanted = [column for triple in columns.points.values() for column in triple]
+    times = [columns.times] if columns.times is not None else []
+    n_cells = columns.n_cells
+    rows = parse_rows(path, _padded(lines, columns, delimiter), n_cells, delimiter, wanted + times)
+    positions = rows[:, : len(wanted)].reshape(len(rows), len(columns.points), 3)
+    stamps = rows[:, -1] if times else None
+    return take_from_table(path, positions, list(columns.points), stamps, options, columns.unit)
+
+
+def take_from_table(
+    path: Path, positions: Floats, names: Sequence[str], times: Floats | None, options: Options, unit: str = ""
+) -> Trajectories | PointCloud:
+    """Return the take of positions of which no file says rate and unit for certain.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    positions : ndarray, shape (n_frames, n_points, 3)
+        In the file's unit; NaN or three zeros where unseen.
+    names : sequence of str, length n_points
+        Of the points.
+    times : ndarray, shape (n_frames,), s, or None
+        Time stamps.
+    options : Options
+        `recorded_rate` and `recorded_unit` count.
+    unit : str
+        What the file says, or empty.
+    """
+    notices: list[str] = []
+    positions = zeros_unseen(np.array(positions, dtype=np.float64))
+    stated = options.recorded_unit if options.recorded_unit != AUTO else unit
+    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
+    notices = [f"{notice}; `--recorded-unit` states another" for notice in notices]
+    rate = options.recorded_rate
+    if rate == AS_RECORDED_RATE and times is not None and np.isfinite(times).all() and (np.diff(times) > 0).all():
+        told = rate_of(times)
+        rate = told if len(times) > 1 and _SLOWEST < told < _FASTEST else rate  # else they count frames or milliseconds
+    if rate == AS_RECORDED_RATE:
+        rate = ASSUMED_RATE
+        notices.append("the file states no frame rate; 100 Hz is assumed, `--recorded-rate` states another")
+    return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
+
+
+def _columns_of(head: Sequence[str]) -> tuple[str, _Columns | None]:
+    """Return the delimiter and the columns that the titles name; None if they are no titles of points."""
+    for delimiter in _DELIMITERS:
+        rows = [[cell.strip().strip('"') for cell in line.split(delimiter)] for line in head]
+        for find in (_deeplabcut, _under_names, _in_one_line):
+            if len(rows[0]) > 1 and (columns := find(rows)) is not None:
+                return delimiter, columns
+    return ",", None
+
+
+def _in_one_line(rows: list[list[str]]) -> _Columns | None:
+    titles = rows[0]
+    found = _Columns(n_cells=len(titles))
+    for first in range(len(titles) - 2):
+        parts = [_TITLE.fullmatch(title) for title in titles[first : first + 3]]
+        named = [(part[1], part[3]) for part in parts if part]
+        if len(named) == 3 and len(set(named)) == 1 and [p[2].lower() for p in parts if p] == [*_AXES]:
+            found.points.setdefault(named[0][0], [first, first + 1, first + 2])
+            found.unit = named[0][1] or ""
+    found.times = next((column for column, title in enumerate(titles) if title.lower() in _TIMES), None)
+    return found if len(found.points) >= _FEWEST else None
+
+
+def _under_names(rows: list[list[str]]) -> _Columns | None:
+    """Names over the first of three columns X, Y, Z; frame and time may stand before."""
+    if len(rows) < 2:
+        return None
+    names, axes = rows[0], [cell.lower() for cell in rows[1]]
+    found = _Columns(n_cells=len(axes), n_titles=2)
+    for first in range(min(len(names), len(axes) - 2)):
+        if names[first] and axes[first : first + 3] == [*_AXES]:
+            found.points.setdefault(names[first], [first, first + 1, first + 2])
+    n_axes = sum(axis in _AXES for axis in axes if axis)
+    titles = zip(names, axes, strict=False)
+    found.times = next((at for at, pair in enumerate(titles) if any(one.lower() in _TIMES for one in pair)), None)
+    return found if len(found.points) >= _FEWEST and n_axes == 3 * len(found.points) else None
+
+
+def _deeplabcut(rows: list[list[str]]) -> _Columns | None:
+    titled = {row[0].lower(): row for row in rows if row[0].lower() in _DEEPLABCUT}
+    if "bodyparts" not in titled or "coords" not in titled:
+        return None
+    parts, coords = titled["bodyparts"], [cell.lower() for cell in titled["coords"]]
+    people = titled.get("individuals", [""] * len(parts))
+    found = _Columns(n_cells=len(coords), n_titles=len(titled))
+    for first in range(1, min(len(parts), len(people), len(coords) - 2)):
+        if coords[first : first + 3] == [*_AXES]:
+            name = f"{people[first]}:{parts[first]}" if len(set(people[1:])) > 1 else parts[first]
+            found.points.setdefault(name, [first, first + 1, first + 2])
+    return found
+
+
+def _padded(lines: Lines, columns: _Columns, delimiter: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines with numbers, those without any cell left out."""
+    titles = columns.n_titles
+    for number, line in lines.numbered():
+        if titles:
+            titles -= 1
+        elif line.strip(delimiter + " "):
+            yield number, line
+
+
+def _is_wide(head: bytes, path: Path) -> bool:
+    return _columns_of(decoded_head(head).splitlines()[:8] or [""])[1] is not None
+
+
+CSV = Format(
+    name="wide-csv",
+    title="Wide table of points, CSV",
+    suffixes=(".csv",),
+    holds="markers",
+    sniff=_is_wide,
+    read=read_wide_csv,
+    options=(RECORDED_RATE, RECORDED_UNIT),
+    note="Columns name_x, name_y, name_z, as of anipose, FreeMoCap and DeepLabCut in 3D; rate and unit by option.",
+)
+
+
+def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud:
+    """Read a table of points; parameters and errors as `read_wide_csv`, and an error without pyarrow."""
+    try:
+        from pyarrow import ArrowException, parquet  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise MissingPackageError(f"{path}: Parquet needs `pip install skelgen-mocap[tables]`") from error
+    try:
+        with open_regular(path) as stream:
+            file = parquet.ParquetFile(stream)
+            columns = _in_one_line([list(file.schema_arrow.names)])
+            if columns is None:
+                raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
+            wanted = [column for triple in columns.points.values() for column in triple]
+            wanted += [columns.times] if columns.times is not None else []
+            names = [file.schema_arrow.names[column] for column in wanted]
+            size = 8 * file.metadata.num_rows * len(names)
+            if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
+                raise FormatError(path, "", f"announces {size} bytes of numbers, far more than such a file holds")
+            table: Any = file.read(names)
+        numbers = np.stack([_numbers(path, table.column(name)) for name in names], axis=1)
+    except (ArrowException, OSError, ValueError) as error:
+        raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
+    n_numbers = 3 * len(columns.points)
+    positions = numbers[:, :n_numbers].reshape(len(numbers), -1, 3)
+    times = numbers[:, -1] if columns.times is not None else None
+    return take_from_table(path, positions, list(columns.points), times, options, columns.unit)
+
+
+def _numbers(path: Path, column: Any) -> Floats:
+    try:
+        return np.asarray(column.to_numpy(), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise FormatError(path, "", "a column of coordinates does not hold numbers") from error
+
+
+PARQUET = Format(
+    name="wide-parquet",
+    title="Wide table of points, Parquet",
+    suffixes=(".parquet",),
+    holds="markers",
+    sniff=lambda head, path: head.startswith(b"PAR1"),
+    read=read_wide_parquet,
+    options=(RECORDED_RATE, RECORDED_UNIT),
+    note="Columns as in wide-csv. Needs the extra `tables`.",
+)

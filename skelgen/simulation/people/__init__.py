@@ -1,0 +1,11 @@
+"""People as laboratories record them: bodies of all sizes, the marker sets they wear, natural motions, soft tissue.
+
+What is known of them stands in readable tables, `tables/*.toml`, each with its sources.
+"""
+
+from skelgen.simulation.people.body import HEIGHTS, Person, person
+from skelgen.simulation.people.motions import MOTIONS, natural_motion
+from skelgen.simulation.people.skin import skin_motion
+from skelgen.simulation.people.tables import MARKER_SETS
+
+__all__ = ["HEIGHTS", "MARKER_SETS", "MOTIONS", "Person", "natural_motion", "person", "skin_motion"]

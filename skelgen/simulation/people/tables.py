@@ -1,0 +1,104 @@
+"""The tables of what is known of people: places on the body, marker sets, soft tissue, motions.
+
+They are read when they are first needed. What is wrong in them is a defect of the package, which its tests find.
+"""
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+
+MARKER_SETS = (
+    *("plug-in-gait", "helen-hayes", "ior", "cast", "animation-41", "animation-53"),
+    *("optitrack-37", "optitrack-41", "optitrack-50", "qualisys-42"),
+)
+"""Marker sets that people can wear."""
+
+_FOLDER = Path(__file__).parent / "tables"
+
+
+@cache
+def read_table(name: str) -> dict[str, Any]:
+    """Return a table of the package, by the name of its file."""
+    return tomllib.loads(_FOLDER.joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True, eq=False)
+class WornMarker:
+    """One marker of a set, on a person of 1750 mm.
+
+    Attributes
+    ----------
+    name, limb, place : str
+        The marker, the limb that carries it, and the anatomical place without its side.
+    offset : ndarray, shape (3,), mm
+        Place in the limb's frame.
+    plate : str
+        What all markers of one stiff plate share; empty for a marker of its own.
+    """
+
+    name: str
+    limb: str
+    place: str
+    offset: Floats
+    plate: str
+
+
+@cache
+def worn_markers(marker_set: str) -> tuple[WornMarker, ...]:
+    """Return the markers of a set in `MARKER_SETS`, in its order."""
+    table = read_table("marker_sets")[marker_set]
+    plate_of = {name: plate[0] for plate in table.get("plates", ()) for name in plate}
+    segments = {place: name for name, places in read_table("places").items() for place in places}
+    found = []
+    for name, text in table["markers"].items():
+        side, _, rest = text.partition(" ")
+        place = rest if side in {"left", "right"} else text
+        segment = segments[place]
+        offset = np.array(read_table("places")[segment][place], dtype=np.float64)
+        limb = segment if segment in {"pelvis", "chest", "head"} else f"{side} {segment}"
+        offset[1] *= -1 if side == "right" else 1
+        found.append(WornMarker(name, limb, place, offset, plate_of.get(name, "")))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class SoftTissue:
+    """What soft tissue of a segment does to its markers; see ``tables/soft_tissue.toml``.
+
+    Attributes
+    ----------
+    joint : float, mm
+        Displacement of a marker beside a joint that turns by 60 deg, root mean square.
+    together : float
+        Part of the squared displacement that all markers of the segment share.
+    frequency : float, Hz
+        Of its free vibration.
+    damping : float
+        Of that vibration, of the critical one.
+    wander : float, mm
+        Root mean square of slow motion without cause.
+    """
+
+    joint: float
+    together: float
+    frequency: float
+    damping: float
+    wander: float
+
+
+def tissue_of(limb: str) -> SoftTissue:
+    """Return the soft tissue of a limb by its name, e.g. ``left thigh`` or ``LeftUpLeg``."""
+    rows = read_table("soft_tissue")["segments"]
+    row = next(row for row in rows if any(word in limb.lower() for word in row["words"]))
+    return SoftTissue(row["joint"], row["together"], row["frequency"], row["damping"], row["wander"])
+
+
+def sliding_at(place: str) -> float:
+    """Return by which factor soft tissue moves a marker more at a place than elsewhere on its segment."""
+    return float(read_table("soft_tissue")["places"].get(place, 1.0))

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take, recognise
+
+from skelgen.model import Trajectories
+
+TRAJECTORIES = (
+    "Trajectories,,,,,,,\n100,,,,,,,\n,,Ann:LASI,,,Ann:RASI,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"
+    "1,0,1.5,2.5,3.5,4.5,5.5,6.5\n2,0,1.6,2.6,3.6,,,\n3,0,1.7,2.7,3.7,4.7,5.7,6.7\n"
+)
+OUTPUTS = (
+    "Model Outputs\n100\n,,Ann:LHipAngles,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n1,0,10,20,30\n2,0,11,21,31\n"
+    "3,0,12,22,32\n"
+)
+DEVICES = "Devices\n1000\n,,Force Plate,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0,0,1\n1,1,0,0,2\n"
+FIRST = [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TRAJECTORIES,
+        "\n\n" + TRAJECTORIES,
+        f"{OUTPUTS}\n{TRAJECTORIES}",
+        f"{TRAJECTORIES}\n{OUTPUTS}\n{DEVICES}",
+        f"{DEVICES}\n{TRAJECTORIES}\n",
+        TRAJECTORIES.replace("\n", "\r\n"),
+        TRAJECTORIES.replace(",", "\t"),
+    ],
+)
+def test_trajectories_are_read_wherever_they_stand(put, text):
+    path = put("walk.dat", text)
+    take = read_take(path)
+    assert recognise(path).name == "nexus"
+    assert isinstance(take, Trajectories)
+    assert (take.names, take.rate) == (("LASI", "RASI"), 100.0)
+    np.testing.assert_array_equal(take.positions[0], FIRST)
+    assert take.seen.tolist() == [[True, True], [True, False], [True, True]]
+
+
+def test_other_blocks_are_told(put):
+    notices = read_take(put("walk.csv", f"{OUTPUTS}\n{TRAJECTORIES}\n{DEVICES}")).notices
+    assert "blocks left out: Model Outputs, Devices" in notices
+
+
+def test_export_without_trajectories_says_what_to_do(refused, put):
+    assert "only Model Outputs, Devices; export ASCII with" in refused(put("angles.csv", f"{OUTPUTS}\n{DEVICES}"))
+
+
+def test_metres_become_millimetres_and_a_missing_unit_is_told(put):
+    take = read_take(put("m.csv", TRAJECTORIES.replace("mm", "m")))
+    np.testing.assert_allclose(take.positions[0], np.array(FIRST) * 1000)
+    take = read_take(put("none.csv", TRAJECTORIES.replace(",,mm,mm,mm,mm,mm,mm\n", "")))
+    np.testing.assert_array_equal(take.positions[0], FIRST)
+    assert any("mm is assumed" in notice for notice in take.notices)
+
+
+def test_velocities_beside_positions_are_passed_over(put):
+    text = "Trajectories\n100\n,,A,,,,,,B,,\nFrame,Sub Frame,X,Y,Z,X',Y',Z',X,Y,Z\n,,mm,mm,mm,mm/s,mm/s,mm/s,mm,mm,mm\n"
+    take = read_take(put("fast.csv", text + "1,0,1,2,3,9,9,9,4,5,6\n"))
+    assert take.names == ("A", "B")
+    np.testing.assert_array_equal(take.positions[0], [[1, 2, 3], [4, 5, 6]])
+
+
+def test_rows_that_end_early_and_frames_that_are_left_out_are_unseen(put):
+    text = TRAJECTORIES.replace("2,0,1.6,2.6,3.6,,,\n", "").replace(",4.5,5.5,6.5", "")
+    take = read_take(put("gaps.csv", text))
+    assert take.seen.tolist() == [[True, False], [False, False], [True, True]]
+    assert any("1 rows end before" in notice for notice in take.notices)
+    assert any("1 frames are left out" in notice for notice in take.notices)
+
+
+def test_last_line_that_is_cut_off_is_left_out(put):
+    take = read_take(put("cut.csv", TRAJECTORIES.removesuffix(".7,6.7\n")))
+    assert take.n_frames == 2
+    assert any("cut off" in notice for notice in take.notices)
+
+
+def test_header_that_is_cut_off_is_an_error(refused, put):
+    assert "cut off" in refused(put("cut.csv", "Trajectories\n100\n"))
