@@ -14,7 +14,6 @@ import math
 import multiprocessing
 import os
 import random
-import resource
 import tempfile
 import time
 import traceback
@@ -227,6 +226,8 @@ def is_finite(project: skelgen.Project) -> bool:
 def work(pipe: Connection, gigabytes: float) -> None:
     """Run cases that come through a pipe."""
     if gigabytes:
+        import resource  # which Windows lacks
+
         resource.setrlimit(resource.RLIMIT_AS, (int(gigabytes * 2**30),) * 2)
     while True:
         case = pipe.recv()
