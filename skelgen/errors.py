@@ -77,13 +77,19 @@ _LONGEST, _CUT = 300, " [...] "
 
 def shortened(sentence: str) -> str:
     """Return one line of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
-    if not sentence.isprintable():  # ends of lines, and what a foreign file could tell a terminal to do
-        parts = " ".join(part.strip() for part in sentence.splitlines())
-        sentence = "".join(character if character.isprintable() else "?" for character in parts)
+    sentence = printable(sentence)
     if len(sentence) <= _LONGEST:
         return sentence
     behind = _LONGEST // 2
     return sentence[: _LONGEST - behind - len(_CUT)] + _CUT + sentence[-behind:]
+
+
+def printable(text: str) -> str:
+    """Return a text in one line, without what a foreign name could tell a terminal to do."""
+    if text.isprintable():
+        return text
+    line = " ".join(part.strip() for part in text.splitlines())
+    return "".join(character if character.isprintable() else "?" for character in line)
 
 
 def out_of_memory(error: BaseException) -> str:

@@ -24,6 +24,9 @@ FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
 
 _UNLABELLED = re.compile(r"(\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
+COMPUTED = "left out because a model computed them (`--points all` takes them)"
+"""What became of points that are no markers, for `noted`."""
+
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _NUMBERS_AT_ONCE = 1 << 18
@@ -155,7 +158,7 @@ def take_from_markers(
     measured = ever if computed is None else ever & ~computed
     if not measured.any():
         raise FormatError(path, "", "holds only points that a model computed; with `--points all` they are read")
-    noted(notices, names, ever & ~measured, "left out because a model computed them (`--points all` takes them)")
+    noted(notices, names, ever & ~measured, COMPUTED)
     labelled = np.array([not _is_unlabelled(name) for name in names])
     if not (labelled & measured).any():
         notices.append("all trajectories are unlabelled: they are taken as points without identity")

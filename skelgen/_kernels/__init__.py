@@ -87,7 +87,7 @@ class Kernel:
         """
         try:
             return self.compiled(*args)
-        except (SkelgenError, MemoryError):  # a monitor that is told of compiling may cancel
+        except (SkelgenError, MemoryError, IndexError):  # a monitor may cancel; NUMBA_BOUNDSCHECK=1 finds bad indices
             raise
         except Exception as error:  # compiled code raises nothing else
             if self._compiled is self.function:

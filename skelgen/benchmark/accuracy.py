@@ -304,13 +304,29 @@ def score_error(case: SimulatedTake) -> float:
     case : SimulatedTake
         A labelled take and its truth.
     """
+    return float(np.nanmean(score_distances(case)))
+
+
+def score_distances(case: SimulatedTake) -> Floats:
+    """Return the distances of SCoRE's joints from the true ones, NaN where a limb has fewer than three markers.
+
+    Parameters
+    ----------
+    case : SimulatedTake
+        A labelled take and its truth: limbs and tree are given.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_joints), mm
+        For hinges across their axes.
+    """
     truth, positions = case.truth, cast(Trajectories, case.take).positions
     frames = np.arange(truth.n_frames)
     poses = [
         fit_shape(positions[:, truth.limb_of_marker == limb], frames).world_from_limb for limb in range(truth.n_limbs)
     ]
     joints = np.stack([rotation_centre(poses[one], poses[other]) for one, other in truth.edges.tolist()], axis=1)
-    return float(np.nanmean(joint_distances(joints, np.arange(truth.n_joints), truth)))
+    return joint_distances(joints, np.arange(truth.n_joints), truth)
 
 
 def rotation_centre(first: Floats, second: Floats) -> Floats:

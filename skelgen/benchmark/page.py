@@ -41,6 +41,8 @@ class Effort:
         Sizes of the random trees whose time is measured.
     structures : tuple of str
         What moves in the takes whose accuracy is measured.
+    n_people, n_animals : int
+        Simulated people, each of another size, with another marker set or motion; and animals.
     """
 
     seeds: tuple[int, ...] = (0, 1, 2)
@@ -52,6 +54,8 @@ class Effort:
     cloud_frames: tuple[int, ...] = (500, 1000, 2000, 6000)
     limbs: tuple[int, ...] = (5, 10, 20, 30)
     structures: tuple[str, ...] = ("human", "classic-human", "quadruped", "rods", "tree:8")
+    n_people: int = 50
+    n_animals: int = 20
 
 
 QUICK = Effort(
@@ -63,6 +67,8 @@ QUICK = Effort(
     frames=(500, 1000, 2000),
     cloud_frames=(500, 1000),
     limbs=(5, 10, 20),
+    n_people=5,
+    n_animals=2,
 )
 """Two to three minutes of one core: fewer seeds and frames, so that single figures are less certain."""
 

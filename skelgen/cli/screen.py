@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skelgen.errors import printable
 from skelgen.progress import SILENT, Monitor, SilentMonitor
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class Screen:
     def say(self, text: str) -> None:
         """Print a line on stdout unless JSON is wanted."""
         if not self.as_json:
-            print(text)
+            print(*map(printable, text.split("\n")), sep="\n")
 
     def table(self, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """Print rows as a table on stdout unless JSON is wanted.
@@ -88,7 +89,7 @@ class Screen:
             numeric = all(isinstance(row.get(name), int | float | None) for row in rows)
             table.add_column(Text(_heading(name)), justify="right" if numeric else "left")
         for row in rows:
-            table.add_row(*(Text(_cell(row.get(name))) for name in rows[0]))
+            table.add_row(*(Text(printable(_cell(row.get(name)))) for name in rows[0]))
         Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
 
     def json(self, data: Mapping[str, Any]) -> None:
@@ -142,7 +143,7 @@ class _BarMonitor:
             self._progress.update(self._task, completed=done, total=total)
 
     def notice(self, sentence: str) -> None:
-        self._progress.console.print(f"note: {sentence}", markup=False, highlight=False)
+        self._progress.console.print(f"note: {printable(sentence)}", markup=False, highlight=False)
 
 
 def remaining(done: float, total: float, seconds: float) -> str:
@@ -179,7 +180,7 @@ def _bars(counted: bool = False) -> Iterator[Progress]:
 
 
 def _print_note(sentence: str) -> None:
-    print(f"note: {sentence}", file=sys.stderr)
+    print(f"note: {printable(sentence)}", file=sys.stderr)
 
 
 def _heading(name: str) -> str:

@@ -3,7 +3,7 @@
 May change with every version; scripts import what they need from `skelgen`.
 """
 
-from skelgen.simulation.articulated import LimbModel, Structure
+from skelgen.simulation.articulated import LimbModel, Structure, resized
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
     STRUCTURE_NAMES,
@@ -34,6 +34,7 @@ __all__ = [
     "random_tree",
     "read_truth",
     "recorded_body",
+    "resized",
     "rods_chain",
     "simulate",
     "write_truth",

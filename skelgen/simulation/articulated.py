@@ -4,7 +4,8 @@ At rest all limb frames have the orientation of the world (x forward, y left, z 
 joint to its parent, so that a joint's position in the child's frame is always zero.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -155,6 +156,24 @@ class Structure:
         """Names such as ``chest 2`` or ``LASI``."""
         numbered = [(limb, [f"{limb.name} {i + 1}" for i in range(len(limb.markers))]) for limb in self.limbs]
         return tuple(name for limb, numbers in numbered for name in limb.marker_names or numbers)
+
+
+def resized(structure: Structure, scales: Mapping[str, ArrayLike]) -> Structure:
+    """Return a structure in other sizes: every limb, with its markers and the joints on it, along its frame's axes.
+
+    Parameters
+    ----------
+    structure : Structure
+        What is resized.
+    scales : mapping of str to float or array_like, shape (3,)
+        Factor of each limb by name, or one along each of x, y and z.
+    """
+    limbs = []
+    for one in structure.limbs:
+        mine, above = (np.broadcast_to(_floats(scales[name]), 3) for name in (one.name, one.parent or one.name))
+        joint, radius = one.joint * above, float(one.radius * np.median(mine))
+        limbs.append(replace(one, joint=joint, segment=one.segment * mine, radius=radius, markers=one.markers * mine))
+    return Structure(structure.name, tuple(limbs))
 
 
 class Swing(NamedTuple):

@@ -329,3 +329,13 @@ def test_long_error_loses_its_middle(tmp_path, capsys):
 def test_no_stage_parameter_hides_a_reader_option(stage):
     declared = {option.name for option in parameter_options(parameters_class(stage))}
     assert not declared & {option.name for option in reader_options()}
+
+
+def test_names_tell_the_terminal_nothing(waving, tmp_path, capsys):
+    path = tmp_path / "\x1b]0;a\nb.csm"
+    odd = Trajectories(waving.positions, ("\x1b[31mred", *waving.names[1:]), waving.rate)
+    skelgen.write(odd, path)
+    assert main(["info", str(path)]) == 0
+    assert main(["convert", str(path), str(tmp_path / "\x1b[2J.trc")]) == 0
+    printed = "".join(capsys.readouterr())
+    assert "?[31mred" in printed and "\x1b" not in printed

@@ -6,6 +6,7 @@ import json
 import sys
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,7 @@ from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstr
 from skelgen.benchmark.judges import JUDGES
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
 from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, table
+from skelgen.benchmark.people import worn_and_moved
 from skelgen.benchmark.speed import (
     Run,
     fifty_markers,
@@ -34,6 +36,7 @@ from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.progress import SILENT
 from skelgen.simulation import simulate
+from skelgen.simulation.people import MARKER_SETS, MOTIONS
 
 SMALL = Effort(
     structures=("rods",),
@@ -45,6 +48,8 @@ SMALL = Effort(
     frames=(200,),
     cloud_frames=(200,),
     limbs=(3,),
+    n_people=1,
+    n_animals=1,
 )
 
 
@@ -154,6 +159,19 @@ def test_rows_have_a_text_for_every_column(name):
         assert {len(row) for row in measured.rows} == {len(measured.columns)}
         assert len(set(measured.columns)) == len(measured.columns)
     assert section.figures
+
+
+def test_people_and_animals_are_counted_and_compared_with_score():
+    section = SUITES["people"](SMALL, SILENT)
+    assert [row[:2] for row in section.tables[0].rows] == [("walk", "1"), ("all people", "1"), ("animals", "1")]
+    assert [row[0] for row in section.tables[1].rows] == ["plug-in-gait"]
+    assert {len(row) for one in section.tables for row in one.rows} == {len(one.columns) for one in section.tables}
+    assert all(float(row[5]) > 0 and float(row[6]) > 0 for row in section.tables[0].rows)
+
+
+def test_fifty_people_wear_all_sets_in_all_motions():
+    worn = {worn_and_moved(index) for index in range(len(MOTIONS) * len(MARKER_SETS))}
+    assert worn == set(product(MOTIONS, MARKER_SETS))
 
 
 def test_suite_that_does_not_exist_is_refused_before_anything_runs():

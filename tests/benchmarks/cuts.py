@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import multiprocessing
 import os
 import random
-import resource
 import tempfile
 import time
 import traceback
@@ -28,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fuzz_mutations import mutated_bytes, mutated_text
 
 import skelgen
 from skelgen.app.configuration import Settings
@@ -38,7 +37,7 @@ SUFFIXES = {".c3d", ".trc", ".tsv"}
 FOLDERS = ("arm", "bodies", "bone_pin", "hand", "human", "mouse", "rods_pendulum", "wheelchair")
 STRUCTURES = ("rods", "human", "quadruped", "classic-human", "tree:2", "tree:5", "tree:9")
 FORMATS = ("trc", "c3d", "mfml", "csm", "labels.xml", "skelgen")
-NUMBERS = (b"0", b"-1", b"nan", b"inf", b"1e300", b"1e-300", b"1e9", b"", b"x", b"-0.0", b"0.001", b"1e5")
+TEXTS = {"trc", "csm", "labels.xml"}
 LONGEST_SENTENCE = 300
 UNBOUNDED = 1e300
 SECONDS, GIGABYTES = 60.0, 4.0
@@ -148,37 +147,12 @@ def accepted(seed: int) -> Case | None:
                 skelgen.write(skelgen.simulate(name, seed=seed, **options).take, path)
             except skelgen.SkelgenError:
                 continue
-            path.write_bytes(mutated(path.read_bytes(), rng))
+            change = mutated_text if suffix in TEXTS else mutated_bytes
+            path.write_bytes(change(rng, path.read_bytes()))
             with warnings.catch_warnings(), contextlib.suppress(skelgen.SkelgenError):
                 warnings.simplefilter("ignore")
                 return Case(skelgen.read(path), {}, f"{name}.{suffix} {options}, mutation {attempt}")
     return None
-
-
-def mutated(data: bytes, rng: random.Random) -> bytes:
-    """A file with some of its bytes, numbers or lines changed."""
-    changed = bytearray(data)
-    for _ in range(rng.randint(1, 8)):
-        if not changed:
-            break
-        place, way = rng.randrange(len(changed)), rng.random()
-        if way < 0.3:
-            changed[place] = rng.randrange(256)
-        elif way < 0.6:  # a number, or what stands between separators
-            ends = [i for i in range(place, min(place + 40, len(changed))) if changed[i] in b"\t ,<>\"'\n;"]
-            begins = [i for i in range(max(place - 40, 0), place) if changed[i] in b"\t ,<>\"'\n;"]
-            if ends and begins:
-                changed[begins[-1] + 1 : ends[0]] = rng.choice(NUMBERS)
-        elif way < 0.8:  # lines
-            lines = bytes(changed).split(b"\n")
-            first, second = rng.randrange(len(lines)), rng.randrange(len(lines))
-            lines[first] = lines[second] if rng.random() < 0.7 else b""
-            changed = bytearray(b"\n".join(lines))
-        else:  # numbers of four bytes
-            value = rng.choice([0.0, -1.0, math.nan, 1e30, 1e-30, 1e5, math.inf])
-            place -= place % 4
-            changed[place : place + 4] = np.array(value, "<f4").tobytes()
-    return bytes(changed)
 
 
 KINDS: dict[str, Callable[[int], Case | None]] = {
@@ -227,6 +201,8 @@ def is_finite(project: skelgen.Project) -> bool:
 def work(pipe: Connection, gigabytes: float) -> None:
     """Run cases that come through a pipe."""
     if gigabytes:
+        import resource  # which Windows lacks
+
         resource.setrlimit(resource.RLIMIT_AS, (int(gigabytes * 2**30),) * 2)
     while True:
         case = pipe.recv()

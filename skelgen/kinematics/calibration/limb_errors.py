@@ -313,7 +313,7 @@ def _without_frames(errors: LimbErrors) -> Floats:
     rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(types) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
-        rows.append(points.against(points.rigid_motion).reshape(-1, errors.root.shape[1]))
+        rows.append(points.against(points.rigid_motion).reshape(3 * len(points.place), errors.root.shape[1]))
     _, sizes, directions = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     return np.asarray(errors.root @ directions[: int((sizes > FRAME_ONLY * size).sum())].T)
 

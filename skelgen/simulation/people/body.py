@@ -10,7 +10,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints
-from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, unit
+from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized, unit
 from skelgen.simulation.people.tables import sliding_at, worn_markers
 from skelgen.simulation.structures import SIDES, human
 
@@ -77,7 +77,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
     """
     drawn = np.clip(rng.normal(_MEAN_HEIGHT, _HEIGHT_SPREAD), *_USUAL)
     scales = _scales((height or drawn) / HEIGHT, rng)
-    body = Structure(marker_set, tuple(_scaled(one, scales) for one in _unmarked_limbs()))
+    body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
     missed = _PALPATION * rng.normal(size=(len(markers), 3))
     limbs, order = [], []
@@ -125,12 +125,6 @@ def _scales(height: float, rng: np.random.Generator) -> dict[str, Floats]:
 
 def _segment(limb_name: str) -> str:
     return limb_name.removeprefix("left ").removeprefix("right ")
-
-
-def _scaled(one: LimbModel, scales: dict[str, Floats]) -> LimbModel:
-    mine = scales[one.name]
-    joint = one.joint * scales[one.parent or one.name]
-    return replace(one, joint=joint, segment=one.segment * mine, radius=float(one.radius * np.sort(mine)[1]))
 
 
 def _marked(limbs: list[LimbModel]) -> list[int]:

@@ -36,7 +36,7 @@ from skelgen.stages.limbs.distances import (
 )
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Group, Movements, Spread
-from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, find_rigid_clusters, marker_noise, misfit
+from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, find_rigid_clusters, marker_noise, misfit, nearest
 
 BEND = 4.0
 """Times the bending that three markers or more show: no more is allowed for a limb that they belong to."""
@@ -299,14 +299,15 @@ class _Exchange:
         """Gain [nats per frame] beyond what it must be at least, markers and new limb of all moves."""
         members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
         seen = self._movements.seen_part
-        farthest = {limb: self._ratio[:, other].max(axis=1) for limb, other in members.items()}
+        farthest = np.array([self._ratio[:, other].max(axis=1) for other in members.values()])
         for block in self._constraints.blocks:
             own = members[int(groups[block[0]])]
             rest = tuple(marker for marker in own if marker not in block)
             if len(rest) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
                 continue
-            for limb, other in members.items():
-                if other == own or len(other) < LEAST_MARKERS or farthest[limb][list(block)].max() > EXCHANGED:
+            near = nearest(farthest[:, list(block)].max(axis=1)[np.newaxis], EXCHANGED)[0]
+            for (limb, other), is_near in zip(members.items(), near, strict=True):
+                if other == own or len(other) < LEAST_MARKERS or not is_near:
                     continue
                 if not self._constraints.apart[np.ix_(block, other)].any():
                     now, then = (own, other), (rest, tuple(sorted(other + block)))

@@ -78,6 +78,26 @@ def marker_noise(variance: Floats, noise: float) -> Floats:
     return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
 
 
+def nearest(distances: Floats, limit: float) -> Bools:
+    """Return which entries of each row are within a limit and among the `NEAREST` least, beside one that is its own.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n, m)
+        Any measure.
+    limit : float
+        The largest that counts.
+
+    Returns
+    -------
+    ndarray of bool, shape (n, m)
+    """
+    within = np.asarray(distances <= limit)
+    if distances.shape[1] > NEAREST + 1 and within.sum(axis=1).max() > NEAREST + 1:
+        within &= distances <= np.partition(distances, NEAREST, axis=1)[:, [NEAREST]]
+    return within
+
+
 def find_rigid_clusters(
     movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints
 ) -> list[Group]:
@@ -134,7 +154,7 @@ class _Search:
         labels = self._labels()
         to_piece = _largest(self._ratio, labels)
         across = _largest(to_piece.T, labels)
-        for first, second in np.argwhere(np.triu(_nearest(across, MERGED), 1)).tolist():
+        for first, second in _near_pairs(across, MERGED):
             whole = _union(self.clusters[first], self.clusters[second])
             yield self._cost(whole) - self._now(first, second), (first, second), [whole]
         for index, cluster in enumerate(self.clusters):
@@ -145,9 +165,7 @@ class _Search:
     def _moves(
         self, index: int, block: Group, distance: Floats
     ) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
-        others = [
-            other for other in np.flatnonzero(_nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index
-        ]
+        others = [other for other in np.flatnonzero(nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index]
         if not others and distance[index] <= SUSPICIOUS:
             return
         rest = _without(self.clusters[index], block)
@@ -158,8 +176,8 @@ class _Search:
 
     def _regroupings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
         labels = self._labels()
-        nearest = -_largest(_largest(-self._ratio, labels).T, labels)
-        for first, second in np.argwhere(np.triu(_nearest(nearest, SUSPICIOUS), 1)).tolist():
+        least = -_largest(_largest(-self._ratio, labels).T, labels)
+        for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
             if len(both) > REGROUPED:
                 continue
@@ -235,12 +253,10 @@ def _largest(table: Floats, labels: Ints) -> Floats:
     return np.asarray(np.maximum.reduceat(table[:, order], starts, axis=1))
 
 
-def _nearest(distances: Floats, limit: float) -> Bools:
-    """Which entries of each row are within a limit and among the least of the row, `NEAREST` and its own."""
-    within = np.asarray(distances <= limit)
-    if distances.shape[1] > NEAREST + 1 and within.sum(axis=1).max() > NEAREST + 1:
-        within &= distances <= np.partition(distances, NEAREST, axis=1)[:, [NEAREST]]
-    return within
+def _near_pairs(table: Floats, limit: float) -> list[tuple[int, int]]:
+    """Pairs of which one is among the nearest of the other."""
+    near = nearest(table, limit)
+    return [(first, second) for first, second in np.argwhere(np.triu(near | near.T, 1)).tolist()]
 
 
 def _union(first: Group, second: Group) -> Group:

@@ -1,0 +1,161 @@
+"""Read the points of a C3D file; `layout` finds where they are.
+
+Points with a residual below 0 and points at exactly (0, 0, 0) are unseen. Points that a model computed from markers are
+no markers: those that the groups of POINT name as outputs, those whose residual is 0 throughout where others are
+measured, and those with residual 0 throughout and a name of Vicon's models.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.files import open_regular
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen_formats.c3d.layout import MOST_HEADER_FRAMES, WORDS_PER_POINT, C3dLayout, dec_floats, read_layout
+from skelgen_formats.markers import (
+    COMPUTED,
+    assumed_mm_per_unit,
+    frames_in_blocks,
+    mm_per_unit,
+    noted,
+    scaled,
+    take_from_markers,
+    zeros_unseen,
+)
+from skelgen_formats.options import ALL_POINTS, MEASURED
+
+_OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
+_OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
+_BONE = re.compile(r"(PEL|HED|TRX|SPI|[LR](?:FE|TI|FO|TO|HU|RA|HN|CL))([OALP])")  # origin and axes of a segment
+
+
+class _Points(NamedTuple):
+    """Positions of a file, and in how many frames each point is marked as computed, and as measured."""
+
+    positions: Floats
+    computed: Ints
+    measured: Ints
+
+
+def read_c3d(path: Path, points: str = MEASURED) -> Trajectories | PointCloud:
+    """Read the points of a C3D file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    points : str
+        `ALL_POINTS` to read points that a model computed, too.
+
+    Returns
+    -------
+    Trajectories
+        Positions in mm; or a `PointCloud` if no trajectory has a label.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged or cut off.
+    """
+    layout = read_layout(path)
+    notices = list(layout.notices)
+    names = _names(layout, notices)
+    read = _read_points(path, layout)
+    if layout.counted:
+        notices.append(f"the header cannot say how many frames there are; {len(read.positions)} were found")
+    _compare_counts(layout, len(read.positions), notices)
+    outputs = _are_outputs(layout, names, read)
+    left_out = outputs & (points != ALL_POINTS)
+    generated = int(read.computed[~left_out].sum())
+    if generated and read.measured.any():
+        notices.append(f"{generated} positions are marked as computed (residual 0), and taken as if they were measured")
+    kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
+    factor = _mm_per_unit(path, layout, kept, notices)
+    if kept is read.positions:
+        return take_from_markers(path, scaled(path, kept, factor), names, layout.rate, notices, left_out)
+    told = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
+    noted(notices, told, np.ones(len(told), dtype=bool), COMPUTED)
+    remaining = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if not is_out]
+    return take_from_markers(path, scaled(path, kept, factor), remaining, layout.rate, notices)
+
+
+def _are_outputs(layout: C3dLayout, names: Sequence[str], read: _Points) -> Bools:
+    """Return which points a model computed, shape (n_points,)."""
+    short = [name.rpartition(":")[2] for name in names]
+    listed = {text.rpartition(":")[2] for group in _OUTPUT_GROUPS for text in layout.texts("POINT", group)} - {""}
+    unmeasured = (read.measured == 0) & (read.computed > 0)
+    bones = Counter(match[1] for name in set(short) if (match := _BONE.fullmatch(name)))
+    named = [
+        _OUTPUT.fullmatch(name) is not None or ((bone := _BONE.fullmatch(name)) is not None and bones[bone[1]] == 4)
+        for name in short
+    ]
+    outputs = np.array([name in listed for name in short]) | (unmeasured & np.array(named))
+    others = unmeasured & ~outputs
+    if others.sum() < (read.measured > 0).sum():  # else the file marks measured points so
+        outputs |= others
+    return np.asarray(outputs)
+
+
+def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
+    labels = layout.texts("POINT", "LABELS")[: layout.n_points]
+    labels += [""] * (layout.n_points - len(labels))
+    unnamed = [number for number, label in enumerate(labels, start=1) if not label]
+    if unnamed:
+        notices.append(f"{len(unnamed)} points have no label and are called 'point {unnamed[0]}' and so on")
+    return [label or f"point {number}" for number, label in enumerate(labels, start=1)]
+
+
+def _read_points(path: Path, layout: C3dLayout) -> _Points:
+    """Return positions, shape (n_frames, n_points, 3), NaN where unseen, and how they are marked."""
+    positions = np.empty((layout.n_frames, layout.n_points, 3))
+    last = 0  # the last frame that is filled
+    computed, measured = (np.zeros(layout.n_points, dtype=np.intp) for _ in range(2))
+    with open_regular(path) as stream:
+        stream.seek(layout.data_start)
+        for first, block in frames_in_blocks(positions):
+            points = _points(layout, stream.read(len(block) * layout.frame_words * layout.word_bytes))
+            filled = np.flatnonzero(points.any(axis=(1, 2)))
+            last = first + int(filled[-1]) if len(filled) else last
+            block[:], residuals = points[:, :, :3], points[:, :, 3]
+            block[residuals < 0] = np.nan
+            seen = ~np.isnan(zeros_unseen(block)[..., 0])
+            computed += (seen & (residuals == 0)).sum(axis=0)
+            measured += (residuals > 0).sum(axis=0)
+    # points without residual and camera are computed, by the convention, if others of the file have them
+    return _Points(positions[: last + 1] if layout.counted else positions, computed, measured)
+
+
+def _points(layout: C3dLayout, raw: bytes) -> Floats:
+    """Return coordinates and residual of some frames' points, shape (n_frames, n_points, 4), in the file's unit."""
+    integers = layout.scale > 0
+    if layout.dec and not integers:
+        words = dec_floats(raw)
+    else:
+        words = np.frombuffer(raw, f"{layout.order}{'i2' if integers else 'f4'}")
+    frames = words.reshape(-1, layout.frame_words)[:, : WORDS_PER_POINT * layout.n_points]
+    with np.errstate(invalid="ignore"):  # a NaN that signals is a NaN
+        points = frames.reshape(-1, layout.n_points, WORDS_PER_POINT).astype(np.float64)
+    if integers:
+        points[:, :, :3] *= layout.scale
+    return points
+
+
+def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
+    stated = layout.parameters.get(("POINT", "FRAMES"))
+    if stated is None or stated.size == 0 or stated.dtype.kind == "S":
+        return
+    stated_frames = float(stated.reshape(-1)[0]) % (MOST_HEADER_FRAMES + 1)
+    if found <= MOST_HEADER_FRAMES and stated_frames != found:
+        notices.append(f"{found} frames were read as the header says, although POINT:FRAMES says {stated_frames:g}")
+
+
+def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list[str]) -> float:
+    units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
+    if units:
+        return mm_per_unit(path, "POINT:UNITS", units[0])
+    return assumed_mm_per_unit(positions, notices)
