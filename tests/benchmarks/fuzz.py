@@ -176,7 +176,9 @@ def _work(folder: Path, readers: list[Reader], seed: int, first: int) -> int:
         for reader in readers:  # what they load is none of the first file's time and memory
             _read(reader, folder / reader.seeds[0], 0)
         _limit_memory()
-        for number in range(first, 10**12):
+        parent, number = os.getppid(), first - 1
+        while os.getppid() == parent:
+            number += 1
             reader = readers[number % len(readers)]
             seed_name, content = mutated(reader, folder, seed, number)
             path = place / seed_name
