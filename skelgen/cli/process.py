@@ -51,6 +51,7 @@ def run_process() -> int:
             raise
         print(_SENTENCE, file=sys.stderr)
     remove_unfinished()
+    exec("")  # Python forgets an interrupt amid text that it compiled, for which it would end with a code of its own
     return signals.exit_code or code
 
 
@@ -101,7 +102,7 @@ class _Signals:
         """Do what an interrupt asked for that Python has dropped."""
         if self.number:
             self._leave()
-        if dropped.exc_type is not KeyboardInterrupt:
+        if not issubclass(dropped.exc_type, KeyboardInterrupt | MemoryError):  # both are told in words
             sys.__unraisablehook__(dropped)
 
 
