@@ -17,10 +17,11 @@ from skelgen.simulation.people.tables import MARKER_SETS, read_table
 _FRAMES = 500  # of a take that are looked at; a second for any file
 _SURE, _FAIRLY = 4.0, 1.5  # how many times more the lowest points stray along the next axis
 _HIGH = 99.0  # percentile of heights that counts as the top, so that a stray point does not
+_BODY_MM = (300.0, 3000.0)  # what most bodies span
 _SMALLEST_MM, _LARGEST_MM = 20.0, 20_000.0  # extents of what people record, from a hand to a hall
 _KEYPOINTS = {
     "keypoints of COCO or MediaPipe": ("nose", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_knee"),
-    "keypoints of OpenPose, as Pose2Sim and OpenCap have them": (
+    "keypoints of OpenPose, Pose2Sim or OpenCap": (
         "Neck",
         "RShoulder",
         "LShoulder",
@@ -74,7 +75,7 @@ def account_sentences(facts: Mapping[str, Any]) -> list[str]:
 
 
 def _sample(take: Take) -> list[Floats]:
-    chosen = np.unique(np.linspace(0, max(take.n_frames - 1, 0), _FRAMES).astype(int)) if take.n_frames else []
+    chosen = sorted({int(frame) for frame in np.linspace(0, take.n_frames - 1, _FRAMES)} if take.n_frames else ())
     if isinstance(take, PointCloud):
         return [take.frame(index) for index in chosen if len(take.frame(index))]
     positions = take.world_from_body[..., :3, 3] if isinstance(take, Poses) else take.positions
@@ -95,10 +96,8 @@ def _unit(frames: Sequence[Floats]) -> str:
     if _SMALLEST_MM <= extent <= _LARGEST_MM or extent == 0.0:
         return ""
     units = {"m": 1000.0, "cm": 10.0, "inch": 25.4, "mm": 1e-3}
-    fitting = next((name for name, mm in units.items() if 300 <= extent * mm <= 3000), "another")
-    return (
-        f"a frame spans {extent:.3g} mm: the numbers are probably in {fitting if extent < 1e4 else 'mm'}, not as stated"
-    )
+    fitting = next((name for name, mm in units.items() if _BODY_MM[0] <= extent * mm <= _BODY_MM[1]), "another unit")
+    return f"a frame spans {extent:.3g} mm: the numbers are probably in {fitting}, not as stated"
 
 
 def _suit(names: Sequence[str]) -> str:
