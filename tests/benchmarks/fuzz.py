@@ -20,6 +20,7 @@ import tempfile
 import time
 import traceback
 import warnings
+import zipfile
 import zlib
 from collections import Counter
 from dataclasses import dataclass, field
@@ -153,7 +154,14 @@ def mutated(reader: Reader, folder: Path, seed: int, number: int) -> tuple[str, 
     content = (folder / name).read_bytes()
     try:
         return name, dice.choice(CHANGES[reader.kind])(dice, content)
-    except (IndexError, KeyError, ValueError, TypeError, AttributeError):  # a mutation that this file does not allow
+    except (
+        IndexError,
+        KeyError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        zipfile.BadZipFile,
+    ):  # a mutation that this file does not allow
         return name, CHANGES["bytes"][0](dice, content)
 
 
