@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take, recognise
 
+from skelgen.errors import FormatError, SkelgenError
+
 POSITIONS = np.random.default_rng(0).uniform(100, 900, (4, 2, 3))
 
 
