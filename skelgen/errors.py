@@ -97,7 +97,8 @@ def out_of_memory(error: BaseException) -> str:
     seen: list[BaseException] = []
     at: BaseException | None = error
     while at is not None and at not in seen:
-        if isinstance(at, MemoryError) or getattr(at, "errno", None) == errno.ENOMEM or _NO_MEMORY in str(at).lower():
+        says_so = any(words in str(at).lower() for words in _NO_MEMORY)
+        if isinstance(at, MemoryError) or getattr(at, "errno", None) == errno.ENOMEM or says_so:
             reason = f" ({shortened(str(at))})" if str(at) else ""
             return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"
         seen.append(at)
@@ -105,4 +106,4 @@ def out_of_memory(error: BaseException) -> str:
     return ""
 
 
-_NO_MEMORY = "cannot allocate memory"  # of libraries that are loaded: the system's words
+_NO_MEMORY = ("cannot allocate memory", "failed to map segment")  # of libraries that are loaded

@@ -6,6 +6,7 @@ objects are never loaded.
 """
 
 import struct
+import sys
 import tokenize
 import warnings
 import zipfile
@@ -38,6 +39,7 @@ _NAMES = (
 _RATES = ("rate", "fps", "frame_rate", "framerate", "sampling_rate", "mocap_framerate")
 _TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
+_SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
 _SURPLUS = 4096  # bytes that archives and headers may take beside the numbers
 _MOST_TIMES = 100  # what a compressed archive may hold, in its own size
 _BROKEN = (
@@ -75,7 +77,7 @@ def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
     times = next(
         (arrays[name] for name in _TIMES if name in arrays and arrays[name].shape == positions.shape[:1]), None
     )
-    if rate is not None and rate > 0 and options.recorded_rate == AS_RECORDED_RATE:
+    if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
         times = np.arange(len(positions)) / rate
     times = None if times is None or times.dtype.kind not in "fiu" else times.astype(np.float64)
     unit = next((str(arrays[name]) for name in _UNITS if name in arrays and arrays[name].ndim == 0), "")
@@ -95,7 +97,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
                         raise FormatError(path, "", "announces far more numbers than such a file holds")
                 stream.seek(0)
                 with np.load(stream, allow_pickle=False) as members:
-                    return {name: members[name] for name in members.files if _is_plain(members, name)}
+                    return {name: _sound(members[name]) for name in members.files if _is_plain(members, name)}
             stream.seek(0)
             return {"": _one(path, stream, size)}
     except OSError as error:
@@ -103,6 +105,15 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     except _BROKEN as error:
         what = f"no file of NumPy arrays, or damaged: {' '.join(str(error).split())[:100]}"
         raise FormatError(path, "", what) from error
+
+
+def _sound(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array; raises ValueError if it holds texts with numbers that stand for no character."""
+    if array.dtype.kind == "U" and array.dtype.itemsize and array.size:
+        codes = np.frombuffer(array.tobytes(), f"{array.dtype.byteorder.replace('|', '=')}u4")
+        if codes.max() > sys.maxunicode:
+            raise ValueError("a text that is none")
+    return array
 
 
 def _is_plain(members: Any, name: str) -> bool:

@@ -169,7 +169,7 @@ def take_from_markers(
     kept_names = _without_prefixes(distinct_names([names[index] for index in keep], "_", notices), notices)
     kept = positions[:, keep] if len(keep) < positions.shape[1] else positions
     kept.flags.writeable = False  # so that the value takes it as it is
-    return Trajectories(kept, kept_names, rate, path.name, tuple(notices))
+    return Trajectories(kept, kept_names, rate, path.name, tuple(notices), str(path.absolute()))
 
 
 def _is_unlabelled(name: str) -> bool:

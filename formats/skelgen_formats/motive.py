@@ -103,7 +103,8 @@ def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud |
     wanted = [column for item in items for quantity, axes in kinds for column in item.of(quantity, axes)]
     rows = parse_rows(path, _rows(lines, titles, delimiter, notices), len(titles.axes), delimiter, wanted)
     rows = _announced(path, header, lines, rows, notices)
-    numbers, names = rows.reshape(len(rows), len(items), -1), [item.name for item in items]
+    width = sum(len(axes) for _, axes in kinds)
+    numbers, names = rows.reshape(len(rows), len(items), width), [item.name for item in items]
     if kinds == [_PLACE]:
         return take_from_markers(path, scaled(path, numbers, factor), names, rate, notices)
     return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), factor), names, rate, notices)

@@ -66,7 +66,7 @@ def _read(path: Path) -> _Frames:
         with open_regular(path) as stream:
             events = etree.iterparse(stream, events=("start", "end"), remove_comments=True, remove_pis=True, **safe)
             for event, element in events:
-                tag = etree.QName(element).localname
+                tag = element.tag.rpartition("}")[2]
                 if event == "start":
                     frames = _started(path, frames, tag, element)
                 elif tag == "segment":

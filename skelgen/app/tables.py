@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
+from skelgen.app.take_account import account_of
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
@@ -29,6 +30,7 @@ def take_facts(take: Take) -> Row:
         "count": _count(take),
         "low_mm": seen.min(axis=0).tolist() if len(seen) else None,
         "high_mm": seen.max(axis=0).tolist() if len(seen) else None,
+        **account_of(take),
         "notices": list(take.notices),
     }
 

@@ -103,7 +103,8 @@ def motion_capture(
                 if interrupted.is_set():
                     break
     except (KeyboardInterrupt, BrokenPipeError, ReaderGoneError):
-        pass  # the usual end of a live capture: what was recorded is closed
+        if not counts.n_pairs:
+            raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
 

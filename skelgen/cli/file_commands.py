@@ -73,6 +73,7 @@ def info(
     """
     from skelgen.app.files import name_of_format, open_input
     from skelgen.app.tables import column_rows, project_tables
+    from skelgen.app.take_account import account_sentences
 
     screen = Screen(quiet, as_json)
     with screen.watching() as monitor:
@@ -88,6 +89,8 @@ def info(
     if tables["take"]["low_mm"]:
         low, high = (" ".join(f"{x:.1f}" for x in tables["take"][key]) for key in ("low_mm", "high_mm"))
         screen.say(f"extent [mm]: {low} .. {high}")
+    for sentence in account_sentences(tables["take"]):
+        screen.say(sentence)
     screen.table("Markers", columns)
     screen.json({"format": format_name, **tables, "columns": columns})
 

@@ -45,13 +45,17 @@ def run_process() -> int:
         from skelgen.cli.application import run
 
         code = run(sys.argv[1:])
-        signals.forget(signals.exit_code or code)
+        code = signals.exit_code or code
+        signals.forget(code)
     except BaseException:
         if not signals.number:
             raise
         print(_SENTENCE, file=sys.stderr)
+        code = signals.exit_code
+        signals.forget(code)
     remove_unfinished()
-    return signals.exit_code or code
+    exec("")  # Python forgets an interrupt amid text that it compiled, for which it would end with a code of its own
+    return code
 
 
 class _Signals:
@@ -75,12 +79,12 @@ class _Signals:
         return 128 + self.number if self.number else 0
 
     def forget(self, code: int) -> None:
-        """Let signals end the process at once with the code of the command, which is done."""
-        if hasattr(signal, "SIGALRM"):
+        """Let signals end the process at once with the code of the command, which is done; further ones are ignored."""
+        if hasattr(signal, "SIGALRM") and not self.number:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number in ENDING:
             if signal.getsignal(number) == self._interrupt:
-                signal.signal(number, lambda *_: os._exit(code))
+                signal.signal(number, signal.SIG_IGN if self.number else lambda *_: os._exit(code))
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self.number:
@@ -101,7 +105,7 @@ class _Signals:
         """Do what an interrupt asked for that Python has dropped."""
         if self.number:
             self._leave()
-        if dropped.exc_type is not KeyboardInterrupt:
+        if not issubclass(dropped.exc_type, KeyboardInterrupt | MemoryError):  # both are told in words
             sys.__unraisablehook__(dropped)
 
 

@@ -9,6 +9,8 @@ _COARSEST, _FINEST = 2, 9  # decimals of a second that stamps are printed with
 _NO_DIGIT = 0.01  # of the last decimal: what doubles lose of it
 _MOST_OF_FRAME = 0.25  # stamps coarser than that tell no rate
 
+_SHORTEST_STEP, _LONGEST_TIME = 1e-9, 1e12  # s
+
 
 def rate_of(times: Floats) -> float:
     """Return the frame rate [Hz] of time stamps: the round number that all agree with, else that of the median step.
@@ -31,6 +33,8 @@ def rate_of(times: Floats) -> float:
     if not len(rising):
         return 1.0
     median = float(np.median(rising))
+    if median < _SHORTEST_STEP or max(abs(float(times[0])), abs(float(times[-1]))) > _LONGEST_TIME:
+        return 1.0 / median  # damaged numbers, in which no digits can be looked for
     far = min(_resolution(times), _MOST_OF_FRAME * median) + 1e-9 * median
     since = times - times[0]
     for rough in (len(rising) / float(since[-1]), 1.0 / median):

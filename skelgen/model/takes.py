@@ -117,6 +117,8 @@ class Trajectories:
         Where it comes from, usually the file's name.
     notices : tuple of str
         What the reader or the labelling did that the user should know.
+    origin : str
+        Path of the file that it was read from; what else a C3D file holds is written back from there.
     """
 
     positions: Floats
@@ -124,6 +126,7 @@ class Trajectories:
     rate: float
     name: str = ""
     notices: tuple[str, ...] = ()
+    origin: str = ""
 
     def __post_init__(self) -> None:
         positions = check_floats(self.positions, (None, None, 3), "positions")

@@ -52,8 +52,10 @@ def in_shell(line, **options):
     return done.returncode, done.stderr
 
 
-@pytest.mark.parametrize("command", ["convert", "batch"])
-@pytest.mark.parametrize(("sent", "share"), [("INT of the group", 0.5), ("TERM", 0.8), ("KILL", 0.9)])
+@pytest.mark.parametrize(
+    ("command", "sent", "share"),
+    [("convert", "INT", 0.6), ("convert", "TERM", 0.9), ("batch", "INT of the group", 0.5), ("batch", "KILL", 0.8)],
+)
 def test_what_ends_a_command_leaves_nothing_half_written(bench, command, sent, share):
     assert bench.disturb(command, sent, share).faults == ()
 
@@ -127,6 +129,21 @@ def test_an_interrupt_that_python_drops_ends_the_command_all_the_same():
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "skelgen: interrupted\n")
 
 
+def test_an_interrupt_amid_text_that_python_compiles_leaves_the_code_as_it_is(tmp_path):
+    # as dataclasses do; `python -m` would then end as by SIGINT, whatever the signal was
+    (tmp_path / "texts.py").write_text(
+        "import sys\nfrom skelgen.cli import application, main\n"
+        "def run(words):\n"
+        "    import os, signal\n"
+        "    try: exec('os.kill(os.getpid(), signal.SIGTERM)')\n"
+        "    except KeyboardInterrupt: return 130\n"
+        "application.run = run\nsys.exit(main())\n"
+    )
+    paths = ENVIRONMENT["PYTHONPATH"] + os.pathsep + str(tmp_path)
+    done = subprocess.run([sys.executable, "-m", "texts"], env=ENVIRONMENT | {"PYTHONPATH": paths}, check=False)
+    assert done.returncode == 143
+
+
 def test_files_arrive_all_or_none_however_often_somebody_interrupts(tmp_path):
     with pytest.raises(KeyboardInterrupt), arriving_together(tmp_path / "new" / "out") as folder:
         for name in "abc":
@@ -193,6 +210,7 @@ def test_too_little_memory_is_no_bug(wave):
     wrong = FormatError("a.c3d", "", "cannot be read")
     wrong.__cause__ = MemoryError("Unable to allocate 2.00 GiB")
     assert "Unable to allocate 2.00 GiB" in out_of_memory(wrong)
+    assert out_of_memory(ImportError("libgfortran.so.5: failed to map segment from shared object"))
     assert out_of_memory(FormatError("a.c3d", "", "cannot be read")) == ""
 
 

@@ -20,6 +20,7 @@ import tempfile
 import time
 import traceback
 import warnings
+import zipfile
 import zlib
 from collections import Counter
 from dataclasses import dataclass, field
@@ -153,7 +154,14 @@ def mutated(reader: Reader, folder: Path, seed: int, number: int) -> tuple[str, 
     content = (folder / name).read_bytes()
     try:
         return name, dice.choice(CHANGES[reader.kind])(dice, content)
-    except (IndexError, KeyError, ValueError, TypeError, AttributeError):  # a mutation that this file does not allow
+    except (
+        IndexError,
+        KeyError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        zipfile.BadZipFile,
+    ):  # a mutation that this file does not allow
         return name, CHANGES["bytes"][0](dice, content)
 
 
@@ -176,7 +184,9 @@ def _work(folder: Path, readers: list[Reader], seed: int, first: int) -> int:
         for reader in readers:  # what they load is none of the first file's time and memory
             _read(reader, folder / reader.seeds[0], 0)
         _limit_memory()
-        for number in range(first, 10**12):
+        parent, number = os.getppid(), first - 1
+        while os.getppid() == parent:
+            number += 1
             reader = readers[number % len(readers)]
             seed_name, content = mutated(reader, folder, seed, number)
             path = place / seed_name

@@ -209,6 +209,8 @@ def _places(data: Any) -> list[tuple[Any, Any]]:
 
 def mutated_archive(dice: random.Random, content: bytes) -> bytes:
     """Return a zip with one to three members mutated, left out, renamed or compressed; sometimes damaged as bytes."""
+    if not content.startswith(b"PK"):
+        return mutated_array(dice, content)
     if dice.random() < 0.15:
         return mutated_bytes(dice, content)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:

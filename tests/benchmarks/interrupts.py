@@ -125,7 +125,7 @@ class Bench:
             faults = [] if ended(process) else ["it hangs"]
         said = (place / "said").read_text(errors="replace")
         if number != signal.SIGKILL and was_loaded:
-            if process.returncode not in {0, 128 + number, -number}:  # the last one amid Python's own end
+            if process.returncode not in {0, 128 + number, -number}:  # shells call the last two by one number
                 faults.append(f"exit code {process.returncode}")
             faults += [f"says {said.strip()[-300:]!r}" for word in WORDS if word in said][:1]
         faults += self._faults_of(place / "work", known, complete=process.returncode == 0)

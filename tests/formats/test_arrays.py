@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from skelgen_formats.registry import read_take, recognise
+
+from skelgen.errors import FormatError, SkelgenError
 
 POSITIONS = np.random.default_rng(0).uniform(100, 900, (4, 2, 3))
 
@@ -56,3 +60,15 @@ def test_header_that_announces_more_than_the_file_holds_is_refused(refused, tmp_
     np.save(tmp_path / "points.npy", POSITIONS)
     content = (tmp_path / "points.npy").read_bytes().replace(b"(4, 2, 3), }  ", b"(9999999, 2, 3), }")
     assert "announces an array" in refused(put("huge.npy", content))
+
+
+def test_text_of_no_characters_is_refused_in_words(tmp_path):
+    names = np.frombuffer(np.array([2**31, 65], "<u4").tobytes(), "<U1")
+    np.savez(tmp_path / "odd.npz", positions=np.arange(60.0).reshape(10, 2, 3), names=names, rate=1e-320)
+    with pytest.raises(FormatError, match="a text that is none"):
+        read_take(tmp_path / "odd.npz")
+    np.savez(
+        tmp_path / "odd.npz", positions=np.arange(60.0).reshape(10, 2, 3), rate=1e-320, times=np.arange(10) * 1e300
+    )
+    with contextlib.suppress(SkelgenError), np.errstate(all="raise"):
+        read_take(tmp_path / "odd.npz")

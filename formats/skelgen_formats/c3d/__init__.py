@@ -14,6 +14,7 @@ import numpy as np
 from skelgen.model import Project
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
+from skelgen_formats.c3d.companions import companions_of
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.c3d.reader import read_c3d
 from skelgen_formats.c3d.writer import write_points
@@ -35,14 +36,18 @@ __all__ = [
     "write_c3d_joints",
 ]
 
+PLAIN = Options()
+"""Options of a file in mm with what was measured."""
+
 _TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
 
 
-def write_c3d(
-    value: Writable, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
-) -> list[Path]:
+def write_c3d(value: Writable, path: Path, options: Options = PLAIN, monitor: Monitor = SILENT) -> list[Path]:
     """Write labelled markers as C3D: f32, unseen markers with residual -1.
+
+    What else the C3D file held that they were read from, events, analogue values and force plates, is written with them
+    as long as the frames are the same.
 
     Parameters
     ----------
@@ -50,11 +55,10 @@ def write_c3d(
         What to write.
     path : Path
         The file.
-    filled : bool
-        Whether filled positions are written, with residual 0 and no camera, as c3d.org has it for points that are not
-        measured; measured ones then have residual 1 and camera 1, because nobody knows which cameras saw them.
-    unit : str
-        Of the lengths in the file.
+    options : Options
+        With `filled`, filled positions are written, with residual 0 and no camera, as c3d.org has it for points that
+        are not measured; measured ones then have residual 1 and camera 1, because nobody knows which cameras saw them.
+        `unit` is that of the lengths in the file; to `axes` the value was turned.
     monitor : Monitor
         Shows the progress of filling; may cancel.
 
@@ -63,8 +67,13 @@ def write_c3d(
     WriteError
         If the value has no labelled markers, or a name is longer than 127 bytes.
     """
-    markers = markers_to_write(value, _TITLE, filled, monitor)
-    write_points(positions_of(markers), path, unit, markers.source if isinstance(markers, Filled) else None)
+    markers = markers_to_write(value, _TITLE, options.filled, monitor)
+    take = positions_of(markers)
+    origin = take.origin
+    if isinstance(value, Project):
+        origin = value.source.path if value.source is not None else getattr(value.take, "origin", "")
+    companions = companions_of(replace(take, origin=origin), options.axes, options.unit)
+    write_points(take, path, options.unit, markers.source if isinstance(markers, Filled) else None, companions)
     return [path, *write_table(markers, path)]
 
 
@@ -83,7 +92,7 @@ C3D = Format(
     holds="markers",
     sniff=lambda head, path: len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE,
     read=lambda path, options: read_c3d(path, options.points),
-    write=lambda value, path, options, monitor: write_c3d(value, path, options.filled, options.unit, monitor),
+    write=write_c3d,
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),

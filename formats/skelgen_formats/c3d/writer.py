@@ -8,7 +8,7 @@ go on in POINT:LABELS2 and so forth.
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,7 +20,8 @@ from skelgen.files import replacing
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import PositionSource
-from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT
+from skelgen_formats.c3d.companions import Companions
+from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT, Values
 from skelgen_formats.markers import check_writable_names
 from skelgen_formats.options import per_mm
 
@@ -39,7 +40,9 @@ _MAX_GAP = 10  # frames that a reader may interpolate; a number belongs there
 Words = NDArray[np.float32]
 
 
-def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None = None) -> None:
+def write_points(
+    take: Trajectories, path: Path, unit: str, source: Ints | None = None, companions: Companions | None = None
+) -> None:
     """Write the points of a C3D file.
 
     Parameters
@@ -53,6 +56,8 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
     source : ndarray of intp, shape (n_frames, n_markers), optional
         A `PositionSource` of each, by which computed points differ from measured ones: these have residual 1, camera 1,
         computed ones residual 0 and no camera. Without it all points have residual 0.
+    companions : Companions, optional
+        What is written beside them.
 
     Raises
     ------
@@ -63,11 +68,13 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
     if take.n_frames == 0:
         raise WriteError(f"{path}: a C3D file needs at least one frame")
     with replacing(path) as temporary, temporary.open("wb") as content:
-        stream = C3dStream(content, names, take.rate, unit)
+        stream = C3dStream(content, names, take.rate, unit, companions)
         for first in range(0, take.n_frames, _FRAMES_AT_ONCE):
             chosen = slice(first, first + _FRAMES_AT_ONCE)
             positions = take.positions[chosen] * per_mm(unit)
-            stream.append(point_words(positions, None if source is None else source[chosen]))
+            words = point_words(positions, None if source is None else source[chosen])
+            analog = None if companions is None else companions.analog(first, len(words))
+            stream.append(words, analog)
         stream.settle()
 
 
@@ -127,6 +134,8 @@ class C3dStream:
         Frame rate.
     unit : str
         Of the lengths.
+    companions : Companions, optional
+        What is written beside the points.
 
     Attributes
     ----------
@@ -134,22 +143,37 @@ class C3dStream:
         Frames appended so far.
     """
 
-    def __init__(self, content: BinaryIO, names: Sequence[str], rate: float, unit: str) -> None:
+    def __init__(
+        self, content: BinaryIO, names: Sequence[str], rate: float, unit: str, companions: Companions | None = None
+    ) -> None:
         self._content, self.n_frames = content, 0
-        records = _Records(names, rate, unit)
+        records = _Records(names, rate, unit, {} if companions is None else companions.groups)
+        self._first, n_analog, samples = 1, 0, 0
+        if companions is not None:
+            self._first, n_analog, samples = companions.first_frame, companions.layout.n_analog, companions.samples
         n_blocks = -(-len(records.chain) // BLOCK)
         records.put("POINT:DATA_START", struct.pack("<H", 2 + n_blocks))
-        header = (2, MAGIC, len(names), 0, 1, 0, _MAX_GAP, -1.0, 2 + n_blocks, 0, rate)
+        header = (2, MAGIC, len(names), n_analog, self._first, 0, _MAX_GAP, -1.0, 2 + n_blocks, samples, rate)
         records.chain[:4] = bytes([1, MAGIC, min(n_blocks, _MOST_BLOCKS), _INTEL])
-        content.write(struct.pack("<BBHHHHHfHHf", *header).ljust(BLOCK, b"\0"))
+        events = b"" if companions is None else companions.events
+        content.write(struct.pack("<BBHHHHHfHHf", *header).ljust(BLOCK - len(events), b"\0") + events)
         content.write(records.chain.ljust(n_blocks * BLOCK, b"\0"))
         self._place_of = {name: BLOCK + place for name, place in records.place_of.items()}
         self._end = BLOCK * (1 + n_blocks)
 
-    def append(self, words: Words) -> None:
-        """Append frames, shape (n_frames, n_points, 4): from `point_words`."""
-        self._content.write(words.tobytes())
-        self._end += words.nbytes
+    def append(self, words: Words, analog: Words | None = None) -> None:
+        """Append frames.
+
+        Parameters
+        ----------
+        words : ndarray, shape (n_frames, n_points, 4)
+            From `point_words`.
+        analog : ndarray, shape (n_frames, n per frame), optional
+            Analogue values.
+        """
+        frames = words if analog is None else np.concatenate([words.reshape(len(words), -1), analog], axis=1)
+        self._content.write(frames.tobytes())
+        self._end += frames.nbytes
         self.n_frames += len(words)
 
     def settle(self, rate: float | None = None) -> None:
@@ -160,11 +184,12 @@ class C3dStream:
         rate : float, Hz, optional
             A better frame rate than that of the beginning.
         """
-        stated = struct.pack("<H", min(self.n_frames, MOST_HEADER_FRAMES))
-        self._put(_LAST_FRAME_AT, stated)
-        self._put(self._place_of["POINT:FRAMES"], stated)
+        last = self._first + self.n_frames - 1
+        self._put(_LAST_FRAME_AT, struct.pack("<H", min(last, MOST_HEADER_FRAMES)))
+        self._put(self._place_of["POINT:FRAMES"], struct.pack("<H", min(self.n_frames, MOST_HEADER_FRAMES)))
         self._put(self._place_of["POINT:LONG_FRAMES"], struct.pack("<f", self.n_frames))
-        high, low = divmod(self.n_frames, MOST_HEADER_FRAMES + 1)
+        self._put(self._place_of["TRIAL:ACTUAL_START_FIELD"], struct.pack("<HH", self._first, 0))
+        high, low = divmod(last, MOST_HEADER_FRAMES + 1)
         self._put(self._place_of["TRIAL:ACTUAL_END_FIELD"], struct.pack("<HH", low, high))
         if rate is not None:
             for place in (_RATE_AT, self._place_of["POINT:RATE"]):
@@ -181,7 +206,7 @@ class C3dStream:
 class _Records:
     """The chain of groups and parameters behind four bytes of its own, with the place of each parameter's values."""
 
-    def __init__(self, names: Sequence[str], rate: float, unit: str) -> None:
+    def __init__(self, names: Sequence[str], rate: float, unit: str, others: Mapping[tuple[str, str], Values]) -> None:
         self.chain, self.place_of = bytearray(4), dict[str, int]()
         self._group, self._number = "", 0
         self._add_group("POINT")
@@ -194,6 +219,32 @@ class _Records:
         self._add("UNITS", _TEXT, unit.encode(), len(unit.encode()))
         for number, first in enumerate(range(0, len(names), _MOST_TEXTS), start=1):
             self._add_texts(names[first : first + _MOST_TEXTS], "" if number == 1 else str(number))
+        others = {key: values for key, values in others.items() if "ACTUAL_" not in key[1] or key[0] != "TRIAL"}
+        if not any(group == "ANALOG" for group, _ in others):
+            self._add_no_analog()
+        for group in dict.fromkeys(group for group, _ in others):
+            self._add_group(group)
+            for (of, name), values in others.items():
+                if of == group:
+                    self._add_values(name, values)
+            if group == "TRIAL":
+                self._add_fields()
+        if "TRIAL" not in {group for group, _ in others}:
+            self._add_group("TRIAL")
+            self._add_fields()
+        self.chain += bytes(4)  # an empty record ends the chain
+
+    def _add_fields(self) -> None:
+        self._add("ACTUAL_START_FIELD", _INTS, struct.pack("<HH", 1, 0), 2)
+        self._add("ACTUAL_END_FIELD", _INTS, bytes(4), 2)
+
+    def _add_values(self, name: str, values: Values) -> None:
+        """Add a parameter as it was read from another file, whatever its byte order."""
+        little = values if values.dtype.kind == "S" else values.astype(values.dtype.newbyteorder("<"))
+        kind = -1 if values.dtype.kind == "S" else values.dtype.itemsize
+        self._add(name, kind, little.tobytes(order="F"), *values.shape)
+
+    def _add_no_analog(self) -> None:
         self._add_group("ANALOG")
         self._add("USED", _INTS, bytes(2))
         for empty in ("LABELS", "DESCRIPTIONS", "UNITS"):
@@ -204,10 +255,6 @@ class _Records:
         self._add("RATE", _FLOATS, bytes(4))
         self._add_group("FORCE_PLATFORM")
         self._add("USED", _INTS, bytes(2))
-        self._add_group("TRIAL")
-        self._add("ACTUAL_START_FIELD", _INTS, struct.pack("<HH", 1, 0), 2)
-        self._add("ACTUAL_END_FIELD", _INTS, bytes(4), 2)
-        self.chain += bytes(4)  # an empty record ends the chain
 
     def put(self, name: str, values: bytes) -> None:
         """Replace the values of a parameter, such as ``POINT:DATA_START``."""

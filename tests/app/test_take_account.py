@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.app.take_account import account_of, account_sentences
+from skelgen.model import PointCloud, Trajectories
+
+
+@pytest.fixture(scope="module")
+def walking() -> Trajectories:
+    """Feet that stay on the floor while the rest sways and walks along x; 1.7 m tall, z up."""
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(-200, 200, (200, 8, 3))
+    positions[:, :, 2] = np.linspace(0, 1700, 8) + rng.normal(0, 1, (200, 8))
+    positions[:, :, 0] += np.linspace(0, 4000, 200)[:, None]
+    names = ("LASI", "RASI", "VSAC", "RTHI", "RKNE", "RSHA", "RANK", "RTOE")
+    return Trajectories(positions, names, 100.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_axis_along_which_the_feet_stay_is_up(walking, axis):
+    facts = account_of(Trajectories(np.roll(walking.positions, axis - 2, axis=2), walking.names, 100.0))
+    assert (facts["up"], facts["up_sure"], facts["unit"]) == ("xyz"[axis], "sure", "")
+    assert facts["height_mm"] == pytest.approx(1700, abs=10)
+
+
+def test_noise_in_a_box_has_no_sure_axis():
+    noise = np.random.default_rng(1).uniform(-500, 500, (300, 9, 3))
+    assert account_of(Trajectories(noise, tuple("abcdefghi"), 100.0))["up_sure"] == "unsure"
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "in m"), (1e3, "in mm")])
+def test_unit_that_can_hardly_be_right_is_told(walking, factor, unit):
+    facts = account_of(Trajectories(walking.positions * factor, walking.names, 100.0))
+    assert f"probably {unit}, not as stated" in facts["unit"]
+
+
+def test_gaps_are_counted_and_points_have_none(walking):
+    holes = walking.positions.copy()
+    holes[:50, 0] = np.nan
+    assert account_of(Trajectories(holes, walking.names, 100.0))["missing"] == 50 / 1600
+    cloud = PointCloud(holes[60], np.array([0, 4, 8]), np.array([0.0, 0.01]))
+    assert account_of(cloud)["missing"] is None
+
+
+def test_marker_set_is_known_by_its_names():
+    take = skelgen.simulate("rods", n_frames=20).take
+    names = ("nose", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_knee")
+    keypoints = Trajectories(take.positions[:, :6], names, 100.0)
+    assert "MediaPipe" in account_of(keypoints)["suit"]
+    assert account_of(take)["suit"] == ""
+    assert any(line.startswith("names: keypoints") for line in account_sentences(account_of(keypoints)))
