@@ -217,7 +217,8 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     costs : ndarray, shape (n_limbs, n_limbs)
         Symmetric joint costs; NaN or infinite where two limbs cannot be joined.
     sizes : ndarray of intp, shape (n_limbs,), optional
-        Number of markers on each limb. The root of a tree is the limb with most joints, of several the largest.
+        Number of markers on each limb. The root of a tree is the limb with most joints, of several the largest, and
+        never one of a single marker if there are others.
     root : int, optional
         Limb that is the root of its tree in any case.
 
@@ -237,7 +238,9 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     sizes = np.zeros(len(costs), dtype=np.intp) if sizes is None else sizes
     parents = np.full(len(costs), -1, dtype=np.intp)
     placed: set[int] = set()
-    for start in sorted(tree, key=lambda limb: (limb != root, -tree.degree[limb], -sizes[limb], limb)):
+    for start in sorted(
+        tree, key=lambda limb: (limb != root, sizes[limb] == 1, -tree.degree[limb], -sizes[limb], limb)
+    ):
         if start not in placed:
             placed.add(start)
             for parent, child in bfs_edges(tree, start):

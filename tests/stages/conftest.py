@@ -84,6 +84,7 @@ def recording() -> Callable[[str], Trajectories]:
             pytest.skip(f"the real recording {path} is not here: ../shared/data is absent")
         return skelgen.read(DATA / path)
 
+    read.folder = DATA
     return read
 
 

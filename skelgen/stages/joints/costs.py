@@ -59,6 +59,8 @@ class JointCosts:
     ----------
     comparable : ndarray, shape (n_limbs, n_limbs), mm^2
         Costs; infinite where two limbs cannot be joined, 0 on the diagonal.
+    order : ndarray, shape (n_limbs, n_limbs), mm^2
+        The same, dearer for limbs that do not stay near each other: what the tree is chosen by.
     squares : ndarray, shape (n_limbs, n_limbs), mm^2
         Mean square of the gap per coordinate; infinite where unknown.
     expected : ndarray, shape (n_limbs, n_limbs), mm^2
@@ -68,12 +70,15 @@ class JointCosts:
     """
 
     comparable: Floats
+    order: Floats
     squares: Floats
     expected: Floats
     turns: Floats
 
 
-def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: float) -> JointCosts:
+def comparable_costs(
+    guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: float, remoteness: Floats | float = 1.0
+) -> JointCosts:
     """Return costs that can be compared.
 
     Parameters
@@ -84,6 +89,8 @@ def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: fl
         Number of limbs.
     alpha : float, mm
         Weight of the mean distance between joint and markers.
+    remoteness : ndarray, shape (n_limbs, n_limbs), optional
+        How much dearer each joint is because its limbs do not stay near each other.
     """
     squares = _table(guesses, lambda guess: guess.square, n_limbs, np.inf)
     possible = np.isfinite(squares)
@@ -105,13 +112,13 @@ def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: fl
         costs = np.maximum(squares, expected) + UNEXPLAINED_WEIGHT * unexplained
         costs = np.where(possible, kinds * (costs + hidden * expected * stillness + far), np.inf)
         np.fill_diagonal(costs, 0.0)
-        parents = spanning_forest(costs)
+        parents = spanning_forest(remoteness * costs)
         children = np.flatnonzero(parents >= 0)
         if len(children):
             edges = children, parents[children]
             wandering = max(float(np.median(squares[edges] - noise[edges])), 0.0)
             chance = _chance(squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny))
-    return JointCosts(costs, squares, expected, turns)
+    return JointCosts(costs, remoteness * costs, squares, expected, turns)
 
 
 def _chance(ratios: Floats) -> float:

@@ -24,6 +24,9 @@ from skelgen.stages.joints.segments import (
     typical_variance,
 )
 
+NEAREST = 4
+"""Limbs without a pose that are tried as neighbours of one without: each pair takes a descent."""
+
 WORTH_PROCESSES = 200
 """Descents cost some 5 ms each, starting workers about a second: below so many pairs without poses, one does."""
 
@@ -43,12 +46,20 @@ class PairSearch:
         Seed of the annealing jitter.
     monitor : Monitor
         Told of progress.
+    remoteness : ndarray, shape (n_limbs, n_limbs), optional
+        How far limbs are from being neighbours: two without poses are tried if one is among the nearest of the other.
     """
 
     def __init__(
-        self, segments: list[Segment], frames: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+        self,
+        segments: list[Segment],
+        frames: Ints,
+        parameters: JointParameters,
+        seed: int,
+        monitor: Monitor,
+        remoteness: Floats | None = None,
     ) -> None:
-        self._segments, self._frames = list(segments), frames
+        self._segments, self._frames, self._remoteness = list(segments), frames, remoteness
         self._sampled = [segment.at(frames) for segment in segments]
         self._parameters, self._seed, self._monitor = parameters, seed, monitor
         self._typical = typical_variance(segments)
@@ -57,9 +68,10 @@ class PairSearch:
     def guesses(self) -> dict[Pair, JointGuess]:
         """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again."""
         pairs = list(combinations(range(len(self._segments)), 2))
-        self._guess(pairs)
         if self._parameters.solver != "closed-form":
+            self._guess(pairs)
             return self._guesses
+        self._guess([pair for pair in pairs if self._is_worth_a_descent(pair)])
         joined: set[int] = set()
         while (choice := self._surest_joint_to_small_limb(joined)) is not None:
             small, pair = choice
@@ -70,6 +82,13 @@ class PairSearch:
             self._sampled[small] = self._segments[small].at(self._frames)
             self._guess([other for other in pairs if small in other and other != pair])
         return self._guesses
+
+    def _is_worth_a_descent(self, pair: Pair) -> bool:
+        if self._remoteness is None or any(self._segments[limb].shape.has_pose for limb in pair):
+            return True
+        one, other = pair
+        rows = self._remoteness[[one, other]]
+        return bool((rows < self._remoteness[one, other]).sum(axis=1).min() < NEAREST)
 
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""

@@ -43,7 +43,7 @@ LOOP_TURN = 0.5
 ENOUGH_TURN = 0.2
 """rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
 
-SMALL_MARGIN = 1.5
+SMALL_MARGIN = 3.0
 """Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
 
 
@@ -93,10 +93,10 @@ def find_tree(
     InputError
         If the constraints contradict each other or what is seen.
     """
-    allowed = constraints.applied(costs.comparable)
-    known = np.where(np.isfinite(allowed), costs.comparable, np.nan)
+    allowed = constraints.applied(costs.order)
+    known = np.where(np.isfinite(allowed), costs.order, np.nan)
     if constraints.parents is not None:
-        _check_parents(constraints.parents, costs.comparable)
+        _check_parents(constraints.parents, costs.order)
         return Tree(constraints.parents, known, [])
     markers = np.array(sizes, dtype=np.intp)
     parents = spanning_forest(allowed, markers, constraints.root)
@@ -124,8 +124,9 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     unexplained = squares > costs.expected[children, above]
     false = unexplained & (np.sqrt(3 * squares) > LOOSE * radius)
     if len(children) >= ENOUGH_JOINTS:
-        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
-        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
+        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.order), costs.order, np.nan))
+        own = costs.order[children, above]
+        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * own[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 

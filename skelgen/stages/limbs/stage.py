@@ -18,6 +18,7 @@ from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
+from skelgen.stages.limbs.revision import is_soft, revised
 
 HALF_WEIGHT = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
@@ -129,6 +130,13 @@ class _Grouping:
         deviations : Deviations
             Of distances over these frames.
         """
+        groups = _numbered_by_first(self._majority(frames, deviations))
+        is_open = self._parameters.method == "rigidity" and self._n_limbs is None
+        if is_open and is_soft(groups, deviations):
+            groups = revised(groups, self._positions[frames], self._constraints)
+        return _numbered_by_first(groups)
+
+    def _majority(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         votes = [self._grouped(frames, deviations)]
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
@@ -137,7 +145,7 @@ class _Grouping:
             votes.append(self._grouped(again, pair_distances.distance_deviations(self._positions, again)))
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
-        return _numbered_by_first(self._constrained(majority(votes), deviations.steady))
+        return self._constrained(majority(votes), deviations.steady)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         return _numbered_by_first(self._constrained(self._clusters(frames, deviations), deviations.steady))

@@ -1,0 +1,126 @@
+"""Whether two markers share a limb, as learned from people, animals and machines: log odds of each pair.
+
+One limit in millimetres cannot serve a whole body: feet that stand still keep their distance from each other better
+than the skin of a pelvis does. What counts is how a pair compares with others: with what else either marker keeps its
+distance from, with the motion and the noise of the take, with how far markers are from each other and from their
+neighbours, and with how many markers lie between the two.
+"""
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+
+LOOKED_AT = 200
+"""Frames."""
+
+KEPT = (0.03, 0.97)
+"""Quantiles within which distances count: labels may jump."""
+
+LEAST_COMMON = 8
+"""Frames that must show both markers."""
+
+SMALLEST = 0.3
+"""Of the take's noise: how much steadier a distance is than that says nothing more."""
+
+TINY = 1e-3
+"""mm."""
+
+
+FEATURES = (
+    "deviation / noise",
+    "deviation / motion",
+    "distance / spacing",
+    "distance / extent",
+    "deviation / distance",
+    "deviation / steadiest of the steadier marker",
+    "deviation / steadiest of the other",
+    "distance / nearest of the marker that has one nearer",
+    "distance / nearest of the other",
+    "how differently others move against both",
+    "others steadier with both",
+    "others nearer to both",
+)
+"""Logarithms of what the columns of `pair_features` hold."""
+
+# Learned by tests/benchmarks/learn_pairs.py
+BIAS = -16.952
+WEIGHTS = (-0.642, -0.972, 0.232, -4.315, -5.699, -0.585, -3.074, -0.066, -1.118, -0.576, 1.201, 0.278)
+SQUARE_WEIGHTS = (0.374, -0.296, -0.917, -1.416, -0.433, 0.178, 0.299, -0.701, -0.114, 0.236, -0.043, -0.169)
+
+
+def log_odds(positions: Floats) -> Floats:
+    """Return the log odds that two markers share a limb, shape (n_markers, n_markers); 0 on the diagonal.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    """
+    features = pair_features(positions)
+    odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
+    np.fill_diagonal(odds, 0.0)
+    return np.asarray(odds + odds.T) / 2
+
+
+def pair_features(positions: Floats) -> Floats:
+    """Describe every pair of markers by numbers without unit, shape (n_markers, n_markers, n_features).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    """
+    shown = positions[np.unique(np.linspace(0, len(positions) - 1, LOOKED_AT).astype(np.intp))]
+    unsteady, middle, far = _distances(shown)
+    off = ~np.eye(len(far), dtype=bool)
+    alone = np.diag(np.full(len(far), np.inf))
+    steadiest, nearest = (unsteady + alone).min(axis=1), np.maximum((far + alone).min(axis=1), TINY)
+    noise = max(float(np.median(steadiest)), TINY)
+    floor = SMALLEST * noise
+    deviation = np.log(np.maximum(unsteady, floor))
+    away = np.log(np.maximum(far, TINY))
+    motion, extent = float(np.median(deviation[off])), float(np.median(away[off]))
+    apart = deviation - np.log(np.maximum(steadiest, floor))[:, np.newaxis]
+    beyond = away - np.log(nearest)[:, np.newaxis]
+    features = [
+        deviation - np.log(noise),
+        deviation - motion,
+        away - np.log(np.median(nearest)),
+        away - extent,
+        deviation - np.log(np.maximum(middle, TINY)),
+        np.maximum(apart, apart.T),
+        np.minimum(apart, apart.T),
+        np.maximum(beyond, beyond.T),
+        np.minimum(beyond, beyond.T),
+        *_between(deviation, away),
+    ]
+    return np.stack([np.where(off, one, 0.0) for one in features], axis=-1)
+
+
+def _between(deviation: Floats, away: Floats) -> list[Floats]:
+    """How differently other markers move against two, how many are steadier with both, and how many nearer to both."""
+    unlike, steadier, nearer = np.zeros((3, *deviation.shape))
+    for marker, (row, gap) in enumerate(zip(deviation, away, strict=True)):
+        others = np.arange(len(row)) != marker
+        difference = np.abs(row - deviation)[:, others]
+        own = np.where(others, np.abs(row - np.diag(deviation)), 0.0)
+        unlike[marker] = (difference.sum(axis=1) - own) / max(len(row) - 2, 1)
+        steadier[marker] = (np.maximum(row, deviation)[:, others] < row[:, np.newaxis]).sum(axis=1)
+        nearer[marker] = (np.maximum(gap, away)[:, others] < gap[:, np.newaxis]).sum(axis=1)
+    return [np.log(1e-2 + unlike), np.log1p(steadier), np.log1p(nearer)]
+
+
+def _distances(positions: Floats) -> tuple[Floats, Floats, Floats]:
+    """Deviation, mean and largest usual distance of each pair [mm]; the largest of all where none are seen together."""
+    gaps = np.sort(np.linalg.norm(positions[:, :, np.newaxis] - positions[:, np.newaxis], axis=3), axis=0)
+    n_common = (~np.isnan(gaps)).sum(axis=0)
+    ends = [
+        np.take_along_axis(gaps, np.rint(part * np.maximum(n_common - 1, 0)).astype(np.intp)[np.newaxis], axis=0)
+        for part in KEPT
+    ]
+    kept = np.clip(gaps, *ends)
+    known = n_common >= LEAST_COMMON
+    count = np.maximum(n_common, 1)
+    mean = np.nansum(kept, axis=0) / count
+    spread = np.sqrt(np.nansum((kept - mean) ** 2, axis=0) / count)
+    return tuple(np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, ends[1][0]))

@@ -1,0 +1,137 @@
+"""Limbs revised by the evidence of all pairs of markers: merged, markers moved, split.
+
+The rigid bodies that `merging` finds rest on one noise for the whole take. Where markers slide on skin, and some limbs
+hardly move, pairs say more: by the mean of their log odds (`pair_evidence`) limbs are merged, markers moved and limbs
+split, for as long as one of these is clearly better. What is not clear stays as it is, so that rigid plates do.
+"""
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.constraints import MarkerConstraints
+from skelgen.stages.limbs.distances import Deviations, PairSums
+from skelgen.stages.limbs.pair_evidence import log_odds
+
+SOFT = 0.05
+"""Of how neighbouring limbs move against each other: limbs that bend less are plates, which need no second look."""
+
+ENOUGH_LIMBS = 6
+"""Fewer say nothing of what is usual for a pair."""
+
+SUREST = 6.0
+"""Largest log odds of one pair: more would let it speak for all others."""
+
+STATED = 1e3
+"""Log odds of what the user states."""
+
+MERGED = 3.0
+"""Mean log odds across two limbs from which they are one."""
+
+MOVED = 3.0
+"""How much larger the mean log odds of a marker with another limb must be than with its own."""
+
+SPLIT = -0.5
+"""Mean log odds between two parts of a limb below which they are two."""
+
+MOST_CHANGES = 100
+"""Ends a search that rounding might prolong."""
+
+
+def is_soft(groups: Ints, deviations: Deviations) -> bool:
+    """Whether there are limbs enough, and these bend as far as to make pairs of markers worth a second look.
+
+    Parameters
+    ----------
+    groups : ndarray of intp, shape (n_markers,)
+        Limb of each marker.
+    deviations : Deviations
+        Of all distances.
+    """
+    known = ~np.isnan(deviations.steady)
+    sums = PairSums(np.where(known, deviations.steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+    several = (sums.sizes > 1) & (np.diag(sums.weights) > 0)
+    if len(sums.sizes) < ENOUGH_LIMBS or several.sum() < 2:
+        return False
+    bending = float(np.median(np.diag(sums.sums)[several] / np.diag(sums.weights)[several]))
+    return bending > SOFT**2 * sums.neighbour_motion()
+
+
+def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints) -> Ints:
+    """Return limbs that suit what all pairs of markers say.
+
+    Parameters
+    ----------
+    groups : ndarray of intp, shape (n_markers,)
+        Limb of each marker.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    constraints : MarkerConstraints
+        Which markers share a limb and which do not.
+    """
+    odds = np.clip(log_odds(positions), -SUREST, SUREST)
+    odds[constraints.apart] = -STATED
+    free = np.zeros(len(odds), dtype=np.bool_)
+    for block in constraints.blocks:
+        odds[np.ix_(block, block)] = STATED
+        free[list(block)] = len(block) == 1
+    np.fill_diagonal(odds, 0.0)
+    for _ in range(MOST_CHANGES):
+        groups = np.unique(groups, return_inverse=True)[1]
+        changed = _merged(groups, odds)
+        if changed is None:
+            changed = _moved(groups, odds, free)
+        if changed is None:
+            changed = _split(groups, odds)
+        if changed is None:
+            break
+        groups = changed
+    return groups
+
+
+def _merged(groups: Ints, odds: Floats) -> Ints | None:
+    """Merge the two limbs that are most likely one."""
+    members = np.eye(groups.max() + 1)[groups]
+    sizes = members.sum(axis=0)
+    mean = members.T @ odds @ members / np.outer(sizes, sizes)
+    np.fill_diagonal(mean, -np.inf)
+    first, second = np.unravel_index(int(mean.argmax()), mean.shape)
+    return np.where(groups == second, first, groups) if mean[first, second] > MERGED else None
+
+
+def _moved(groups: Ints, odds: Floats, free: np.ndarray) -> Ints | None:
+    """Move the marker that suits another limb most better than its own."""
+    members = np.eye(groups.max() + 1)[groups]
+    sizes, every = members.sum(axis=0), np.arange(len(groups))
+    total = odds @ members
+    own = total[every, groups] / np.maximum(sizes[groups] - 1, 1)
+    others = total / sizes
+    others[every, groups] = -np.inf
+    best = others.max(axis=1)
+    gain = np.where(free & (sizes[groups] > 1) & (best > 0), best - own, -np.inf)
+    marker = int(gain.argmax())
+    if not gain[marker] > MOVED:
+        return None
+    groups = groups.copy()
+    groups[marker] = others[marker].argmax()
+    return groups
+
+
+def _split(groups: Ints, odds: Floats) -> Ints | None:
+    """Split the limb whose two parts are most likely two limbs."""
+    from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
+    from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
+
+    least, leaving = SPLIT, np.zeros(0, dtype=np.intp)
+    for limb in np.flatnonzero(np.bincount(groups) > 1).tolist():
+        members = np.flatnonzero(groups == limb)
+        distances = STATED - odds[np.ix_(members, members)]
+        np.fill_diagonal(distances, 0.0)
+        is_second = fcluster(linkage(squareform(distances, checks=False), "average"), 2, "maxclust") == 2
+        one, other = members[~is_second], members[is_second]
+        if len(other) and (mean := float(odds[np.ix_(one, other)].mean())) < least:
+            least, leaving = mean, other
+    if not len(leaving):
+        return None
+    groups = groups.copy()
+    groups[leaving] = groups.max() + 1
+    return groups

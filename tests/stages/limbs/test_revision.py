@@ -1,0 +1,57 @@
+"""Limbs of soft bodies are revised by what all pairs of markers say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.model import Trajectories
+from skelgen.stages.joints import find_joints
+from skelgen.stages.limbs import LimbConstraints, find_limbs
+from skelgen.stages.limbs.pair_evidence import log_odds
+
+PEOPLE = {"walk.trc": 0.9, "treadmill.trc": 0.9, "punch.c3d": 0.85, "flips.c3d": 0.9, "kicks.c3d": 0.9}
+
+
+@pytest.mark.parametrize(("path", "least"), PEOPLE.items())
+def test_trees_of_people_are_those_of_an_expert(recording, path, least):
+    truth_path = recording.folder / "bodies" / f"{path.split('.')[0]}.truth.npz"
+    take = recording(f"bodies/{path}")
+    truth = np.load(truth_path)
+    index = {name.split(":")[-1].strip().lower(): marker for marker, name in enumerate(take.names)}
+    kept = [index[str(label).split(":")[-1].strip().lower()] for label in truth["labels"]]
+    take = Trajectories(take.positions[:, kept], tuple(map(str, kept)), take.rate)
+    limbs = find_limbs(take)
+    shares = [truth["allowed"][limbs.markers_of(limb)].sum(axis=0) for limb in range(limbs.n_limbs)]
+    bodies = [np.flatnonzero(share == share.max()).tolist() for share in shares]
+    found = {
+        frozenset((a, b)) for one, other in find_joints(take, limbs).edges for a in bodies[one] for b in bodies[other]
+    }
+    carried = truth["allowed"].any(axis=0)
+    true = {
+        frozenset((body, int(p))) for body, p in enumerate(truth["parent"]) if p >= 0 and carried[body] and carried[p]
+    }
+    assert len(true & found) / len(true) >= least
+
+
+def test_odds_are_symmetric_and_have_no_scale(simulated):
+    positions = np.asarray(simulated("human", 0, soft_tissue=3.0, noise=0.5).take.positions)[::10]
+    odds = log_odds(positions)
+    np.testing.assert_array_equal(odds, odds.T)
+    np.testing.assert_allclose(odds, log_odds(10 * positions), atol=1e-6)
+
+
+def test_odds_of_markers_that_are_seldom_seen_are_numbers(simulated):
+    positions = np.asarray(simulated("human", 0, soft_tissue=3.0, noise=0.5).take.positions)[::10].copy()
+    positions[3:, 0] = np.nan
+    positions[:15, 1], positions[15:, 2] = np.nan, np.nan
+    assert np.isfinite(log_odds(positions)).all()
+
+
+def test_revision_obeys_what_the_user_states(simulated):
+    take = simulated("human", 0, soft_tissue=3.0, noise=0.5).take
+    names = take.names
+    stated = LimbConstraints(together=[(names[0], names[-1])], apart=[(names[0], names[1])])
+    limb = find_limbs(take, constraints=stated).limb_of_marker
+    assert limb[0] == limb[-1]
+    assert limb[0] != limb[1]
