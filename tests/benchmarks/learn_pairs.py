@@ -86,7 +86,9 @@ def pairs_of(take: str, positions: Floats, allowed: Bools) -> Pairs:
     same = (allowed[first] & allowed[second]).any(axis=1)
     sure = allowed.sum(axis=1) == 1
     known = ~same | (sure[first] & sure[second])
-    return Pairs(take, pair_features(positions)[first, second][known], same[known])
+    features = pair_features(positions)[first, second]
+    known &= ~np.isnan(features).any(axis=1)
+    return Pairs(take, features[known], same[known])
 
 
 def learned(people: list[Pairs], simulated: list[Pairs]) -> Floats:

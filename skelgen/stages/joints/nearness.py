@@ -60,7 +60,8 @@ def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
         other = np.flatnonzero((n_common >= LEAST_COMMON) & (limb_of != limb))
         last = (FARTHEST * (n_common[other] - 1)).astype(np.intp)
         np.minimum.at(far[limb], limb_of[other], gaps[last, other])
-        np.minimum.at(unsteady[limb], limb_of[other], np.nanstd(gaps[:, other], axis=0))
+        rarely = np.sqrt(len(gaps) / n_common[other])  # markers seen together in few frames had little time to move
+        np.minimum.at(unsteady[limb], limb_of[other], rarely * np.nanstd(gaps[:, other], axis=0))
     shares = _of_usual(far, 0.0) ** 2 * _of_usual(unsteady, SOFT)
     return np.where(np.isfinite(shares), shares, 1.0)
 

@@ -8,7 +8,7 @@ neighbours, and with how many markers lie between the two.
 
 import numpy as np
 
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 
 LOOKED_AT = 200
 """Frames."""
@@ -49,7 +49,9 @@ SQUARE_WEIGHTS = (0.374, -0.296, -0.917, -1.416, -0.433, 0.178, 0.299, -0.701, -
 
 
 def log_odds(positions: Floats) -> Floats:
-    """Return the log odds that two markers share a limb, shape (n_markers, n_markers); 0 on the diagonal.
+    """Return the log odds that two markers share a limb, shape (n_markers, n_markers).
+
+    They are 0 on the diagonal, and for markers that are not seen together.
 
     Parameters
     ----------
@@ -59,11 +61,13 @@ def log_odds(positions: Floats) -> Floats:
     features = pair_features(positions)
     odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
     np.fill_diagonal(odds, 0.0)
-    return np.asarray(odds + odds.T) / 2
+    return np.asarray(np.nan_to_num(odds + odds.T) / 2, dtype=np.float64)
 
 
 def pair_features(positions: Floats) -> Floats:
     """Describe every pair of markers by numbers without unit, shape (n_markers, n_markers, n_features).
+
+    Markers that are not seen together have NaN.
 
     Parameters
     ----------
@@ -71,7 +75,7 @@ def pair_features(positions: Floats) -> Floats:
         Sampled frames; NaN where unseen.
     """
     shown = positions[np.unique(np.linspace(0, len(positions) - 1, LOOKED_AT).astype(np.intp))]
-    unsteady, middle, far = _distances(shown)
+    known, unsteady, middle, far = _distances(shown)
     off = ~np.eye(len(far), dtype=bool)
     alone = np.diag(np.full(len(far), np.inf))
     steadiest, nearest = (unsteady + alone).min(axis=1), np.maximum((far + alone).min(axis=1), TINY)
@@ -94,7 +98,7 @@ def pair_features(positions: Floats) -> Floats:
         np.minimum(beyond, beyond.T),
         *_between(deviation, away),
     ]
-    return np.stack([np.where(off, one, 0.0) for one in features], axis=-1)
+    return np.stack([np.where(known, np.where(off, one, 0.0), np.nan) for one in features], axis=-1)
 
 
 def _between(deviation: Floats, away: Floats) -> list[Floats]:
@@ -110,8 +114,8 @@ def _between(deviation: Floats, away: Floats) -> list[Floats]:
     return [np.log(1e-2 + unlike), np.log1p(steadier), np.log1p(nearer)]
 
 
-def _distances(positions: Floats) -> tuple[Floats, Floats, Floats]:
-    """Deviation, mean and largest usual distance of each pair [mm]; the largest of all where none are seen together."""
+def _distances(positions: Floats) -> tuple[Bools, Floats, Floats, Floats]:
+    """Whether markers are seen together; deviation, mean and largest usual distance [mm]; the largest of all if not."""
     gaps = np.sort(np.linalg.norm(positions[:, :, np.newaxis] - positions[:, np.newaxis], axis=3), axis=0)
     n_common = (~np.isnan(gaps)).sum(axis=0)
     ends = [
@@ -122,5 +126,7 @@ def _distances(positions: Floats) -> tuple[Floats, Floats, Floats]:
     known = n_common >= LEAST_COMMON
     count = np.maximum(n_common, 1)
     mean = np.nansum(kept, axis=0) / count
-    spread = np.sqrt(np.nansum((kept - mean) ** 2, axis=0) / count)
-    return tuple(np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, ends[1][0]))
+    # What is seen together for a part of the time has had less time to move
+    spread = np.sqrt(np.nansum((kept - mean) ** 2, axis=0) / count * (len(positions) / count))
+    deviation, middle, far = (np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, ends[1][0]))
+    return known, deviation, middle, far

@@ -45,7 +45,9 @@ def test_odds_of_markers_that_are_seldom_seen_are_numbers(simulated):
     positions = np.asarray(simulated("human", 0, soft_tissue=3.0, noise=0.5).take.positions)[::10].copy()
     positions[3:, 0] = np.nan
     positions[:15, 1], positions[15:, 2] = np.nan, np.nan
-    assert np.isfinite(log_odds(positions)).all()
+    odds = log_odds(positions)
+    assert np.isfinite(odds).all()
+    assert odds[0, 5] == odds[1, 2] == 0
 
 
 def test_revision_obeys_what_the_user_states(simulated):
