@@ -16,7 +16,7 @@ from skelgen.app.configuration import all_parameter_classes
 from skelgen.capture.parameters import DetectionParameters
 from skelgen.parameters import Declaration, StageParameters
 
-PACKAGE = "skelgen"
+PACKAGE = "skelgen-mocap"
 FOR_DEVELOPERS = {"dev", "all"}  # tools that no user installs, and a name for all other extras together
 UNSTATED: dict[str, str] = {}  # packages whose metadata name no licence, and the licence file of their source
 LONGEST_NAME = 60  # characters; what is longer is the text of a licence
@@ -52,8 +52,8 @@ CAPTURE = """They belong to a stereo capture and are set in its [settings](captu
 LICENCES = """# Licences of what skelgen installs
 
 skelgen itself is under the MIT licence. This page is generated from the metadata of the installed packages by
-`python docs/generated.py`; the tests compare it with them. `skelgen[gui]` and the like are extras, installed only when
-asked for.
+`python docs/generated.py`; the tests compare it with them. `skelgen-mocap[gui]` and the like are extras, installed only
+when asked for.
 
 | package | licence, as the package states it | needed by |
 |---|---|---|
