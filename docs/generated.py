@@ -71,6 +71,27 @@ images become points ([from images to a skeleton](capture/pipeline.md)).
 What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
 them](how-to/motions.md).
 """
+TRIED = """## What was tried
+
+"Recorded" are files of people; "layout" are small files after the layout that the maker documents, or that files in
+public repositories have, made by the tests. What is not named was not tried.
+
+| tool | versions | tried with |
+| --- | --- | --- |
+| C3D, among them of EVa and OptiTrack | Intel words | recorded, against ezc3d |
+| C3D | DEC and SGI words, and the oddities of the changelog | layout |
+| Cortex, OpenSim, Pyomeca TRC | tabs, commas, doubled tabs; virtual markers | recorded; layout |
+| Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | one recorded; layout |
+| OptiTrack Motive CSV | format versions 1.2, 1.23, 1.25: markers, rigid bodies, bones | layout |
+| Qualisys TSV | 3D | recorded; layout |
+| Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
+| Xsens MVNX | 4 | layout of a public recording |
+| anipose, FreeMoCap, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
+| NumPy .npy, .npz | format 1.0 | written by NumPy |
+
+Not read: Qualisys .mat, Cortex .trb, BTS .tdf, MVNX of sensors alone, Motive with Euler angles or local coordinates.
+The error says what to export instead.
+"""
 KEPT = """## What a written file keeps
 
 All else that a project holds is lost; the project file `.skelgen` keeps everything.
@@ -92,7 +113,7 @@ def formats_markdown() -> str:
     written = [entry for entry in known_formats() if entry.write is not None]
     kept = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
     kept += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
-    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{KEPT}\n{_table(kept)}\n"
+    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{TRIED}\n{KEPT}\n{_table(kept)}\n"
 
 
 def licences_markdown() -> str:
