@@ -53,9 +53,10 @@ class Person:
         together = "; ".join(", ".join(names) for names in groups if len(names) > 1)
         return {"together": together, "apart": ", ".join(names[0] for names in groups)}
 
-    def hierarchy(self, limb_of_marker: Ints) -> dict[str, str]:
+    def hierarchy(self, project: Project) -> dict[str, str]:
         """Parent of every limb, given limbs that are the expert's."""
-        limb_of_body = {int(self.body[marker]): int(limb) for marker, limb in enumerate(limb_of_marker)}
+        markers = zip(project.trajectories.names, project.limbs.limb_of_marker.tolist(), strict=True)
+        limb_of_body = {int(self.body[int(name[1:4])]): limb for name, limb in markers}
         found = {}
         for body, limb in limb_of_body.items():
             parent = int(self.parents[body])
@@ -102,7 +103,7 @@ def reconstruct(person: Person, given: str) -> Project:
     parameters = {"limbs": person.limbs()} if "limbs" in given else None
     n_limbs = len(np.unique(person.body)) if "limbs" in given else None
     project = skelgen.reconstruct(person.take, n_limbs=n_limbs, parameters=parameters, until="limbs")
-    hierarchy = person.hierarchy(project.limbs.limb_of_marker) if "tree" in given else None
+    hierarchy = person.hierarchy(project) if "tree" in given else None
     return skelgen.reconstruct(project, hierarchy=hierarchy)
 
 

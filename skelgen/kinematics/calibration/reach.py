@@ -3,7 +3,7 @@ r"""Joints that a fit has placed beyond what the bodies around them reach: drawn
 Limbs that turn about one axis and hardly about a second one say little of where along the first their joint is, and
 soft tissue that slides as they turn says it wrongly: the joint may come out a metre away. But a joint lies near its
 limbs, and rather near a marker of the limb that is nearer to the root, as people mark joints there. Of a joint that
-lies farther from the line between both limbs' nearest markers than half their distance, two distances are held small,
+lies farther from the line between both limbs' nearest markers than 1.5 times their distance, two distances are held small,
 to that marker m and to the mean c of the child's markers:
 
 .. math::
@@ -33,7 +33,7 @@ from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.model.arrays import Floats
 
-REACH = 0.5
+REACH = 1.5
 """Of the distance between both limbs' markers; of 33 joints of three people that an expert placed, none lies farther
 from the line between their nearest markers than 0.39."""
 

@@ -20,12 +20,12 @@ N_FRAMES = 600
 
 
 def leaning_trunk():
-    """A trunk on a pelvis, seen through skin: as it leans by 1 deg to the side, its skin rises by 8 mm."""
+    """A trunk on a pelvis, seen through skin: as it leans by 1 deg to the side, its skin rises by 24 mm."""
     time = np.linspace(0, 12, N_FRAMES)
     lean = np.deg2rad(1.0) * np.sin(1.7 * time)
     turns = np.stack([lean, 0.3 * lean, np.deg2rad(10.0) * np.sin(time)], axis=1)
     trunk = np.einsum("fij,mj->fmi", matrix_from_vector(turns), TRUNK - LUMBAR) + LUMBAR
-    trunk[:, :, 1] += 8.0 * np.sin(1.7 * time)[:, np.newaxis]
+    trunk[:, :, 1] += 24.0 * np.sin(1.7 * time)[:, np.newaxis]
     positions = np.concatenate([np.tile(PELVIS, (N_FRAMES, 1, 1)), trunk], axis=1)
     rng = np.random.default_rng(0)
     waves = np.sin(rng.uniform(0.5, 3, (8, 3)) * time[:, np.newaxis, np.newaxis] + rng.uniform(0, 6, (8, 3)))
@@ -40,7 +40,7 @@ def test_a_joint_that_slides_place_out_of_reach_is_drawn_back():
     topology = find_joints(take, limbs, constraints=JointConstraints(parents=np.array([-1, 0])))
     _, motion = fit_skeleton(take, limbs, topology)
     error = np.linalg.norm(motion.joint_positions[:, 0] - lumbar, axis=1)
-    assert np.median(error) < 150.0  # 460 mm by the data alone
+    assert np.median(error) < 250.0  # more than 700 mm by the data alone
 
 
 @pytest.mark.parametrize("name", ["human", "rods", "quadruped"])
@@ -50,12 +50,12 @@ def test_joints_of_limbs_that_turn_are_in_reach_wherever_they_are(true_chain, na
 
 
 def test_nearest_marker_and_distances_of_two_limbs():
-    """The joint is 300 mm aside of the line between markers that are 200 mm apart."""
-    chain = Chain(np.array([-1, 0]), np.array([0, 0, 1]), np.array([[0.0, 0, 0], [100, 300, 0]]),
-                  np.array([[-50.0, 0, 0], [50, 0, 0], [100, -300, 0]]))  # fmt: skip
+    """The joint is 600 mm aside of the line between markers that are 200 mm apart."""
+    chain = Chain(np.array([-1, 0]), np.array([0, 0, 1]), np.array([[0.0, 0, 0], [100, 600, 0]]),
+                  np.array([[-50.0, 0, 0], [50, 0, 0], [100, -600, 0]]))  # fmt: skip
     still = ChainPoses(np.zeros((5, 3)), np.tile(np.eye(3), (5, 2, 1, 1)))
     fit = observed(chain, Articulation.free(2), still, still.markers(chain))
     (joint,) = joint_reaches(fit)
     assert joint.marker == 1 and joint.turn == 0.0
-    assert joint.distance == pytest.approx(200.0) and joint.excess == pytest.approx(1.5)
+    assert joint.distance == pytest.approx(200.0) and joint.excess == pytest.approx(3.0)
     assert out_of_reach(fit) == [1]
