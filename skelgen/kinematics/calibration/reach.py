@@ -3,8 +3,8 @@ r"""Joints that a fit has placed beyond what the bodies around them reach: drawn
 Limbs that turn about one axis and hardly about a second one say little of where along the first their joint is, and
 soft tissue that slides as they turn says it wrongly: the joint may come out a metre away. But a joint lies near its
 limbs, and rather near a marker of the limb that is nearer to the root, as people mark joints there. Of a joint that
-lies farther from the line between both limbs' nearest markers than 1.5 times their distance, two distances are held small,
-to that marker m and to the mean c of the child's markers:
+lies farther from the line between both limbs' nearest markers than 1.5 times the distance between the limbs, two
+distances are held small, to that marker m and to the mean c of the child's markers:
 
 .. math::
     \sum \|residuals\|^2 + \lambda \sum_j \left(\frac{|p_j - m_j|^2}{s_j^2} + \frac{|p_j - c_j|^2}{(3 s_j)^2}\right).
