@@ -16,7 +16,7 @@ from skelgen.app.configuration import all_parameter_classes
 from skelgen.capture.parameters import DetectionParameters
 from skelgen.parameters import Declaration, StageParameters
 
-PACKAGE = "skelgen"
+PACKAGE = "skelgen-mocap"
 FOR_DEVELOPERS = {"dev", "all"}  # tools that no user installs, and a name for all other extras together
 UNSTATED: dict[str, str] = {}  # packages whose metadata name no licence, and the licence file of their source
 LONGEST_NAME = 60  # characters; what is longer is the text of a licence
@@ -52,8 +52,8 @@ CAPTURE = """They belong to a stereo capture and are set in its [settings](captu
 LICENCES = """# Licences of what skelgen installs
 
 skelgen itself is under the MIT licence. This page is generated from the metadata of the installed packages by
-`python docs/generated.py`; the tests compare it with them. `skelgen[gui]` and the like are extras, installed only when
-asked for.
+`python docs/generated.py`; the tests compare it with them. `skelgen-mocap[gui]` and the like are extras, installed only
+when asked for.
 
 | package | licence, as the package states it | needed by |
 |---|---|---|
@@ -70,6 +70,27 @@ Beside these formats `skelgen` reads its own [project file](project-file.md), an
 images become points ([from images to a skeleton](capture/pipeline.md)).
 What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
 them](how-to/motions.md).
+"""
+TRIED = """## What was tried
+
+"Recorded" are files of people; "layout" are small files after the layout that the maker documents, or that files in
+public repositories have, made by the tests. What is not named was not tried.
+
+| tool | versions | tried with |
+| --- | --- | --- |
+| C3D, among them of EVa and OptiTrack | Intel words | recorded, against ezc3d |
+| C3D | DEC and SGI words, and the oddities of the changelog | layout |
+| Cortex, OpenSim, Pyomeca TRC | tabs, commas, doubled tabs; virtual markers | recorded; layout |
+| Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | one recorded; layout |
+| OptiTrack Motive CSV | format versions 1.2, 1.23, 1.25: markers, rigid bodies, bones | layout |
+| Qualisys TSV | 3D | recorded; layout |
+| Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
+| Xsens MVNX | 4 | layout of a public recording |
+| anipose, FreeMoCap, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
+| NumPy .npy, .npz | format 1.0 | written by NumPy |
+
+Not read: Qualisys .mat, Cortex .trb, BTS .tdf, MVNX of sensors alone, Motive with Euler angles or local coordinates.
+The error says what to export instead.
 """
 KEPT = """## What a written file keeps
 
@@ -92,7 +113,7 @@ def formats_markdown() -> str:
     written = [entry for entry in known_formats() if entry.write is not None]
     kept = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
     kept += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
-    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{KEPT}\n{_table(kept)}\n"
+    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{TRIED}\n{KEPT}\n{_table(kept)}\n"
 
 
 def licences_markdown() -> str:

@@ -3,7 +3,7 @@
     python examples/09_two_cameras.py [FOLDER]
 
 `simulated:` may be replaced by any other source of pairs of images: cameras, videos, folders. Needs OpenCV:
-`pip install 'skelgen[capture]'`.
+`pip install 'skelgen-mocap[capture]'`.
 """
 
 import importlib.util
@@ -20,7 +20,7 @@ N_PAIRS = 60
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
     if importlib.util.find_spec("cv2") is None:
-        print("needs OpenCV: pip install 'skelgen[capture]'")
+        print("needs OpenCV: pip install 'skelgen-mocap[capture]'")
         return
     with skelgen.simulated_rig("arm", n_frames=N_PAIRS, seed=1) as source:
         settings = source.settings

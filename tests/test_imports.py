@@ -12,7 +12,7 @@ STAGES = PYPROJECT.parent / "skelgen" / "stages"
 
 
 def test_imports_keep_the_contracts(monkeypatch, capsys):
-    pytest.importorskip("importlinter", reason="import-linter is not installed: pip install 'skelgen[dev]'")
+    pytest.importorskip("importlinter", reason="import-linter is not installed: pip install 'skelgen-mocap[dev]'")
     from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
     monkeypatch.chdir(PYPROJECT.parent)

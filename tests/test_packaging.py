@@ -40,7 +40,7 @@ HEAVY = [
 def distributions(tmp_path_factory):
     """The source distribution, and the wheel that is built from it alone."""
     for tool in ("build", "twine"):
-        pytest.importorskip(tool, reason=f"{tool} is not installed: pip install 'skelgen[dev]'")
+        pytest.importorskip(tool, reason=f"{tool} is not installed: pip install 'skelgen-mocap[dev]'")
     source, folder = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
     for name in SOURCES:
         shutil.copytree(ROOT / name, source / name, ignore=PASSING)
@@ -93,7 +93,7 @@ def test_wheel_holds_every_module_and_nothing_else_of_the_checkout(in_wheel):
     wanted = {
         name.removeprefix(f"{root}/") for package, root in roots.items() for name in files_below(Path(root, package))
     }
-    beside = {name for name in in_wheel if not re.match(r"skelgen-[^/]+\.(dist-info|data)/", name)}
+    beside = {name for name in in_wheel if not re.match(r"skelgen_mocap-[^/]+\.(dist-info|data)/", name)}
     assert wanted == beside
 
 
@@ -136,7 +136,7 @@ def test_licences_page_lists_every_dependency():
     page = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
     extras = PROJECT["project"]["optional-dependencies"]
     wanted = [*PROJECT["project"]["dependencies"], *(text for name in set(extras) - {"dev"} for text in extras[name])]
-    names = {re.match(r"[\w.-]+", text).group().lower().replace("_", "-") for text in wanted} - {"skelgen"}
+    names = {re.match(r"[\w.-]+", text).group().lower().replace("_", "-") for text in wanted} - {"skelgen-mocap"}
     listed = {name.lower().replace("_", "-") for name in re.findall(r"^\| \[?([\w.-]+)", page, flags=re.MULTILINE)}
     assert names - listed == set(), "run python docs/generated.py"
 

@@ -22,7 +22,7 @@ LIMIT = 600  # s; it takes 40 s of a core, and other tests share the machine
 def site(tmp_path_factory):
     """The site, built from a copy of the pages, so that nothing is written into the checkout."""
     for module in ("sphinx", "myst_parser", "numpydoc", "furo", "latex2mathml"):
-        pytest.importorskip(module, reason=f"{module} is not installed: pip install 'skelgen[dev]'")
+        pytest.importorskip(module, reason=f"{module} is not installed: pip install 'skelgen-mocap[dev]'")
     copy = tmp_path_factory.mktemp("checkout")
     shutil.copytree(ROOT / "docs", copy / "docs", ignore=shutil.ignore_patterns("reference", "__pycache__"))
     for name in ("gui", "examples", "README.md"):

@@ -25,7 +25,12 @@ _FOREIGN = (
     _Foreign((), (".vsk", ".vst", ".vss", ".mp"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"),
     _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
     _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
-    _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, TSV or MAT from Track Manager"),
+    _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
+    _Foreign(
+        (b"MATLAB 5.0 MAT-file",),
+        (".mat",),
+        f"a MATLAB file; {_MARKERS} or TSV from Track Manager, or save the positions as .npy (frames, points, 3)",
+    ),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
     _Foreign((), (".cap", ".vc", ".trb", ".prj"), f"binary data of Cortex or EVaRT; {_MARKERS} from Cortex"),
     _Foreign((), (".tdf",), f"binary data of BTS; {_MARKERS} from SMART Tracker"),

@@ -22,7 +22,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
 
 SCHEMA = "skelgen-summary-1"
-_PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "numba")
+_PACKAGES = {"skelgen": "skelgen-mocap"} | {name: name for name in ("numpy", "scipy", "scikit-learn", "numba")}
 
 
 def write_summary_json(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
@@ -86,9 +86,9 @@ def summary(project: Project) -> dict[str, object]:
 
 def _versions() -> dict[str, str | None]:
     versions: dict[str, str | None] = {"python": platform.python_version()}
-    for package in _PACKAGES:
+    for package, distribution in _PACKAGES.items():
         try:
-            versions[package] = importlib.metadata.version(package)
+            versions[package] = importlib.metadata.version(distribution)
         except importlib.metadata.PackageNotFoundError:  # run from a checkout that is not installed
             versions[package] = None
     return versions

@@ -179,7 +179,7 @@ def _check_parquet(value: Writable) -> None:
     try:
         import pyarrow  # noqa: F401, PLC0415 - whether it is there
     except ImportError as error:
-        raise WriteError("Parquet needs pyarrow: pip install 'skelgen[tables]'") from error
+        raise WriteError("Parquet needs pyarrow: pip install 'skelgen-mocap[tables]'") from error
 
 
 TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles}

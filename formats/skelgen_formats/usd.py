@@ -80,7 +80,7 @@ def write_usd(
 def _project(value: Writable) -> Project:
     project = moving_project(value, _TITLE)
     if find_spec("pxr") is None:
-        raise WriteError("USD files are written with Pixar's library: pip install 'skelgen[usd]'")
+        raise WriteError("USD files are written with Pixar's library: pip install 'skelgen-mocap[usd]'")
     return project
 
 
@@ -213,5 +213,5 @@ FORMAT = Format(
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
     options=(AXES, UNIT, RATE),
-    note="Skeleton, animation and measured markers as points; needs `skelgen[usd]`; .usda is text.",
+    note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",
 )

@@ -29,6 +29,7 @@ from skelgen._kernels.posing import (
     BY_TURN,
     COVARIANCE,
     FOLLOW,
+    LEAST_LEVEL,
     N_AXIS,
     N_FORM,
     SHIFT,
@@ -89,7 +90,9 @@ def propagate_covariances(
         forward_kinematics(table, nowhere, weights, first, place)
         find_forms(table, place, forms)
         eliminate(table, place, forms, levels[0], solved)
-        set_matrix(places, root, ROTATION, _whole(inverse(symmetric(forms, ROOT, SHIFT), levels[1])))
+        shift = symmetric(forms, ROOT, SHIFT)
+        level = max(levels[1], LEAST_LEVEL * (shift[0] + shift[3] + shift[5]))
+        set_matrix(places, root, ROTATION, _whole(inverse(shift, level)))
         set_matrix(known, ROOT, OF_ORIGIN, matrix(places, root, ROTATION))
         _keep_free_turn(solved, ROOT, known)
         set_matrix(turns, root, ROTATION, matrix(known, ROOT, OF_TURN))

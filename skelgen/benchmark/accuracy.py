@@ -175,7 +175,7 @@ def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
         Receives the progress.
     """
     if find_spec("cv2") is None:
-        text = "Not measured: it needs OpenCV, pip install 'skelgen[capture]'."
+        text = "Not measured: it needs OpenCV, pip install 'skelgen-mocap[capture]'."
         return Section("stereo", "Two cameras", text, ())
     from skelgen.benchmark import stereo  # noqa: PLC0415 - needs the extra `capture`
 
@@ -238,7 +238,7 @@ def measure_exports(effort: Effort, monitor: Monitor) -> Section:
     columns = ("file", "posed by", "largest deviation [mm]", "wanted [mm]")
     text = (
         f"A reconstructed human of 15 limbs, {_EXPORTED_FRAMES} frames, written and posed by the library that owns the "
-        "format. Judges come with pip install 'skelgen[dev]'. Cal3D's library is C++: the tests pose its files."
+        "format. Judges come with pip install 'skelgen-mocap[dev]'. Cal3D's library is C++: the tests pose its files."
     )
     return Section("exports", "Exports", text, (table("Places of limbs (C3D: of joints)", columns, rows),))
 

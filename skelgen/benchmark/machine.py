@@ -10,9 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import skelgen
 from skelgen.errors import SkelgenError
 
-PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn")
+PACKAGES = ("numpy", "scipy", "scikit-learn")
 
 _UNIT = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB, on macOS in bytes
 _CPU_FACTS, _MEMORY_FACTS = Path("/proc/cpuinfo"), Path("/proc/self/status")  # of Linux
@@ -20,7 +21,7 @@ _CPU_FACTS, _MEMORY_FACTS = Path("/proc/cpuinfo"), Path("/proc/self/status")  # 
 
 def machine_line() -> str:
     """Return processor, cores, system, and versions of what computes."""
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    versions = ", ".join([f"skelgen {skelgen.__version__}", *(f"{name} {version(name)}" for name in PACKAGES)])
     system = f"{platform.system()} {platform.machine()}"
     return f"{_processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
 

@@ -57,7 +57,7 @@ def extra_module(module: str, name: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise CaptureError(f"needs {name}: pip install 'skelgen[{extra}]' ({error})") from error
+        raise CaptureError(f"needs {name}: pip install 'skelgen-mocap[{extra}]' ({error})") from error
 
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")

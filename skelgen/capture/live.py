@@ -291,7 +291,7 @@ def _opened() -> tuple[str, Any]:
     try:
         import cv2  # noqa: PLC0415 - only here
     except ImportError:
-        return "pictures need OpenCV: pip install 'skelgen[capture]' (-n captures without them)", None
+        return "pictures need OpenCV: pip install 'skelgen-mocap[capture]' (-n captures without them)", None
     try:
         cv2.namedWindow("left")
     except cv2.error:

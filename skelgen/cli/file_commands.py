@@ -257,5 +257,5 @@ def gui(
         window = importlib.import_module(_MODULE)
     except ImportError as error:
         what = "the window needs PySide6, which cannot be loaded"
-        raise InputError(f"{what} ({error}): pip install 'skelgen[gui]'") from error
+        raise InputError(f"{what} ({error}): pip install 'skelgen-mocap[gui]'") from error
     raise typer.Exit(window.main([] if file is None else [str(file)]))

@@ -123,6 +123,6 @@ def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[
     try:
         import pandas as pd  # noqa: PLC0415 - slow to load, and of the extra `tables`
     except ImportError as error:
-        raise MissingPackageError("tables need pandas: pip install 'skelgen[tables]'") from error
+        raise MissingPackageError("tables need pandas: pip install 'skelgen-mocap[tables]'") from error
     head = head_columns(motion.times, np.arange(motion.n_frames), items)
     return pd.DataFrame(head | {name: np.ravel(values) for name, values in columns.items()})

@@ -126,7 +126,7 @@ class Trajectories:
     rate: float
     name: str = ""
     notices: tuple[str, ...] = ()
-    origin: str = ""
+    origin: str = field(default="", metadata={"is_stored": False})
 
     def __post_init__(self) -> None:
         positions = check_floats(self.positions, (None, None, 3), "positions")

@@ -24,7 +24,16 @@ from skelgen.simulation.markers import (
     soft_tissue_motion,
 )
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
-from skelgen.simulation.people import HEIGHTS, MARKER_SETS, MOTIONS, Person, natural_motion, person, skin_motion
+from skelgen.simulation.people import (
+    HEIGHTS,
+    MARKER_SETS,
+    MOTIONS,
+    SLOWEST,
+    Person,
+    natural_motion,
+    person,
+    skin_motion,
+)
 from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth
@@ -229,6 +238,8 @@ def _living(structure: Structure | str, settings: SimulationParameters, seed: in
     someone, rng = person(marker_set, settings.height, streams["person"]), streams["motion"]
     if settings.motion in MOTIONS:
         _refuse(settings, _OF_RANDOM_MOTION, f"random motion, not to motion {settings.motion}")
+        if rate < SLOWEST:
+            raise ParameterError(f"rate is {rate:g} Hz; motion {settings.motion} needs at least {SLOWEST:g} Hz")
         angles, poses = natural_motion(someone, settings.motion, n_frames, rate, rng)
     else:
         angles = random_angles(someone.body, n_frames, rate, rng, settings.motion_range)

@@ -18,7 +18,7 @@ from skelgen.app.batch.workers import on_cluster
 from skelgen.cli import main
 from skelgen.model import Trajectories
 
-pytest.importorskip("distributed", reason="the extra skelgen[batch] is not installed")
+pytest.importorskip("distributed", reason="the extra skelgen-mocap[batch] is not installed")
 
 ROOT = Path(__file__).parents[2]
 OTHER_VERSION = "import skelgen\nskelgen.__version__ = '0.0.9'\n"

@@ -73,7 +73,7 @@ def test_points_are_converted_with_another_source_and_fewer_frames(settings, tmp
 
 
 def test_images_of_a_folder_are_a_source(settings, tmp_path):
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen-mocap[capture]'")
     rig = simulated_rig("arm", n_frames=N_FRAMES, seed=1)
     for index, pair in enumerate(rig):
         if index == 12:

@@ -153,7 +153,7 @@ def measured_at_once():
 @pytest.mark.parametrize("name", ["stereo", "speed"])
 def test_rows_have_a_text_for_every_column(name):
     if name == "stereo":
-        pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
+        pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen-mocap[capture]'")
     section = measured_at_once() if name == "speed" else SUITES[name](SMALL, SILENT)
     for measured in section.tables:
         assert {len(row) for row in measured.rows} == {len(measured.columns)}

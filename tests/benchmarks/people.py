@@ -1,85 +1,165 @@
-"""Limbs and trees of real people beside an expert's: ``python tests/benchmarks/people.py [take ...]``.
+"""Real people against an expert: ``python tests/benchmarks/people.py [folder]``, with limbs and tree given or not.
 
-The takes lie in ``../shared/data/bodies`` beside the project. Two rows each: everything found, and the tree with the
-expert's limbs given. Purity is the part of markers that lie on a limb of their own body, edges the part of joints that
-join neighbouring bodies (or parts of one), tree the part of the expert's joints that are found.
+The recordings are looked for in ``../shared/data/bodies`` beside the project unless a folder is named. Markers lose
+their names. Joints are those of the template that were found, wrists and toes left out; the template is good to some
+10 mm. SCoRE (Ehrig 2006) is given limbs and tree in every row.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from itertools import product
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from shown import show, show_machine
 
 import skelgen
-from skelgen.model import Limbs, Trajectories
-from skelgen.model.arrays import Bools, Ints
-from skelgen.stages.joints import find_joints
-from skelgen.stages.limbs import find_limbs
+from skelgen.kinematics.joints.closed_form import fit_fixed_point
+from skelgen.kinematics.rigid_bodies import fit_shape
+from skelgen.model import Project, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
 
-FOLDER = Path(__file__).parents[3] / "shared" / "data" / "bodies"
+USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data" / "bodies"
+SMALL = ("radius", "ulna", "toes")
+POSED = 3  # markers that SCoRE needs on a body
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """A take, and what an expert says of it: bodies, their parents, allowed bodies of each marker, and joints [mm]."""
+
+    take: Trajectories
+    bodies: list[str]
+    parents: Ints
+    allowed: Bools
+    joints: Floats | None
+
+    @property
+    def body(self) -> Ints:
+        """Body of each marker, shape (n_markers,)."""
+        return np.asarray(self.allowed.argmax(axis=1))
+
+    @property
+    def edges(self) -> list[tuple[int, int]]:
+        """Body and parent, where both carry markers."""
+        carried = self.allowed.any(axis=0)
+        return [(body, int(q)) for body, q in enumerate(self.parents) if q >= 0 and carried[body] and carried[q]]
+
+    def limbs(self) -> dict[str, str]:
+        """Parameters by which the limbs are the expert's."""
+        groups = [[f"M{marker:03}" for marker in np.flatnonzero(self.body == one)] for one in np.unique(self.body)]
+        together = "; ".join(", ".join(names) for names in groups if len(names) > 1)
+        return {"together": together, "apart": ", ".join(names[0] for names in groups)}
+
+    def hierarchy(self, project: Project) -> dict[str, str]:
+        """Parent of every limb, given limbs that are the expert's."""
+        markers = zip(project.trajectories.names, project.limbs.limb_of_marker.tolist(), strict=True)
+        limb_of_body = {int(self.body[int(name[1:4])]): limb for name, limb in markers}
+        found = {}
+        for body, limb in limb_of_body.items():
+            parent = int(self.parents[body])
+            while parent >= 0 and parent not in limb_of_body:
+                parent = int(self.parents[parent])
+            found[f"limb{limb}"] = f"limb{limb_of_body[parent]}" if parent >= 0 else ""
+        return found
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a row per person and per what is given."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else USUAL_PLACE
+    names = sorted(path.name.removesuffix(".truth.npz") for path in folder.glob("*.truth.npz"))
+    if not names:
+        raise SystemExit(f"no *.truth.npz in {folder}")
     show_machine()
     rows = []
-    for name in sys.argv[1:] or sorted(path.name.split(".")[0] for path in FOLDER.glob("*.truth.npz")):
-        take, allowed, parents = person(name)
-        for title in ("found", "limbs given"):
-            started = time.process_time()
-            limbs = find_limbs(take) if title == "found" else given(allowed)
-            edges = find_joints(take, limbs).edges.tolist()
-            rows.append((name, title, *scores(limbs, edges, allowed, parents), f"{time.process_time() - started:.1f}"))
-    show("Real people", ("take", "", "purity", "limbs", "bodies", "edges", "tree", "s"), rows)
+    for name in names:
+        person = load(folder, name)
+        score = f"{score_error(person):.1f}" if person.joints is not None else ""
+        for given in ("nothing", "limbs", "limbs, tree"):
+            began = time.process_time()
+            project = reconstruct(person, given)
+            seconds = f"{time.process_time() - began:.1f}"
+            rows.append((name, given, *scores(person, project), score, seconds))
+    columns = ("take", "given", "purity", "bodies", "limbs", "edges", "tree", "joints [mm]", "worst", "", "SCoRE", "s")
+    show("People", columns, rows)
 
 
-def person(name: str) -> tuple[Trajectories, Bools, Ints]:
-    """Markers, the bodies that each may be on, shape (n_markers, n_bodies), and the parents of bodies."""
-    truth = np.load(FOLDER / f"{name}.truth.npz")
-    take = skelgen.read(next(path for path in FOLDER.glob(f"{name}.*") if path.suffix != ".npz"))
+def load(folder: Path, name: str) -> Person:
+    """Read a person; markers lose their names."""
+    truth = np.load(folder / f"{name}.truth.npz")
+    take = skelgen.read(next(path for path in folder.glob(f"{name}.*") if path.suffix in {".trc", ".c3d"}))
     assert isinstance(take, Trajectories)
-    index = {plain(label): marker for marker, label in enumerate(take.names)}
-    kept = [index[plain(label)] for label in truth["labels"].tolist()]
-    names = tuple(f"M{number}" for number in range(len(kept)))
-    return Trajectories(take.positions[:, kept], names, take.rate), truth["allowed"], truth["parent"]
+    index = {_bare(one): column for column, one in enumerate(take.names)}
+    positions = take.positions[:, [index[_bare(one)] for one in truth["labels"]]]
+    hidden = Trajectories(positions, [f"M{marker:03}" for marker in range(positions.shape[1])], take.rate)
+    joints = truth["joints"] if "joints" in truth.files else None
+    return Person(hidden, [str(one) for one in truth["bodies"]], truth["parent"], truth["allowed"], joints)
 
 
-def plain(label: str) -> str:
-    """A marker's name without its subject."""
-    return label.rsplit(":", maxsplit=1)[-1].strip().lower()
+def reconstruct(person: Person, given: str) -> Project:
+    """Run all stages with what is given."""
+    parameters = {"limbs": person.limbs()} if "limbs" in given else None
+    n_limbs = len(np.unique(person.body)) if "limbs" in given else None
+    project = skelgen.reconstruct(person.take, n_limbs=n_limbs, parameters=parameters, until="limbs")
+    hierarchy = person.hierarchy(project) if "tree" in given else None
+    return skelgen.reconstruct(project, hierarchy=hierarchy)
 
 
-def given(allowed: Bools) -> Limbs:
-    """The expert's limbs; a marker on two is on the first."""
-    limb_of_marker = np.unique(allowed.argmax(axis=1), return_inverse=True)[1]
-    return Limbs(limb_of_marker, np.zeros((len(allowed), len(allowed))))
+def scores(person: Person, project: Project) -> tuple[str, ...]:
+    """Purity, bodies, limbs, edges, tree, and median and worst error of the joints with its name."""
+    marker = np.array([int(name[1:4]) for name in project.trajectories.names])
+    limb, allowed = project.limbs.limb_of_marker, person.allowed[marker]
+    share = np.stack([allowed[limb == one].sum(axis=0) for one in range(project.limbs.n_limbs)])
+    best = [set(np.flatnonzero((row == row.max()) & (row > 0)).tolist()) for row in share]
+    pure = np.mean(
+        [one >= 0 and bool(best[one] & set(np.flatnonzero(row))) for one, row in zip(limb, allowed, strict=True)]
+    )
+    carried, own = np.flatnonzero(person.allowed.any(axis=0)), allowed[allowed.sum(axis=1) == 1].sum(axis=0)
+    halves = [{body for body in b if row[body] >= own[body] / 2} for b, row in zip(best, share, strict=True)]
+    whole = [body for body in carried if any(body in half for half in halves)]
+    near = {frozenset((body, int(q))) for body, q in enumerate(person.parents)} | {frozenset((b,)) for b in carried}
+    joints = project.skeleton.joints
+    right = [any(frozenset((a, b)) in near for a in best[one.parent] for b in best[one.child]) for one in joints]
+    found = {edge: [i for i, one in enumerate(joints) if _joins(best[one.parent], best[one.child], edge)]
+             for edge in person.edges}  # fmt: skip
+    errors = {}
+    for (body, _), same in found.items():
+        if same and person.joints is not None and not person.bodies[body].startswith(SMALL):
+            apart = project.motion.joint_positions[:, same] - person.joints[:, body, np.newaxis]
+            errors[person.bodies[body]] = float(np.nanmedian(np.linalg.norm(apart, axis=2), axis=0).min())
+    worst = max(errors, key=lambda name: errors[name], default="")
+    tree = np.mean([bool(same) for same in found.values()])
+    figures = (f"{np.median(list(errors.values())):.1f}", f"{errors[worst]:.0f}", worst) if errors else ("", "", "")
+    edges = f"{np.mean(right):.2f}" if right else ""
+    return (f"{pure:.3f}", f"{len(whole)} of {len(carried)}", f"{len(best)}", edges, f"{tree:.2f}", *figures)
 
 
-def scores(limbs: Limbs, edges: list[list[int]], allowed: Bools, parents: Ints) -> tuple[str, ...]:
-    """Purity, limbs found, bodies that have a limb with most of their own markers, right edges, tree found."""
-    shares = [allowed[limbs.markers_of(limb)].sum(axis=0) for limb in range(limbs.n_limbs)]
-    bodies = [set(np.flatnonzero(share == share.max()).tolist()) for share in shares]
-    own = allowed[allowed.sum(axis=1) == 1].sum(axis=0)
-    limb_of = limbs.limb_of_marker.tolist()
-    pure = [limb >= 0 and any(row[body] for body in bodies[limb]) for limb, row in zip(limb_of, allowed, strict=True)]
-    carried = set(np.flatnonzero(allowed.any(axis=0)).tolist())
-    whole = [
-        body
-        for body in carried
-        if any(body in best and share[body] >= own[body] / 2 for best, share in zip(bodies, shares, strict=True))
-    ]
-    joined = [{frozenset(pair) for pair in product(bodies[one], bodies[other])} for one, other in edges]
-    true = {frozenset((body, int(parents[body]))) for body in carried if parents[body] in carried}
-    near = true | {frozenset((body,)) for body in carried}
-    right = np.mean([bool(pairs & near) for pairs in joined])
-    found = len(true & set().union(*joined)) / len(true)
-    counts = (f"{limbs.n_limbs} of {len(carried)}", f"{len(whole)} of {len(carried)}")
-    return f"{np.mean(pure):.3f}", *counts, f"{right:.3f}", f"{found:.3f}"
+def score_error(person: Person) -> float:
+    """Median error of SCoRE's joints [mm]."""
+    errors, positions = [], person.take.positions
+    for body, parent in person.edges:
+        groups = [np.flatnonzero(person.body == one) for one in (parent, body)]
+        if min(map(len, groups)) < POSED or person.bodies[body].startswith(SMALL):
+            continue
+        every = np.arange(len(positions))
+        poses = [fit_shape(positions[:, group], every).world_from_limb for group in groups]
+        fit = fit_fixed_point(*poses, np.zeros(3), np.zeros(3))
+        assert fit is not None and person.joints is not None
+        images = [pose[:, :3, :3] @ place + pose[:, :3, 3]
+                  for pose, place in zip(poses, (fit.in_first, fit.in_second), strict=True)]  # fmt: skip
+        apart = (images[0] + images[1]) / 2 - person.joints[:, body]
+        errors.append(np.nanmedian(np.linalg.norm(apart, axis=1)))
+    return float(np.median(errors))
+
+
+def _joins(first: set[int], second: set[int], edge: tuple[int, int]) -> bool:
+    return (edge[0] in first and edge[1] in second) or (edge[1] in first and edge[0] in second)
+
+
+def _bare(name: str) -> str:
+    return str(name).split(":")[-1].strip().lower()
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def read_with(library, path):
 def read(request, small_project, tmp_path):
     library, name = request.param
     if name == "w.parquet":
-        pytest.importorskip("pyarrow", reason="needs pyarrow: pip install 'skelgen[tables]'")
+        pytest.importorskip("pyarrow", reason="needs pyarrow: pip install 'skelgen-mocap[tables]'")
 
     def by_table(**options):
         paths = write_file(small_project, tmp_path / name, **options)

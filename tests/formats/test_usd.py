@@ -14,7 +14,7 @@ from skelgen_formats.usd import write_usd
 from skelgen.benchmark.judges import bones_of_usd
 from skelgen.errors import WriteError
 
-pytest.importorskip("pxr", reason="pip install 'skelgen[usd]', which also judges")
+pytest.importorskip("pxr", reason="pip install 'skelgen-mocap[usd]', which also judges")
 from pxr import Usd, UsdGeom, UsdSkel
 
 POSITION_MM = 0.01  # demanded; single precision has steps of 0.0002 mm at 2 m

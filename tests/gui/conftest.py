@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("PySide6.QtWidgets", reason="PySide6 is not installed: pip install 'skelgen[gui]'")
+pytest.importorskip("PySide6.QtWidgets", reason="PySide6 is not installed: pip install 'skelgen-mocap[gui]'")
 
 if not os.environ.get("DISPLAY"):
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")

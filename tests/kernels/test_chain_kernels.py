@@ -27,7 +27,7 @@ from skelgen.simulation import simulate
 
 NOISE = 0.5  # mm
 N_FRAMES = 8
-ABOUT = 0.01  # of the largest number, where rounding counts beside what little the markers tell
+ABOUT = 0.2  # of the largest number, where rounding counts beside what little the markers tell
 SAME = 1e-7  # of the largest number: the whole matrix is known no better after its inversion
 
 

@@ -211,6 +211,7 @@ def test_soft_tissue_does_not_change_the_motion() -> None:
         ("rods", {"marker_set": "cast"}, "marker_set belongs to the structure human, not to rods"),
         ("human", {"motion": "fly"}, "motion is 'fly'; it must be one of random, walk, run"),
         ("human", {"motion": "walk", "walk": 5.0}, "walk belongs to random motion, not to motion walk"),
+        ("human", {"motion": "run", "rate": 5.0}, "rate is 5 Hz; motion run needs at least 20 Hz"),
         ("human", {"soft_tissue": "much"}, "'much'; it must be a number, or be realistic or none"),
         ("human", {"soft_tissue": -1.0}, "soft_tissue is -1; it must lie in 0 .. 1000 mm"),
         ("human", {"height": 300.0}, "it must be 0 or at least 1000 mm"),

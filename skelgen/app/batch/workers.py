@@ -261,7 +261,7 @@ def _connected(address: str, timeout: float) -> Iterator[Client]:
         from distributed import Client  # noqa: PLC0415 - an extra
         from distributed.comm import resolve_address  # noqa: PLC0415
     except ImportError as error:
-        raise InputError(f"a scheduler needs dask ({error}): pip install 'skelgen[batch]'") from error
+        raise InputError(f"a scheduler needs dask ({error}): pip install 'skelgen-mocap[batch]'") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in a sentence
     client = Client.__new__(Client)
     client.status = "closed"  # one that never connects shall not wait for that at its end

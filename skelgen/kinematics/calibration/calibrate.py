@@ -83,7 +83,7 @@ class Calibration(ObservedChain):
         if self.known_information is not None:
             return self.known_information
         affordable = int(INFORMATION_WORK / (self.n_constants**2 * (3 + 3 * self.chain.n_limbs)))
-        return _information(self, max(affordable, STEP_FRAMES))
+        return information_of(self, max(affordable, STEP_FRAMES))
 
 
 def calibrate(
@@ -116,7 +116,7 @@ def calibrate(
         start = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
         articulation = articulation.at_rest(chain.parents, start.rotations)
     guess = observed(chain, articulation, start, positions, weights)
-    state = _State.fitted(guess)
+    state = FittedChain.of(guess)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
         better = _improved(state, chain)
         if better is None:
@@ -132,16 +132,34 @@ def calibrate(
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """A chain with fitted poses, its sum of squares [mm^2], and the variance of a coordinate [mm^2]."""
+class FittedChain:
+    """A chain with fitted poses.
+
+    Attributes
+    ----------
+    fit : ObservedChain
+        The chain.
+    squares : float, mm^2
+        Sum of the squared residuals.
+    variance : float, mm^2
+        Of a coordinate.
+    """
 
     fit: ObservedChain
     squares: float
     variance: float
 
     @classmethod
-    def fitted(cls, guess: ObservedChain, max_steps: int = MAX_STEPS) -> _State:
-        """Fit the poses of a chain."""
+    def of(cls, guess: ObservedChain, max_steps: int = MAX_STEPS) -> FittedChain:
+        """Fit the poses of a chain.
+
+        Parameters
+        ----------
+        guess : ObservedChain
+            With poses to start from.
+        max_steps : int
+            Steps of the poses.
+        """
         start, positions, weights = guess.poses, guess.positions, guess.weights
         fit = replace(guess, poses=fit_poses(guess.chain, start, positions, guess.articulation, weights, max_steps))
         n_data = 3 * int((weights > 0).sum())
@@ -150,30 +168,30 @@ class _State:
         return cls(fit, squares, squares / max(n_free, 0.05 * n_data, 1))
 
 
-def _improved(state: _State, first: Chain) -> _State | None:
+def _improved(state: FittedChain, first: Chain) -> FittedChain | None:
     """Take a Gauss-Newton step of the constants, shortened until it lowers the sum of squares; None if none does."""
     fit, n_places = state.fit, 3 * (first.n_markers + first.n_limbs - 1)
     step = _step(state, _packed(first) - _packed(fit.chain))
     for part in STEP_PARTS:
         offsets, joints, tilts = np.split(part * step, [3 * first.n_markers, n_places])
-        better = _State.fitted(fit.stepped(offsets, joints, tilts), POSE_STEPS)
+        better = FittedChain.of(fit.stepped(offsets, joints, tilts), POSE_STEPS)
         if better.squares <= state.squares:
             return better
     return None
 
 
-def _step(state: _State, from_start: Floats) -> Floats:
+def _step(state: FittedChain, from_start: Floats) -> Floats:
     """Step of the constants, with a weak prior at the start.
 
     Directions that no frame determines, such as the free frames of the limbs, are filtered out of it. There the
     gradient is not exactly 0 where poses have not quite converged, and only the weak prior would hold it.
     """
     fit, n_places = state.fit, len(from_start)
-    information = _information(fit, STEP_FRAMES)
+    information = information_of(fit, STEP_FRAMES)
     held = FREE_SHARE * float(np.diag(information)[:n_places].mean())
     prior = max(state.variance / PRIOR_SPREAD**2, held)
     levels = np.full(len(information), prior)
-    levels[n_places:] *= max(3 * float((fit.chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
+    levels[n_places:] *= level_of_tilts(fit.chain)
     gradient = constant_gradient(fit)
     gradient[:n_places] += prior * from_start
     with_prior = information + np.diag(levels)
@@ -184,8 +202,21 @@ def _packed(chain: Chain) -> Floats:
     return np.concatenate([chain.offsets.ravel(), chain.joints[1:].ravel()])
 
 
-def _information(fit: ObservedChain, most: int) -> Floats:
-    """S of all frames, scaled up from at most some that are evenly spread."""
+def level_of_tilts(chain: Chain) -> float:
+    """Return how many mm^2 a tilt of 1 rad^2 is worth: it moves what is a limb away."""
+    return max(3 * float((chain.offsets**2).mean()), 1.0)
+
+
+def information_of(fit: ObservedChain, most: int) -> Floats:
+    """Return S of all frames, scaled up from some.
+
+    Parameters
+    ----------
+    fit : ObservedChain
+        The chain with fitted poses.
+    most : int
+        Evenly spread frames from which S is computed, and a few more of markers that these hardly show.
+    """
     some = fit.at(_spread_frames(fit.weights > 0, most))
     scale = (fit.weights > 0).sum() / max((some.weights > 0).sum(), 1)
     return np.asarray(scale * total_information(some))

@@ -23,6 +23,9 @@ from skelgen.simulation.structures import SIDES
 MOTIONS = ("walk", "run", "squat", "reach", "jump")
 """Natural motions of people."""
 
+SLOWEST = 20.0
+"""Lowest frame rate [Hz] that shows steps and flights."""
+
 # Limb, column of its angles, sign, and whether the sign changes with the side.
 _SIDED = {
     "hip flexion": ("thigh", 1, -1.0, False),
@@ -123,7 +126,7 @@ def natural_motion(
     n_frames : int
         Number of frames.
     rate : float, Hz
-        Frame rate.
+        Frame rate, at least `SLOWEST`.
     rng : numpy.random.Generator
         Source of tempo, sizes, posture and way.
 

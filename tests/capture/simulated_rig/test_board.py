@@ -13,7 +13,7 @@ from skelgen.capture.sources import open_source
 from skelgen.errors import InputError
 from skelgen.model.rig import StereoRig
 
-pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
+pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen-mocap[capture]'")
 
 from skelgen.capture.calibration.board import Board, find_board
 from skelgen.capture.calibration.stereo import calibrate_stereo

@@ -158,7 +158,7 @@ def test_too_few_views_give_a_sentence(qtbot, window, page, gathers):
 def test_without_opencv_the_assistant_says_which_extra_to_install(page, gathers, monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", None)
     gathers("simulated:board?frames=2")
-    assert "needs OpenCV: pip install 'skelgen[capture]'" in page.camera_step.verdict.text()
+    assert "needs OpenCV: pip install 'skelgen-mocap[capture]'" in page.camera_step.verdict.text()
 
 
 def test_a_source_that_is_not_there_gives_a_sentence(page, gathers, tmp_path):

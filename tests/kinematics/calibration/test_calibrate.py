@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skelgen.kinematics.calibration.calibrate import calibrate
+from skelgen.kinematics.calibration.limb_errors import HingeShifts, limb_errors
 from skelgen.kinematics.chain.chain import residuals
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
 
@@ -80,3 +83,14 @@ def test_information_and_gradient_of_frames_add_up(true_chain):
     parts = [whole.at(slice(0, 400)), whole.at(slice(400, 1500))]
     for total in (total_information, constant_gradient):
         np.testing.assert_allclose(sum(total(part) for part in parts), total(whole), rtol=1e-9, atol=1e-6)
+
+
+def test_constants_that_are_all_determined_have_errors_of_the_size_of_the_noise(true_chain):
+    case = true_chain("rods", n_frames=20, noise=0.5)
+    found = calibrate(case.chain, case.poses, case.positions, n_rounds=0)
+    known = replace(found, known_information=100.0 * np.eye(len(found.information)))  # each seen in a hundred frames
+    n_limbs, n_places = case.chain.n_limbs, case.chain.offsets.size + case.chain.joints[1:].size
+    unshifted = HingeShifts(np.zeros((2, n_limbs, 3)), np.zeros(n_limbs), np.zeros((n_places, 0)))
+    errors = limb_errors(known, unshifted, growth=1.0)
+    for limb in range(n_limbs):
+        assert np.sqrt((errors.offsets(limb) ** 2).sum(axis=2)).max() < 1.01 * found.noise / 10

@@ -1,0 +1,61 @@
+"""Joints out of reach: drawn back where slides of soft tissue place them, left alone where they are in reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.kinematics.calibration.reach import joint_reaches, out_of_reach
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
+from skelgen.model import Limbs, Trajectories
+from skelgen.stages.joints import JointConstraints, find_joints
+from skelgen.stages.skeleton import fit_skeleton
+
+PELVIS = np.array([[120.0, 0, 80], [120, 0, -80], [-120, 20, 60], [-120, 20, -60]])
+TRUNK = np.array([[90.0, 380, 30], [-90, 400, 20], [0, 350, 150], [0, 420, -150]])
+LUMBAR = np.array([0.0, 90.0, 0.0])
+N_FRAMES = 600
+
+
+def leaning_trunk():
+    """A trunk on a pelvis, seen through skin: as it leans by 1 deg to the side, its skin rises by 24 mm."""
+    time = np.linspace(0, 12, N_FRAMES)
+    lean = np.deg2rad(1.0) * np.sin(1.7 * time)
+    turns = np.stack([lean, 0.3 * lean, np.deg2rad(10.0) * np.sin(time)], axis=1)
+    trunk = np.einsum("fij,mj->fmi", matrix_from_vector(turns), TRUNK - LUMBAR) + LUMBAR
+    trunk[:, :, 1] += 24.0 * np.sin(1.7 * time)[:, np.newaxis]
+    positions = np.concatenate([np.tile(PELVIS, (N_FRAMES, 1, 1)), trunk], axis=1)
+    rng = np.random.default_rng(0)
+    waves = np.sin(rng.uniform(0.5, 3, (8, 3)) * time[:, np.newaxis, np.newaxis] + rng.uniform(0, 6, (8, 3)))
+    walk = matrix_from_vector(np.stack([0.2 * np.sin(0.9 * time), 0.5 * time, 0 * time], axis=1))
+    return np.einsum("fij,fmj->fmi", walk, positions + 2.0 * waves) + 300.0, walk @ LUMBAR + 300.0
+
+
+def test_a_joint_that_slides_place_out_of_reach_is_drawn_back():
+    positions, lumbar = leaning_trunk()
+    take = Trajectories(positions, [f"m{marker}" for marker in range(8)], 50.0)
+    limbs = Limbs(np.repeat([0, 1], 4), np.zeros((8, 8)))
+    topology = find_joints(take, limbs, constraints=JointConstraints(parents=np.array([-1, 0])))
+    _, motion = fit_skeleton(take, limbs, topology)
+    error = np.linalg.norm(motion.joint_positions[:, 0] - lumbar, axis=1)
+    assert np.median(error) < 250.0  # more than 700 mm by the data alone
+
+
+@pytest.mark.parametrize("name", ["human", "rods", "quadruped"])
+def test_joints_of_limbs_that_turn_are_in_reach_wherever_they_are(true_chain, name):
+    case = true_chain(name, n_frames=100, noise=1.0)
+    assert out_of_reach(observed(case.chain, Articulation.free(case.chain.n_limbs), case.poses, case.positions)) == []
+
+
+def test_nearest_marker_and_distances_of_two_limbs():
+    """The joint is 600 mm aside of the line between markers that are 200 mm apart."""
+    chain = Chain(np.array([-1, 0]), np.array([0, 0, 1]), np.array([[0.0, 0, 0], [100, 600, 0]]),
+                  np.array([[-50.0, 0, 0], [50, 0, 0], [100, -600, 0]]))  # fmt: skip
+    still = ChainPoses(np.zeros((5, 3)), np.tile(np.eye(3), (5, 2, 1, 1)))
+    fit = observed(chain, Articulation.free(2), still, still.markers(chain))
+    (joint,) = joint_reaches(fit)
+    assert joint.marker == 1 and joint.turn == 0.0
+    assert joint.distance == pytest.approx(200.0) and joint.excess == pytest.approx(3.0)
+    assert out_of_reach(fit) == [1]
