@@ -8,9 +8,11 @@ class SkelgenError(Exception):
     """Root of all errors that a user can cause and can act on; the command line exits with 2."""
 
     exit_code = 2
+    longest = 300
+    """Characters of its sentence."""
 
     def __init__(self, sentence: str = "") -> None:
-        super().__init__(shortened(sentence))
+        super().__init__(shortened(sentence, self.longest))
 
 
 class FormatError(SkelgenError):
@@ -41,6 +43,8 @@ class FormatError(SkelgenError):
 class InputError(SkelgenError):
     """Values that no stage can work on: one marker, two frames, nothing but NaN."""
 
+    longest = 800  # what to change about a body of balls is said ball by ball
+
 
 class ParameterError(SkelgenError):
     """A parameter is unknown, of the wrong type or out of its bounds."""
@@ -48,6 +52,8 @@ class ParameterError(SkelgenError):
 
 class CaptureError(SkelgenError):
     """A camera is missing, cannot be set as asked, or breaks off; pairs before that stay good."""
+
+    longest = 800  # calibration says what to do ball by ball
 
 
 class MissingResultError(SkelgenError):
@@ -72,16 +78,24 @@ class Cancelled(SkelgenError):  # noqa: N818 - no error, but what the user asked
     exit_code = 130
 
 
-_LONGEST, _CUT = 300, " [...] "
+_CUT = " [...] "
 
 
-def shortened(sentence: str) -> str:
-    """Return one line of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+def shortened(sentence: str, longest: int = SkelgenError.longest) -> str:
+    """Return one line that is not too long: its middle is left out, as what to do stands at the end.
+
+    Parameters
+    ----------
+    sentence : str
+        What is said, with names of foreign files in it.
+    longest : int
+        Characters of the line.
+    """
     sentence = printable(sentence)
-    if len(sentence) <= _LONGEST:
+    if len(sentence) <= longest:
         return sentence
-    behind = _LONGEST // 2
-    return sentence[: _LONGEST - behind - len(_CUT)] + _CUT + sentence[-behind:]
+    behind = longest // 2
+    return sentence[: longest - behind - len(_CUT)] + _CUT + sentence[-behind:]
 
 
 def printable(text: str) -> str:

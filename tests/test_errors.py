@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from skelgen.errors import Cancelled, FormatError, InputError, out_of_memory
+from skelgen.errors import Cancelled, FormatError, InputError, SkelgenError, out_of_memory
 
 
 def test_sentence_that_is_too_long_loses_its_middle():
-    sentence = str(InputError("a" * 5000 + "; rename it"))
+    sentence = str(SkelgenError("a" * 5000 + "; rename it"))
     assert len(sentence) == 300
     assert sentence.startswith("aaa") and sentence.endswith("aaa; rename it") and " [...] " in sentence
 

@@ -50,6 +50,9 @@ _BROKEN = (
 Arrays = Mapping[str, NDArray[Any]]
 
 
+_TRUTH = ".truth.npz"  # what is true of a simulated take lies beside it, and is none
+
+
 def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
     """Read the points of an array file.
 
@@ -170,7 +173,9 @@ def _number(arrays: Arrays, names: tuple[str, ...]) -> float | None:
 
 
 def _is_array(head: bytes, path: Path) -> bool:
-    return head.startswith(b"\x93NUMPY") or (head.startswith(b"PK\x03\x04") and path.name.lower().endswith(".npz"))
+    name = path.name.lower()
+    is_archive = head.startswith(b"PK\x03\x04") and name.endswith(".npz") and not name.endswith(_TRUTH)
+    return head.startswith(b"\x93NUMPY") or is_archive
 
 
 FORMAT = Format(

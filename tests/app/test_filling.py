@@ -11,7 +11,7 @@ import skelgen
 from skelgen.app.export import write_filled
 from skelgen.app.face import fill
 from skelgen.app.report import report_html
-from skelgen.cli.application import main
+from skelgen.cli import main
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.model import Project
 from skelgen.model.filled import PositionSource

@@ -7,7 +7,7 @@ import pytest
 
 import skelgen
 from skelgen.app.constraints import read_hierarchy
-from skelgen.cli.application import main
+from skelgen.cli import main
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Poses
 from skelgen.simulation import simulate

@@ -315,11 +315,11 @@ def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(tmp_pat
         measure_page(page, suites=noting | done | {"joints": interrupted})
     text = page.read_text()
     assert "1 of 2 wanted figures reached" in text
-    assert "joints, tissue, stereo, exports, speed not measured yet" in text
+    assert "joints, tissue, people, stereo, exports, speed not measured yet" in text
     assert "skelgen benchmark --resume" in text
     measure_page(page, resume=True, suites=noting | {"labels": refused})
     assert "not measured yet" not in page.read_text()
-    assert [name for name, _ in begun] == ["exact", "joints", "tissue", "stereo", "exports", "speed"]
+    assert [name for name, _ in begun] == ["exact", "joints", "tissue", "people", "stereo", "exports", "speed"]
 
 
 def test_page_that_cannot_be_written_is_refused_before_anything_is_measured(tmp_path):

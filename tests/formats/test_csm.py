@@ -66,8 +66,10 @@ def test_rate_of_zero_is_an_error(refused, edited, delivered):
     assert ":10: $Rate is 0 Hz" in refused(edited("zero.csm", delivered, "30.000000", "0"))
 
 
-def test_duplicate_label_is_named(refused, edited, delivered):
-    assert "'LFWT'" in refused(edited("two.csm", delivered, "RBWT", "LFWT"))
+def test_duplicate_label_gets_a_number(edited, delivered):
+    take = read_take(edited("two.csm", delivered, "RBWT", "LFWT"))
+    assert {"LFWT", "LFWT_2"} <= set(take.names)
+    assert any("LFWT" in notice for notice in take.notices)
 
 
 def test_dropouts_are_written_as_asked(walk, tmp_path):

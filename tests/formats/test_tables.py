@@ -77,6 +77,6 @@ def test_long_takes_are_whole(make_project, tmp_path):
 
 def test_without_pyarrow_the_extra_is_named(small_project, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(WriteError, match=r"skelgen\[tables\]"):
+    with pytest.raises(WriteError, match=r"skelgen-mocap\[tables\]"):
         write_file(small_project, tmp_path / "w.parquet")
     assert list(tmp_path.iterdir()) == []

@@ -119,7 +119,7 @@ def test_missing_library_is_said_before_and_while_writing(small_project, tmp_pat
         lambda: find_format("usd").check(small_project, Options()),
         lambda: write_usd(small_project, tmp_path / "w.usdc"),
     ):
-        with pytest.raises(WriteError, match=r"pip install 'skelgen\[usd\]'"):
+        with pytest.raises(WriteError, match=r"pip install 'skelgen-mocap\[usd\]'"):
             attempt()
 
 

@@ -71,5 +71,5 @@ def test_motion_without_a_skeleton_has_no_angles(hinged):
 
 def test_tables_without_pandas_say_how_to_install_it(hinged, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'skelgen\[tables\]'"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'skelgen-mocap\[tables\]'"):
         joints_table(*hinged)

@@ -43,6 +43,9 @@ class Entry:
         return stem_of(self.source)
 
 
+_TRUTH = ".truth.npz"  # of a simulated take
+
+
 def find_entries(inputs: Iterable[Path | str], output: Path, earlier: Mapping[str, str] | None = None) -> list[Entry]:
     """Find the takes and name a folder for each.
 
@@ -134,7 +137,7 @@ def _is_take(path: Path) -> bool:
     readable = [entry for entry in known_formats() if entry.read is not None]
     suffixes = tuple(suffix for entry in readable for suffix in entry.suffixes)
     name = path.name.lower()
-    if name.startswith(".") or not name.endswith(suffixes):
+    if name.startswith(".") or name.endswith(_TRUTH) or not name.endswith(suffixes):
         return False
     if not name.endswith(GENERIC):
         return True

@@ -25,7 +25,7 @@ from skelgen_formats.registry import read_take
 import skelgen
 from skelgen.app.project_file.checks import check_chain
 from skelgen.app.project_file.packing import packed, unpacked
-from skelgen.errors import FormatError, InputError, WriteError
+from skelgen.errors import FormatError, InputError, ParameterError, WriteError
 from skelgen.files import open_regular, read_content, replacing, sha256_of
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
 from skelgen.model.arrays import Floats
@@ -165,7 +165,7 @@ class _Reader:
             raise FormatError(self._path, _STRUCTURE, what)
         try:
             return self._assembled(structure, self._json(_RUN))
-        except (KeyError, TypeError, AttributeError, ValueError, RecursionError, InputError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError, InputError, ParameterError) as error:
             raise FormatError(self._path, _STRUCTURE, f"damaged: {error}") from error
 
     def _assembled(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> Project:

@@ -32,6 +32,10 @@ EXACT_FRAMES = 2000
 """Frames whose part is computed; the others of a long take have that of the nearest one."""
 
 
+_ANY_TURN = 1e6
+"""Variance [rad^2] of a turn that nothing determines."""
+
+
 def find_joint_types(
     fit: Calibration, fixed: Bools, stated: dict[int, str], limits: TypeLimits, are_poses: bool = False
 ) -> list[JointType]:
@@ -53,6 +57,8 @@ def find_joint_types(
     """
     chain, poses, positions = fit.chain, fit.poses, fit.positions
     covariances = pose_covariances(observed(chain, Articulation.free(chain.n_limbs), poses, positions), fit.noise).turns
+    unknown = ~(np.abs(covariances).max(axis=(2, 3)) < _ANY_TURN)  # rad^2; not finite, where nothing shows the limb
+    covariances = np.where(unknown[:, :, np.newaxis, np.newaxis], _ANY_TURN * np.eye(3), covariances)
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
     n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
     freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs

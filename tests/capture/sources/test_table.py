@@ -61,7 +61,7 @@ def test_without_opencv_the_way_to_it_is_said(tmp_path, save, monkeypatch):
     save(tmp_path / "left1.png", 1, 1)
     save(tmp_path / "right1.png", 1, 2)
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(CaptureError, match=r"needs OpenCV: pip install 'skelgen\[capture\]'"):
+    with pytest.raises(CaptureError, match=r"needs OpenCV: pip install 'skelgen-mocap\[capture\]'"):
         open_source(f"folder:{tmp_path}")
 
 

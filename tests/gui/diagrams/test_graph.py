@@ -88,7 +88,7 @@ def test_hover_over_a_joint_tells_cost_margin_rival_kind_and_range(view, topolog
 
 def test_the_margin_of_a_doubtful_joint_is_told_as_such(ringed):
     joints = find_cost_graph(ringed).joints
-    assert [joint.is_doubtful for joint in joints] == [False, False, True]
+    assert [joint.is_doubtful for joint in joints] == [False, True, True]
     assert joints[2].rival == (0, 3)
     assert joints[2].ratio == pytest.approx(3.2 / 3)
     assert margin_label(joints[2]) == "1.1×"

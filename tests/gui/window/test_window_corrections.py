@@ -170,9 +170,9 @@ def test_a_joint_is_forbidden_and_another_one_forced(window, person, computed, c
     assert pairs(forced) - joined
 
 
-def test_a_joint_is_said_to_be_of_a_kind(window, person, computed, chooses):
+def test_a_joint_is_said_to_be_of_a_type(window, person, computed, chooses):
     wanted = "hinge" if computed.skeleton.joints[0].kind != "hinge" else "ball"
-    project = chooses(Selection(joint=0), "Kind", wanted)
+    project = chooses(Selection(joint=0), "Type", wanted)
     assert project.skeleton.joints[0].kind == wanted
     assert undone(window, person, computed)
 
