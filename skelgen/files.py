@@ -14,6 +14,9 @@ from skelgen.interrupts import unfinished, uninterrupted
 UNFINISHED = ".skelgen-"
 """Beginning of the names of what is not finished yet: a program that is killed leaves such files and folders."""
 
+TRUTH_SUFFIX = ".truth.npz"
+"""Usual end of the name of a file that holds what is true of a simulated take; it lies beside the take, and is none."""
+
 _BLOCK = 1 << 20  # bytes read at once
 _SHOWN_OF_NAME = 32  # characters of a file's name in that of its temporary file
 

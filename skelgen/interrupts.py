@@ -1,7 +1,5 @@
 """Interrupts: what is not finished yet is known by name, so that it can be taken away however a program ends."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

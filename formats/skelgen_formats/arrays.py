@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
-from skelgen.files import open_regular
+from skelgen.files import TRUTH_SUFFIX, open_regular
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.options import RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -48,9 +48,6 @@ _BROKEN = (
 )
 
 Arrays = Mapping[str, NDArray[Any]]
-
-
-_TRUTH = ".truth.npz"  # what is true of a simulated take lies beside it, and is none
 
 
 def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
@@ -174,7 +171,7 @@ def _number(arrays: Arrays, names: tuple[str, ...]) -> float | None:
 
 def _is_array(head: bytes, path: Path) -> bool:
     name = path.name.lower()
-    is_archive = head.startswith(b"PK\x03\x04") and name.endswith(".npz") and not name.endswith(_TRUTH)
+    is_archive = head.startswith(b"PK\x03\x04") and name.endswith(".npz") and not name.endswith(TRUTH_SUFFIX)
     return head.startswith(b"\x93NUMPY") or is_archive
 
 

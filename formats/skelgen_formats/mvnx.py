@@ -25,7 +25,7 @@ from skelgen.files import open_regular
 from skelgen.model import Poses
 from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.options import Format
-from skelgen_formats.text import decoded_head, rate_in
+from skelgen_formats.text import SAFE_XML, decoded_head, rate_in
 
 _MM_PER_M = 1000.0
 _NORMAL = "normal"
@@ -60,11 +60,10 @@ def read_mvnx(path: Path) -> Poses:
 def _read(path: Path) -> _Frames:
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
-    safe: dict[str, Any] = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
     frames = _Frames([], 0.0, array("d"), array("d"))
     try:
         with open_regular(path) as stream:
-            events = etree.iterparse(stream, events=("start", "end"), remove_comments=True, remove_pis=True, **safe)
+            events = etree.iterparse(stream, events=("start", "end"), remove_comments=True, remove_pis=True, **SAFE_XML)
             for event, element in events:
                 tag = element.tag.rpartition("}")[2]
                 if event == "start":

@@ -331,6 +331,9 @@ def _shown(text: str) -> str:
     return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...")
 
 
+SAFE_XML: dict[str, Any] = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
+"""How lxml parses what strangers wrote: nothing outside of the file is reached, nothing grows without bound."""
+
 _COMPARED = 64  # characters of names: the comparison takes time as the square of their length
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 
@@ -356,7 +359,7 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     """
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    parser = etree.XMLParser(remove_comments=True, remove_pis=True, **SAFE_XML)
     content = read_content(path, largest + 1)
     if len(content) > largest:
         raise FormatError(path, "", f"the file is larger than {largest} bytes; no {file_name} is")

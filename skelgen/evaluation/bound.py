@@ -9,7 +9,7 @@ from skelgen.kinematics.calibration.uncertainty import Bound, cramer_rao_bound
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Project, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.model.topology import outward_order
 from skelgen.simulation.truth import Truth
 
@@ -43,7 +43,7 @@ def _bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Trut
     """
     if truth.n_limbs < 2 or (truth.parents < 0).sum() != 1:
         return None
-    frames = np.unique(np.linspace(0, truth.n_frames - 1, min(MOST_FRAMES, truth.n_frames)).astype(np.intp))
+    frames = spread_frames(truth.n_frames, MOST_FRAMES)
     measured = np.full((len(frames), truth.n_markers, 3), np.nan)
     known = true_of_marker >= 0
     measured[:, true_of_marker[known]] = trajectories.positions[frames][:, known]

@@ -240,3 +240,16 @@ def evenly_spread(indices: Ints, most: int) -> Ints:
     if len(indices) <= most:
         return indices
     return indices[np.unique(np.linspace(0, len(indices) - 1, most).astype(np.intp))]
+
+
+def spread_frames(n_frames: int, most: int) -> Ints:
+    """Return at most so many frames of a take, evenly spread.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames of the take.
+    most : int
+        How many are wanted at most.
+    """
+    return evenly_spread(np.arange(n_frames), most)

@@ -3,6 +3,7 @@
 May change with every version; scripts import what they need from `skelgen`.
 """
 
+from skelgen.files import TRUTH_SUFFIX
 from skelgen.simulation.articulated import LimbModel, Structure, resized
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
@@ -15,7 +16,7 @@ from skelgen.simulation.structures import (
     rods_chain,
 )
 from skelgen.simulation.take import SimulatedTake, SimulationParameters, simulate
-from skelgen.simulation.truth import TRUTH_SUFFIX, Truth, read_truth, write_truth
+from skelgen.simulation.truth import Truth, read_truth, write_truth
 
 __all__ = [
     "STRUCTURE_NAMES",

@@ -18,9 +18,6 @@ from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_n
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.model.topology import check_forest, joint_children
 
-TRUTH_SUFFIX = ".truth.npz"
-"""Usual end of a truth file's name."""
-
 _VERSION = 1
 _LATER = "soft_tissue"  # files of earlier versions do not hold it
 _MOST_TIMES, _FREE_MEMORY = 16, 1 << 24  # noise and motion shrink to a half; what a small file may take, in bytes

@@ -20,6 +20,7 @@ from skelgen_formats.classic_xml.contents import (
     assemble,
 )
 from skelgen_formats.classic_xml.writer import DEVIATIONS, ROOT, VERSION
+from skelgen_formats.text import SAFE_XML
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
 _JOINT_TAG = re.compile(r"joint(\d{1,9})-(\d{1,9})")
@@ -56,14 +57,13 @@ def read(path: Path) -> ClassicXml:
 
 def _finished_elements(path: Path, tags: tuple[str, ...]) -> Iterator[Any]:
     """Check the root, then yield each element of these tags as soon as it is complete."""
-    safe = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
     with open_regular(path) as stream:
-        for _, root in etree.iterparse(stream, events=("start",), **safe):
+        for _, root in etree.iterparse(stream, events=("start",), **SAFE_XML):
             _check_root(path, root)
             break
     with open_regular(path) as stream:
         source = _Source(path, stream)
-        for _, element in etree.iterparse(source, tag=tags, remove_comments=True, remove_pis=True, **safe):
+        for _, element in etree.iterparse(source, tag=tags, remove_comments=True, remove_pis=True, **SAFE_XML):
             source.n_waiting = 0
             yield element
 

@@ -13,7 +13,7 @@ from skelgen.app.batch.records import MANIFEST, RECORD
 from skelgen.app.outputs import OUTPUTS, stem_of
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.errors import FormatError, InputError
-from skelgen.files import read_content
+from skelgen.files import TRUTH_SUFFIX, read_content
 
 GENERIC = (".csv", ".tsv", ".xml")
 """Suffixes that say little: in a folder, the content must look like a take's too."""
@@ -41,9 +41,6 @@ class Entry:
     def stem(self) -> str:
         """Beginning of the names of its files."""
         return stem_of(self.source)
-
-
-_TRUTH = ".truth.npz"  # of a simulated take
 
 
 def find_entries(inputs: Iterable[Path | str], output: Path, earlier: Mapping[str, str] | None = None) -> list[Entry]:
@@ -137,7 +134,7 @@ def _is_take(path: Path) -> bool:
     readable = [entry for entry in known_formats() if entry.read is not None]
     suffixes = tuple(suffix for entry in readable for suffix in entry.suffixes)
     name = path.name.lower()
-    if name.startswith(".") or name.endswith(_TRUTH) or not name.endswith(suffixes):
+    if name.startswith(".") or name.endswith(TRUTH_SUFFIX) or not name.endswith(suffixes):
         return False
     if not name.endswith(GENERIC):
         return True

@@ -9,11 +9,11 @@ from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import digits, fixed, plain
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.inverse.motion import AngleRange, spread_frames
+from skelgen.kinematics.inverse.motion import MOST_FRAMES, AngleRange
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Project
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, spread_frames
 
 Content = dict[str, Any]
 
@@ -113,7 +113,7 @@ def _angles(project: Project, graph: CostGraph) -> Content:
         _angle_row(index, joint, graph.joints[index].ranges, observed[index])
         for index, joint in enumerate(skeleton.joints)
     ]
-    frames = spread_frames(motion.n_frames)
+    frames = spread_frames(motion.n_frames, MOST_FRAMES)
     posture = posture_of(skeleton, motion, positions, frames)
     times = frames / motion.rate
     figures = [

@@ -24,7 +24,7 @@ from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
 from skelgen.kinematics.inverse.poses import MAX_STEPS, fit_poses
-from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread, spread_frames
 
 STEP_FRAMES = 80
 """Frames from which the matrix S of a step is computed: it need not be exact, but must determine all constants."""
@@ -224,7 +224,7 @@ def information_of(fit: ObservedChain, most: int) -> Floats:
 
 def _spread_frames(seen: Bools, most: int) -> Ints:
     """Evenly spread frames, and more of each marker that is seen in few of these."""
-    chosen = evenly_spread(np.arange(len(seen)), most)
+    chosen = spread_frames(len(seen), most)
     rare = np.flatnonzero(seen[chosen].sum(axis=0) < LEAST_SIGHTS)
     more = [evenly_spread(np.flatnonzero(seen[:, marker]), LEAST_SIGHTS) for marker in rare]
     return np.unique(np.concatenate([chosen, *more]))

@@ -13,8 +13,6 @@ Joints that motion determines stay where they are: limbs that turn about two axe
 which are moved along their axes elsewhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

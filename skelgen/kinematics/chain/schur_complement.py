@@ -173,19 +173,13 @@ class Minimum(Generic[State]):
     solution: BorderedSolution
 
 
-_NOTHING = 1e-30
-"""Information of a direction below this part of the largest is the rounding of none."""
-
-
 def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
     """Return the inverse of an information matrix on what is determined, and unit directions of the rest."""
     if not len(matrix):
         return matrix, matrix
-    own, tiny = np.diag(matrix), np.finfo(np.float64).tiny
-    largest = max(float(own.max()), tiny)
-    scale = np.sqrt(np.where(own > _NOTHING * largest, own, largest))  # mm and rad beside each other
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    known = values > RANK_TOLERANCE * max(values[-1], tiny)
+    known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
     root = vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis]
     unknown = vectors[:, ~known] / scale[:, np.newaxis]
     return root @ root.T, unknown / np.linalg.norm(unknown, axis=0)

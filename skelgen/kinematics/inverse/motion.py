@@ -13,7 +13,7 @@ from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, set_fields
+from skelgen.model.arrays import Bools, Floats, check_bools, check_floats, set_fields, spread_frames
 
 CHUNK_FRAMES = 8_192
 
@@ -156,19 +156,6 @@ class AngleRange:
     std: float
 
 
-def spread_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
-    """Return evenly spread frames.
-
-    Parameters
-    ----------
-    n_frames : int
-        Frames of the take.
-    most : int
-        Number of frames at most.
-    """
-    return np.unique(np.linspace(0, n_frames - 1, min(n_frames, most)).astype(np.intp))
-
-
 def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[tuple[AngleRange, ...], ...]:
     """Return the range of every angle of every joint, in the order of the skeleton's joints.
 
@@ -179,7 +166,7 @@ def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
     """
-    posture = posture_of(skeleton, motion, positions, spread_frames(motion.n_frames))
+    posture = posture_of(skeleton, motion, positions, spread_frames(motion.n_frames, MOST_FRAMES))
     return tuple(_ranges(skeleton, posture, index) for index in range(skeleton.n_joints))
 
 

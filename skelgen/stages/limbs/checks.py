@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.model import Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, evenly_spread
 
 RARE_FRAMES = 30
 """Frames below which the limb of a marker is doubtful; half the take, where that is shorter."""
@@ -79,7 +79,7 @@ def _at_one_place(sampled: Floats) -> Iterator[tuple[int, int]]:
 
 def _mirrored_frames(sampled: Floats) -> int:
     """Number of frames in which a limb is its own mirror image, by its four markers that span the largest volume."""
-    spread = np.unique(np.linspace(0, sampled.shape[1] - 1, MOST_CORNERS).astype(np.intp))
+    spread = evenly_spread(np.arange(sampled.shape[1]), MOST_CORNERS)
     whole = sampled[~np.isnan(sampled[:, spread, 0]).any(axis=1)]
     sets = list(combinations(spread.tolist(), CORNERS))
     if not len(whole) or not sets:

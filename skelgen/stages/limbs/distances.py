@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels.distance_statistics import pair_sums
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.limbs.parameters import LimbParameters
 
 CHUNK_FLOATS = 4_000_000
@@ -110,7 +110,7 @@ def _frames_with_both(positions: Floats, pairs: Bools, most: int) -> Ints:
     found = []
     for first, second in np.argwhere(np.triu(pairs)):
         both = np.flatnonzero(seen[first] & seen[second])
-        found.append(both[np.unique(np.linspace(0, len(both) - 1, min(most, len(both))).astype(np.intp))])
+        found.append(evenly_spread(both, most))
     return np.unique(np.concatenate(found))
 
 

@@ -8,7 +8,7 @@ neighbours, and with how many markers lie between the two.
 
 import numpy as np
 
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Bools, Floats, spread_frames
 
 LOOKED_AT = 200
 """Frames."""
@@ -74,7 +74,7 @@ def pair_features(positions: Floats) -> Floats:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Sampled frames; NaN where unseen.
     """
-    shown = positions[np.unique(np.linspace(0, len(positions) - 1, LOOKED_AT).astype(np.intp))]
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
     known, unsteady, middle, far = _distances(shown)
     off = ~np.eye(len(far), dtype=bool)
     alone = np.diag(np.full(len(far), np.inf))

@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
 from skelgen.model import Limbs, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs import LimbParameters, rigid_groups
 
 GROUPING_FRAMES = 400
@@ -58,7 +58,7 @@ def robust_limbs(trajectories: Trajectories) -> Limbs:
     """Group markers into limbs, unmoved by labels that are wrong for up to a quarter of the time."""
     n_markers = trajectories.n_markers
     labels = np.full(n_markers, -1, dtype=np.intp)
-    deviation = _trimmed_deviations(trajectories.positions[_spaced(trajectories.n_frames, GROUPING_FRAMES)])
+    deviation = _trimmed_deviations(trajectories.positions[spread_frames(trajectories.n_frames, GROUPING_FRAMES)])
     usable = np.flatnonzero((~np.isnan(deviation)).sum(axis=1) > 1)
     if len(usable) > 1:
         inner = deviation[np.ix_(usable, usable)]
@@ -82,7 +82,7 @@ def rigid_model(trajectories: Trajectories, limbs: Limbs) -> RigidModel:
     distance, spread = np.full((2, n_markers, n_markers), np.nan)
     first, second = limb_pairs(limbs)
     if len(first):
-        positions = trajectories.positions[_spaced(trajectories.n_frames, STATISTIC_FRAMES)]
+        positions = trajectories.positions[spread_frames(trajectories.n_frames, STATISTIC_FRAMES)]
         lengths = pair_lengths(positions, first, second)
         middle, count = _sorted_median(lengths)
         deviation = SIGMA_OF_MEDIAN * _sorted_median(np.abs(lengths - middle[:, np.newaxis]))[0]
@@ -99,10 +99,6 @@ def limb_pairs(limbs: Limbs) -> tuple[Ints, Ints]:
     first, second = np.triu_indices(limbs.n_markers, 1)
     same = (limbs.limb_of_marker[first] == limbs.limb_of_marker[second]) & (limbs.limb_of_marker[first] >= 0)
     return first[same], second[same]
-
-
-def _spaced(n_frames: int, most: int) -> Ints:
-    return np.unique(np.linspace(0, max(n_frames - 1, 0), min(most, n_frames)).astype(np.intp))
 
 
 def _sorted_median(rows: Floats) -> tuple[Floats, Ints]:

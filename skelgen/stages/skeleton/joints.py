@@ -16,7 +16,7 @@ from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
 from skelgen.kinematics.joints.rotations import UniversalRotation
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Bools, Floats, spread_frames
 
 NEIGHBOUR_WEIGHT = 0.1
 """Weight of a limb's other joints beside its markers for the place of a hinge along its axis. It is small: near the
@@ -305,8 +305,7 @@ def joint_deviations(
     -------
     ndarray, shape (n_frames, n_limbs, 3), mm
     """
-    n_frames = len(unseen)
-    even = np.linspace(0, n_frames - 1, min(n_frames, EXACT_FRAMES)).astype(np.intp)
+    even = spread_frames(len(unseen), EXACT_FRAMES)
     frames = np.unique(np.concatenate([even, np.flatnonzero(unseen)[:EXACT_FRAMES]]))
     articulation, some = last.articulation, poses[frames]
     axes = articulation.hinge_axes(chain.parents, some.rotations)
@@ -326,7 +325,7 @@ def joint_deviations(
 
 def _shared(last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     """Covariances of the skeleton's part in the parents' axes, shape (n_limbs, 3, 3), mm^2."""
-    frames = np.unique(np.linspace(0, len(positions) - 1, min(len(positions), SHARED_FRAMES)).astype(np.intp))
+    frames = spread_frames(len(positions), SHARED_FRAMES)
     some = poses[frames]
     root = inverse_root(last.information)
     found = frame_covariances(observed(chain, last.articulation, some, positions[frames]), root, last.noise)

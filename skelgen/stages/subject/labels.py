@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, typical_spacing
 from skelgen.stages.subject.points import PlacedTrack, TrackedPoints, place_tracks, tracked_points
@@ -170,7 +170,7 @@ def _followed(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames:
 
 def _n_explained(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
     """Number of positions at their places in some frames."""
-    frames = np.unique(np.linspace(0, points.cloud.n_frames - 1, JUDGED_FRAMES).astype(np.intp))
+    frames = spread_frames(points.cloud.n_frames, JUDGED_FRAMES)
     positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
     if np.isnan(positions[:, :, 0]).all():
         return 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
 from skelgen.model import Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 N_MATES = 6
 """Mates of each marker: a point has three coordinates, and some mates may be hidden."""
@@ -79,8 +79,8 @@ def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
     """Take median and spread of all distances, and find mates and rivals of each marker."""
     n_markers = trajectories.n_markers
     bounded = MOST_SAMPLES // max(1, trajectories.n_markers**2)
-    n_samples = min(trajectories.n_frames, SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
-    frames = np.unique(np.linspace(0, max(trajectories.n_frames - 1, 0), n_samples).astype(np.intp))
+    n_samples = min(SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
+    frames = spread_frames(trajectories.n_frames, n_samples)
     positions = trajectories.positions[frames]
     distance, spread = np.full((2, n_markers, n_markers), np.nan)
     pairs = np.stack(np.triu_indices(n_markers, 1))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
@@ -255,7 +255,7 @@ def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> 
     times, deviations = [], []
     for part in TRIED_GAPS:
         gap = max(1, round(part * LONGEST * rate))
-        first = np.unique(np.linspace(0, max(0, tracklets.n_frames - 1 - gap), TRIED_FRAMES).astype(np.intp))
+        first = spread_frames(max(1, tracklets.n_frames - gap), TRIED_FRAMES)
         if tracklets.n_frames <= gap:
             continue
         both = (tracklets.indices_at(first) >= 0) & (tracklets.indices_at(first + gap) >= 0)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.markers import merge_again
@@ -92,7 +92,7 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
     """
     monitor.begin("identities by rigidity")
     cloud, rate, spacing = task.cloud, task.rate, task.spacing
-    frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
+    frames = spread_frames(cloud.n_frames, MODEL_FRAMES)
     for turn in range(task.parameters.rounds):
         merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
         positions = point_labels.sampled_positions(cloud, merged, frames)

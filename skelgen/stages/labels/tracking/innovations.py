@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import fdtri, gammaln
 
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 MIDDLE, FAR = 0.5, (0.95, 0.99)
 """Quantiles of the innovations from which the tail is found; the heavier counts. Farther out, wrong links dominate."""
@@ -261,7 +261,7 @@ def _by_neighbours(trial: Trial, runs: _Runs, own: Floats) -> tuple[Floats, Floa
 def _neighbours(trial: Trial, chosen: Bools) -> tuple[Ints, Ints]:
     """Chosen points of some frames, and the chosen point of the same frame that is nearest to each."""
     points, nearest = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=np.intp)]
-    for frame in np.unique(np.linspace(0, len(trial.steps) - 1, NEIGHBOUR_FRAMES).astype(int)):
+    for frame in spread_frames(len(trial.steps), NEIGHBOUR_FRAMES):
         here = trial.starts[frame] + np.flatnonzero(chosen[trial.starts[frame] : trial.starts[frame + 1]])
         if len(here) > 1:
             _, found = cKDTree(trial.points[here]).query(trial.points[here], k=2)

@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
 
 LONGEST_PAUSE = 1000
@@ -21,7 +21,7 @@ def typical_spacing(cloud: PointCloud) -> float:
     A hundred frames spread over the take count alike, however many points they hold.
     """
     nearest = []
-    for frame in np.unique(np.linspace(0, cloud.n_frames - 1, 100).astype(int)):
+    for frame in spread_frames(cloud.n_frames, 100):
         points = cloud.frame(frame)
         if len(points) > 1:
             nearest.append(float(np.median(cKDTree(points).query(points, k=2)[0][:, 1])))
