@@ -217,8 +217,9 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     costs : ndarray, shape (n_limbs, n_limbs)
         Symmetric joint costs; NaN or infinite where two limbs cannot be joined.
     sizes : ndarray of intp, shape (n_limbs,), optional
-        Number of markers on each limb. The root of a tree is the limb with most joints, of several the largest, and
-        never one of a single marker if there are others.
+        Number of markers on each limb. The root of a tree is the limb from which most branches hang that are alike in
+        their number of markers, of several the one with most markers, and never one of a single marker if there are
+        others. Without them every limb counts as one.
     root : int, optional
         Limb that is the root of its tree in any case.
 
@@ -235,18 +236,43 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     from networkx import bfs_edges, minimum_spanning_tree  # noqa: PLC0415 - see the module's docstring
 
     tree = minimum_spanning_tree(_graph_of_costs(costs), weight="cost", algorithm="prim")
-    sizes = np.zeros(len(costs), dtype=np.intp) if sizes is None else sizes
+    sizes = np.full(len(costs), 1, dtype=np.intp) if sizes is None else sizes
+    branches = _branch_numbers(tree, sizes)
     parents = np.full(len(costs), -1, dtype=np.intp)
     placed: set[int] = set()
-    for start in sorted(
-        tree, key=lambda limb: (limb != root, sizes[limb] == 1, -tree.degree[limb], -sizes[limb], limb)
-    ):
+    for start in sorted(tree, key=lambda limb: (limb != root, sizes[limb] == 1, -branches[limb], -sizes[limb], limb)):
         if start not in placed:
             placed.add(start)
             for parent, child in bfs_edges(tree, start):
                 parents[child] = parent
                 placed.add(child)
     return parents
+
+
+def _branch_numbers(forest: Graph, sizes: Ints) -> Floats:
+    """How many branches hang from each limb, those that count being alike, shape (n_limbs,).
+
+    The square of the sum over the sum of squares of their numbers of markers: a limb with most joints near the middle
+    of the body has most, and a marker more or less at the end of a branch hardly changes it.
+
+    Parameters
+    ----------
+    forest : networkx.Graph
+        Limbs and joints without loops.
+    sizes : ndarray of intp, shape (n_limbs,)
+        Number of markers on each limb.
+    """
+    from networkx import connected_components, dfs_edges  # noqa: PLC0415 - see the module's docstring
+
+    total, squares = np.zeros((2, len(sizes)), dtype=np.intp)
+    for limbs in connected_components(forest):
+        everything, borne = int(sizes[list(limbs)].sum()), sizes.copy()
+        for parent, child in reversed(list(dfs_edges(forest, min(limbs)))):
+            borne[parent] += borne[child]
+            for limb, branch in ((parent, borne[child]), (child, everything - borne[child])):
+                total[limb] += branch
+                squares[limb] += branch**2
+    return np.asarray(total**2 / np.maximum(squares, 1))
 
 
 def outward_order(parents: Ints) -> Ints:

@@ -79,5 +79,17 @@ def test_root_is_the_limb_with_most_joints_then_the_largest_unless_it_is_given()
     assert spanning_forest(chain, root=3).tolist() == [1, 2, 3, -1]
 
 
+@pytest.mark.parametrize("n_fingers", [0, 3, 5])
+def test_root_is_the_pelvis_however_many_fingers_are_seen(n_fingers):
+    pelvis, chest, hand = 0, 1, 3
+    edges = [(pelvis, chest), (chest, 2), (chest, hand), (chest, 4), (pelvis, 5), (5, 6), (pelvis, 7), (7, 8)]
+    edges += [(hand, 9 + finger) for finger in range(n_fingers)]
+    costs = np.full((9 + n_fingers,) * 2, np.inf)
+    for first, second in edges:
+        costs[first, second] = costs[second, first] = 1.0
+    sizes = np.array([4, 5, 3, 4, 4, 3, 6, 3, 6] + [1] * n_fingers)
+    assert np.flatnonzero(spanning_forest(costs, sizes) < 0).tolist() == [pelvis]
+
+
 def test_limbs_that_nothing_joins_are_trees_of_their_own():
     assert spanning_forest(np.full((3, 3), np.inf)).tolist() == [-1, -1, -1]

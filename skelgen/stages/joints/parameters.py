@@ -88,7 +88,7 @@ class JointConstraints:
     parents : ndarray of intp, shape (n_limbs,), optional
         The whole tree, -1 for roots; found if not given.
     root : int, optional
-        Limb that is the root of its tree; the one with most joints if not given.
+        Limb that is the root of its tree; found by `spanning_forest` if not given.
     """
 
     joined: Sequence[Pair] = ()
