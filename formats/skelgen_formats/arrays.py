@@ -22,7 +22,7 @@ from skelgen.errors import FormatError
 from skelgen.files import TRUTH_SUFFIX, open_regular
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Trajectories
-from skelgen_formats.options import RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.wide import take_from_table
 
 _POSITIONS = ("positions", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
@@ -182,6 +182,6 @@ FORMAT = Format(
     holds="markers",
     sniff=_is_array,
     read=read_arrays,
-    options=(RECORDED_RATE, RECORDED_UNIT),
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
     note="Shape (frames, points, 3); in .npz also names, rate or times, and unit; else by option, as of wide-csv.",
 )

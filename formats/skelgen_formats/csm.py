@@ -42,7 +42,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Format, Option, Options, Writable, per_mm
+from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"
@@ -210,6 +210,8 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return without_unit, f"Names are written without blanks, such as {blanks[0]!r} as {_clean(blanks[0])!r}."
 
 
+DROPOUT = Option("dropout", "word", "How an unseen marker is written.", ("word", "zero"))
+
 FORMAT = Format(
     name="csm",
     title="Character Studio marker file",
@@ -224,6 +226,6 @@ FORMAT = Format(
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     remarks=_remarks,
-    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), AXES, UNIT, RATE, FILLED),
+    options=(DROPOUT, POINTS, AXES, UNIT, RATE, FILLED),
     note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
 )

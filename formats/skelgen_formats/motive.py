@@ -27,7 +27,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, mm_per_unit, scaled, take_from_markers
-from skelgen_formats.options import BODIES, Format
+from skelgen_formats.options import BODIES, POINTS, Format
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 _FIRST_CELL = "Format Version"
@@ -224,6 +224,6 @@ FORMAT = Format(
     holds="markers",
     sniff=lambda head, path: decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL),
     read=lambda path, options: read_motive(path, options.bodies),
-    options=(BODIES,),
+    options=(POINTS, BODIES),
     note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",
 )

@@ -24,7 +24,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
-from skelgen_formats.options import Format
+from skelgen_formats.options import POINTS, Format
 from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 BLOCKS = ("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events", "Forces")
@@ -166,5 +166,6 @@ FORMAT = Format(
     holds="markers",
     sniff=_is_nexus,
     read=lambda path, options: read_nexus(path),
+    options=(POINTS,),
     note="ASCII export with Trajectories, any length unit; other blocks are left out with a notice.",
 )

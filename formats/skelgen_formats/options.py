@@ -33,8 +33,8 @@ OptionValue = str | float | bool
 Writable = Project | Take | Filled
 """What writers are given; each says which of these it can hold."""
 
-MEASURED, ALL_POINTS = "markers", "all"
-"""Choices of `POINTS`."""
+MARKERS, KEYPOINTS, ALL_POINTS = "markers", "keypoints", "all"
+"""Choices of `POINTS`, beside `AUTO`."""
 
 AS_MOVED, AS_FOUND = "as-moved", "as-found"
 """Choices of `JOINTS`."""
@@ -63,7 +63,8 @@ class Options:
     timestamp_unit : str
         Unit of the time stamps in mfml.
     points : str
-        Whether points that a model computed are left out (`MEASURED`) or read as markers (`ALL_POINTS`).
+        What points are: `MARKERS`, on limbs; `KEYPOINTS`, on joints; `AUTO` finds out. `ALL_POINTS` reads those that a
+        model computed, too, as markers.
     bodies : bool
         Whether bodies are read where a file has markers, too.
     recorded_rate : float, Hz
@@ -80,7 +81,7 @@ class Options:
     dropout: str = "word"
     id_width: str = AUTO
     timestamp_unit: str = "us"
-    points: str = MEASURED
+    points: str = AUTO
     bodies: bool = False
     recorded_rate: float = AS_RECORDED_RATE
     recorded_unit: str = AUTO
@@ -153,12 +154,12 @@ RATE = Option(
 
 POINTS = Option(
     "points",
-    MEASURED,
-    "Which points are read: measured markers, or all, those that a model computed from them included.",
-    (MEASURED, ALL_POINTS),
+    AUTO,
+    "What points are: markers on limbs, or keypoints on joints; auto finds out. All: computed ones are markers, too.",
+    (AUTO, MARKERS, KEYPOINTS, ALL_POINTS),
     writing=False,
 )
-"""The option of readers of files that hold results of a model beside the markers."""
+"""The registry tells markers from keypoints in what any reader that offers this has read."""
 
 BODIES = Option("bodies", False, "Read bodies with orientation where the file has markers, too.", writing=False)
 """The option of readers of files that may hold both."""

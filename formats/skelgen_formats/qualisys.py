@@ -21,7 +21,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.options import Format
+from skelgen_formats.options import POINTS, Format
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
@@ -140,5 +140,6 @@ FORMAT = Format(
     holds="markers",
     sniff=_is_qualisys,
     read=lambda path, options: read_qualisys(path),
+    options=(POINTS,),
     note="3D or 6D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen.",
 )

@@ -13,7 +13,8 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.files import read_content
 from skelgen.geometry.frame_rate import with_rate
 from skelgen.geometry.up_axis import with_up_axis
-from skelgen.model import Take
+from skelgen.kinematics.keypoints import keypoint_evidence
+from skelgen.model import Take, Trajectories
 from skelgen.model.arrays import check_rate
 from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor
@@ -44,7 +45,7 @@ from skelgen_formats import (
 )
 from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.markers import table_of
-from skelgen_formats.options import AUTO, Format, Options, OptionValue, Writable
+from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -124,7 +125,27 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Optio
     entry = find_format(format_name) if format_name else recognise(path)
     if entry.read is None:
         raise FormatError(path, "", f"the format {entry.name} can only be written")
-    return entry.read(path, options_of(entry, options, reading=True))
+    chosen = options_of(entry, options, reading=True)
+    take = entry.read(path, chosen)
+    return with_kind(take, chosen.points) if POINTS in entry.options else take
+
+
+def with_kind(take: Take, points: str) -> Take:
+    """Return a take whose points are told to be markers or keypoints.
+
+    Parameters
+    ----------
+    take : PointCloud, Trajectories or Poses
+        As it was read.
+    points : str
+        One of `POINTS.choices`.
+    """
+    if not isinstance(take, Trajectories) or points not in (AUTO, KEYPOINTS):
+        return take
+    why = "as was stated" if points == KEYPOINTS else keypoint_evidence(take.names, take.positions)
+    notice = f"the points are keypoints, which sit on joints: {why}; bones between them become the skeleton"
+    notice += " (`--points markers` takes them as markers on limbs)"
+    return replace(take, are_keypoints=True, notices=(*take.notices, notice)) if why else take
 
 
 def write_file(

@@ -42,7 +42,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MEASURED, POINTS, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"
@@ -75,7 +75,7 @@ class _Table:
         return _LEADING_CELLS + 3 * len(self.names)
 
 
-def read_trc(path: Path, points: str = MEASURED) -> Trajectories | PointCloud:
+def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     """Read a TRC file.
 
     Parameters

@@ -23,7 +23,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.options import AUTO, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import Lines, decoded_head, parse_rows, read_lines
 
 ASSUMED_RATE = 100.0
@@ -189,7 +189,7 @@ CSV = Format(
     holds="markers",
     sniff=_is_wide,
     read=read_wide_csv,
-    options=(RECORDED_RATE, RECORDED_UNIT),
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
     note="Columns name_x, name_y, name_z, as of anipose, FreeMoCap and DeepLabCut in 3D; rate and unit by option.",
 )
 
@@ -236,6 +236,6 @@ PARQUET = Format(
     holds="markers",
     sniff=lambda head, path: head.startswith(b"PAR1"),
     read=read_wide_parquet,
-    options=(RECORDED_RATE, RECORDED_UNIT),
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
     note="Columns as in wide-csv. Needs the extra `tables`.",
 )

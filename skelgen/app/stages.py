@@ -130,6 +130,10 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
         found = _labels_of_points(project, take, settings, options, monitor)
     elif isinstance(take, Poses):
         found = _labels_of_bodies(project, take, monitor)
+    elif take.are_keypoints:
+        if project.identities is not None:
+            raise InputError(f"{project.name}: keypoints have their names from what estimates them; none is to be stated")
+        found = LabelResult(take, None)
     else:
         from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
 
@@ -159,6 +163,8 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     if isinstance(project.take, Poses):
         return _limbs_of_bodies(project, project.take, options, monitor)
     check_trajectories(project.trajectories)
+    if project.trajectories.are_keypoints:
+        return _limbs_of_keypoints(project, options, monitor)
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
     n_limbs = options.n_limbs or stated_number(project, "n_limbs")
@@ -195,6 +201,14 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     InputError
         If there is no limb, or a statement of the user cannot be obeyed.
     """
+    if project.trajectories.are_keypoints:
+        from skelgen.stages.keypoints import find_keypoint_joints  # noqa: PLC0415 - see the module's docstring
+
+        if options.root is not None:
+            _limbs_of_keypoints(project, options, monitor)  # says if there is no such point
+            if project.limbs.limb_of_marker[project.trajectories.names.index(options.root)] != 0:
+                raise InputError(f"{project.name}: the root of keypoints is chosen with their limbs; run that stage with it")
+        return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
     constraints = joint_constraints(project, options, monitor)
@@ -229,6 +243,10 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
     InputError
         If no marker of a tree is ever seen, or a correction cannot be obeyed.
     """
+    if project.trajectories.are_keypoints:
+        from skelgen.stages.keypoints import fit_keypoint_skeleton  # noqa: PLC0415 - see the module's docstring
+
+        return SkeletonResult(*fit_keypoint_skeleton(project.trajectories, project.limbs))
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
     types = joint_types(project, monitor)
@@ -295,3 +313,12 @@ def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monito
         )
     monitor.notice("each body of the take is a limb: this stage is skipped")
     return LimbResult(limbs_from_poses(poses, project.trajectories))
+
+
+def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor) -> LimbResult:
+    if options.n_limbs or options.hierarchy or options.joined or options.parted:
+        what = "limbs and tree of keypoints are the bones between them; only their root can be stated"
+        raise InputError(f"{project.name}: {what} (`--points markers` reads the points as markers)")
+    from skelgen.stages.keypoints import find_keypoint_limbs  # noqa: PLC0415 - see the module's docstring
+
+    return LimbResult(find_keypoint_limbs(project.trajectories, options.root, monitor))

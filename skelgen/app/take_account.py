@@ -1,15 +1,17 @@
 """What a take looks like: which axis is up, how tall it is, how much is missing, whether its unit can be right.
 
 Up is the axis along which the lowest point of a frame keeps still best: a body stands on something. Of an axis that
-is not much better than the next, one is unsure.
+is not much better than the next, one is unsure. Where names tell shoulders, knees and ankles, up is from these to those.
 """
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from skelgen.kinematics.keypoints import joint_of_name
 from skelgen.model import PointCloud, Poses, Take
 from skelgen.model.arrays import Floats
 from skelgen.simulation.people.tables import MARKER_SETS, read_table
@@ -40,7 +42,7 @@ def account_of(take: Take) -> dict[str, Any]:
     Returns
     -------
     mapping
-        ``up`` (x, y, z or empty), ``up_sure`` (sure, likely, unsure), ``height_mm`` along it, ``missing`` (share of
+        ``up`` (x, y, z, -x and so on, or empty), ``up_sure`` (sure, likely, unsure), ``height_mm`` along it, ``missing`` (share of
         positions that are not seen), ``unit`` (a sentence if that of the file can hardly be right) and ``suit``.
     """
     frames = _sample(take)
@@ -53,10 +55,16 @@ def account_of(take: Take) -> dict[str, Any]:
     everything = everything[~np.isnan(everything[:, 0])]
     straying = lowest.std(axis=0) + 1e-3
     order = np.argsort(straying)
-    times = float(straying[order[1]] / straying[order[0]])
-    height = float(np.percentile(everything[:, order[0]], _HIGH) - np.median(lowest[:, order[0]]))
+    axis, times, sign = int(order[0]), float(straying[order[1]] / straying[order[0]]), 1.0
+    rise = _rise(names, frames)
+    if np.sort(np.abs(rise))[-1] > _SURE * np.sort(np.abs(rise))[-2]:
+        axis, times = int(np.abs(rise).argmax()), np.inf
+        sign = float(np.sign(rise[axis]))
+        lowest = sign * np.array([np.nanmin(sign * frame, axis=0) for frame in frames if not np.isnan(frame).all()])
+    height = float(np.percentile(sign * everything[:, axis], _HIGH) - np.median(sign * lowest[:, axis]))
     sure = "sure" if times > _SURE else "likely" if times > _FAIRLY else "unsure"
-    return {"up": "xyz"[order[0]], "up_sure": sure, "height_mm": height, "unit": _unit(frames), **facts}
+    up = "xyz"[axis] if sign > 0 else f"-{'xyz'[axis]}"
+    return {"up": up, "up_sure": sure, "height_mm": height, "unit": _unit(frames), **facts}
 
 
 def account_sentences(facts: Mapping[str, Any]) -> list[str]:
@@ -80,6 +88,19 @@ def _sample(take: Take) -> list[Floats]:
         return [take.frame(index) for index in chosen if len(take.frame(index))]
     positions = take.world_from_body[..., :3, 3] if isinstance(take, Poses) else take.positions
     return [positions[index] for index in chosen]
+
+
+def _rise(names: Sequence[str], frames: Sequence[Floats]) -> Floats:
+    """Median way from knees and ankles to shoulders [mm], shape (3,), if names tell them; else zeros."""
+    joints = [joint_of_name(name)[1] for name in names]
+    high = [point for point, joint in enumerate(joints) if joint == "shoulder"]
+    low = [point for point, joint in enumerate(joints) if joint in ("knee", "ankle")]
+    if not high or not low:
+        return np.zeros(3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # frames in which none is seen
+        ways = np.array([np.nanmean(frame[high], axis=0) - np.nanmean(frame[low], axis=0) for frame in frames])
+        return np.nan_to_num(np.nanmedian(ways, axis=0))
 
 
 def _missing(take: Take) -> float | None:

@@ -119,6 +119,8 @@ class Trajectories:
         What the reader or the labelling did that the user should know.
     origin : str
         Path of the file that it was read from; what else a C3D file holds is written back from there.
+    are_keypoints : bool
+        Whether the points sit on joints, as pose estimation gives them, and not on limbs, as markers do.
     """
 
     positions: Floats
@@ -127,6 +129,7 @@ class Trajectories:
     name: str = ""
     notices: tuple[str, ...] = ()
     origin: str = field(default="", metadata={"is_stored": False})
+    are_keypoints: bool = False
 
     def __post_init__(self) -> None:
         positions = check_floats(self.positions, (None, None, 3), "positions")

@@ -27,7 +27,7 @@ from skelgen_formats.markers import (
     take_from_markers,
     zeros_unseen,
 )
-from skelgen_formats.options import ALL_POINTS, MEASURED
+from skelgen_formats.options import ALL_POINTS, MARKERS
 
 _OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
@@ -42,7 +42,7 @@ class _Points(NamedTuple):
     measured: Ints
 
 
-def read_c3d(path: Path, points: str = MEASURED) -> Trajectories | PointCloud:
+def read_c3d(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     """Read the points of a C3D file.
 
     Parameters
