@@ -132,7 +132,7 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
         found = _labels_of_bodies(project, take, monitor)
     elif take.are_keypoints:
         if project.identities is not None:
-            raise InputError(f"{project.name}: keypoints have their names from what estimates them; none is to be stated")
+            raise InputError(f"{project.name}: keypoints are named by what estimates them; none is to be stated")
         found = LabelResult(take, None)
     else:
         from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
@@ -207,7 +207,8 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
         if options.root is not None:
             _limbs_of_keypoints(project, options, monitor)  # says if there is no such point
             if project.limbs.limb_of_marker[project.trajectories.names.index(options.root)] != 0:
-                raise InputError(f"{project.name}: the root of keypoints is chosen with their limbs; run that stage with it")
+                what = "the root of keypoints is chosen with their limbs; run that stage with it"
+                raise InputError(f"{project.name}: {what}")
         return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 

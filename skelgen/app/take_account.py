@@ -1,7 +1,7 @@
 """What a take looks like: which axis is up, how tall it is, how much is missing, whether its unit can be right.
 
 Up is the axis along which the lowest point of a frame keeps still best: a body stands on something. Of an axis that
-is not much better than the next, one is unsure. Where names tell shoulders, knees and ankles, up is from these to those.
+is not much better than the next, one is unsure. Where names tell shoulders, knees and ankles, up is towards the former.
 """
 
 import re
@@ -42,8 +42,9 @@ def account_of(take: Take) -> dict[str, Any]:
     Returns
     -------
     mapping
-        ``up`` (x, y, z, -x and so on, or empty), ``up_sure`` (sure, likely, unsure), ``height_mm`` along it, ``missing`` (share of
-        positions that are not seen), ``unit`` (a sentence if that of the file can hardly be right) and ``suit``.
+        ``up`` (x, y, z, -x and so on, or empty), ``up_sure`` (sure, likely, unsure), ``height_mm`` along it,
+        ``missing`` (share of positions that are not seen), ``unit`` (a sentence if that of the file can hardly be
+        right) and ``suit``.
     """
     frames = _sample(take)
     names = () if isinstance(take, PointCloud) else take.names
@@ -100,7 +101,7 @@ def _rise(names: Sequence[str], frames: Sequence[Floats]) -> Floats:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # frames in which none is seen
         ways = np.array([np.nanmean(frame[high], axis=0) - np.nanmean(frame[low], axis=0) for frame in frames])
-        return np.nan_to_num(np.nanmedian(ways, axis=0))
+        return np.asarray(np.nan_to_num(np.nanmedian(ways, axis=0)))
 
 
 def _missing(take: Take) -> float | None:

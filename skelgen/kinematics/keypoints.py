@@ -1,4 +1,4 @@
-"""Keypoints: points that sit on the joints of a body, as pose estimation gives them, and not on its limbs, as markers do.
+"""Keypoints: points that sit on the joints of a body, as pose estimation gives them; markers sit on its limbs.
 
 Between two joints that a bone joins lies a constant distance; a point that has such a distance to two others which come
 nearer to each other and part again is a joint. Markers show no such points, but rigid triads. Estimated keypoints are
@@ -16,9 +16,12 @@ _MOST_FRAMES, _FEWEST_FRAMES, _SHARED_OUT = 300, 30, 20_000  # frames with dista
 
 _JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _BONES = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-_MIDDLE = "nose|neck|head|headtop|headtip|headcenter|top|pelvis|midhip|hips?center|hips?|root|spine[a-z]*|midspine|chest"
+_MIDDLE = (
+    "nose|neck|head|headtop|headtip|headcenter|top|pelvis|midhip|hips?center|hips?|root|spine[a-z]*|midspine|chest"
+)
 _MIDDLE += "|thorax|torso|belly|jaw|(?:mid|center)?shoulder(?:center|mid)?|neckcenter|chestcenter|trunkcenter"
-_SIDED = "eye(?:inner|outer)?|ear|mouth|hand(?:tip|[a-z]*)|foot(?:index)?|heel|(?:big|small)?toe|index|pinky|thumb|clavicle|collar"
+_SIDED = "eye(?:inner|outer)?|ear|mouth|hand(?:tip|[a-z]*)|foot(?:index)?|heel|(?:big|small)?toe|index|pinky|thumb"
+_SIDED += "|clavicle|collar"
 _SIDE = "left|right|l|r"
 _KEYPOINT = re.compile(
     rf"(?:body)?(?:(?:{_MIDDLE})|(?P<before>{_SIDE})(?P<first>{'|'.join(_JOINTS)}|{_SIDED})"

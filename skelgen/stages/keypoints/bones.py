@@ -46,7 +46,7 @@ class Bones:
     def bone_of_point(self) -> Ints:
         """The bone of which each point is one of its own, shape (n_points,); -1 where a point is on none."""
         found = np.full(len(self.lengths), -1, dtype=np.intp)
-        for bone, parent in enumerate(self.parents.tolist()):
+        for bone in range(len(self.points)):
             found[self.own_points(bone)] = bone
         return found
 
@@ -75,14 +75,12 @@ def find_bones(trajectories: Trajectories, root: Collection[int] = ()) -> Bones:
     edges = [(int(parents[point]), point) for point in np.flatnonzero(parents >= 0).tolist()]
     groups = _rigid_groups(edges, ranges, {frozenset(bone) for bone in named})
     lonely = [{point} for point in np.flatnonzero(parents < 0).tolist() if all(point not in edge for edge in edges)]
-    seen = trajectories.seen.any(axis=0)
+    seen = np.asarray(trajectories.seen.any(axis=0))
     groups += [group for group in lonely if seen[list(group)].all()]
     return _rooted(groups, trajectories.names, root, lengths, ranges)
 
 
-def _rigid_groups(
-    edges: list[tuple[int, int]], ranges: Floats, named: Collection[frozenset[int]]
-) -> list[set[int]]:
+def _rigid_groups(edges: list[tuple[int, int]], ranges: Floats, named: Collection[frozenset[int]]) -> list[set[int]]:
     """Merge edges that meet in a point and do not turn about it, the surest first; bones of arms and legs stay."""
     group_of = {edge: {*edge} for edge in edges}
     meeting = []

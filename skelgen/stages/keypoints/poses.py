@@ -83,7 +83,9 @@ def _shape(positions: Floats, bones: Bones, bone: int, reference: int) -> Floats
         there = source @ turned[:3, :3].T
     elif len(points) == 2:
         arm = there[1] - there[0]
-        there = np.stack([np.zeros(3), arm * (bones.lengths[points[0], points[1]] / max(np.linalg.norm(arm), _NOTHING))])
+        there = np.stack(
+            [np.zeros(3), arm * (bones.lengths[points[0], points[1]] / max(np.linalg.norm(arm), _NOTHING))]
+        )
     return np.asarray(there - (there[0] if bones.parents[bone] >= 0 else there.mean(axis=0)))
 
 
@@ -107,7 +109,7 @@ def _root_pose(positions: Floats, bones: Bones, bone: int, offsets: Floats, refe
     middle = np.where(seen[..., np.newaxis], measured, 0.0).sum(axis=1) / count
     centre = (seen[..., np.newaxis] * offsets).sum(axis=1) / count
     turns, known = _turns(measured - middle[:, np.newaxis], offsets - centre[:, np.newaxis], about)
-    origins = fill_vectors(middle - (turns @ centre[..., np.newaxis])[..., 0], seen.any(axis=1))
+    origins = fill_vectors(middle - (turns @ centre[..., np.newaxis])[..., 0], np.asarray(seen.any(axis=1)))
     return transform_from(turns, origins), known
 
 
@@ -129,7 +131,7 @@ def _turns(measured: Floats, arms: Floats, about: Floats) -> tuple[Floats, Bools
     straight = (u * extents[:, np.newaxis]) @ axes  # points in one line do not tell how it turns about itself
     moments = np.einsum("fpi,fpj->fij", np.nan_to_num(measured), np.broadcast_to(straight, measured.shape))
     size = max(float((extents**2).sum(axis=1).max()), _NOTHING)
-    known = seen.any(axis=1)
+    known: Bools = np.asarray(seen.any(axis=1))
     turns = nearest_rotation(moments + _WEAK * size * about)
     relative = fill_rotations(about.swapaxes(1, 2) @ turns, known)
     return np.asarray(about @ relative), known
