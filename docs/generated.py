@@ -44,7 +44,15 @@ any stage starts:
 
 From Python: `skelgen.reconstruct(take, parameters={"joints": {"alpha": 0.2}})`.
 
-Names in `config.xml` are those of Schönauer (2007, tables 4.13-4.16) where the classic program has the parameter.
+Names in `config.xml` are those of Schönauer (2007, tables 4.13-4.16) where the classic program has the parameter. A
+file that holds such names alone is taken for one of that program: for the stages that it sets something of, the methods
+of the thesis are used, and a note says so. `--methods default` keeps the usual ones, `--methods classic` takes those of
+the thesis for all stages, with or without a file.
+
+Some parameters have an effect only beside certain values of others, which the tables below name after "acts with";
+`take` stands there for what the take holds: unlabelled points, labelled markers or bodies with orientation. Who sets
+one without them is told that it has no effect. `SPECCLUEPS`, `POLYEPS`, `SOLVEPS`, `TINYEPS` and `PI` of the classic
+program are read, and told to have none: eigenvectors and roots come from libraries that need no such number.
 """
 CAPTURE = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
 `<detection><parameter name="min_area" value="25"/></detection>`."""
@@ -208,7 +216,8 @@ def _row(entry: Declaration, declared: type[StageParameters]) -> tuple[str, ...]
     place = "/".join((entry.config_section or declared.config_section, entry.config_name or entry.name.upper()))
     allowed = entry.bounds.replace(" .. inf", " or more")
     default = f"{_text(entry.default)} {entry.unit}".strip()
-    return (f"`{entry.name}`", entry.kind.__name__, default, allowed, f"`{place}`", entry.help.rstrip("."))
+    help_ = entry.help.rstrip(".") + (f"; acts with {entry.acts_with}" if entry.acts_with else "")
+    return (f"`{entry.name}`", entry.kind.__name__, default, allowed, f"`{place}`", help_)
 
 
 def _text(value: Any) -> str:

@@ -46,6 +46,12 @@ class Declaration:
         that declares it.
     basic : bool
         Whether a form shows it at once, rather than among the advanced ones.
+    acts_with : str
+        When it has an effect, by the values of other parameters of its stage: alternatives joined by ``or``, each of
+        conditions joined by ``and``, each a name with the values that suit, as in ``method=spectral and
+        local_scaling=no or count=rising/rotation``. Empty means always. `take` stands for what the take holds:
+        ``unlabelled``, ``labelled`` or ``bodies``; `n_limbs` for ``given`` or ``found``, and `limbs` for ``small``
+        where one has fewer than three markers.
     """
 
     name: str
@@ -60,6 +66,18 @@ class Declaration:
     config_codes: tuple[str, ...] = ()
     config_section: str = ""
     basic: bool = False
+    acts_with: str = ""
+
+    def acts(self, values: Mapping[str, object]) -> bool:
+        """Return whether it has an effect beside the values of the other parameters of its stage.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            By name. A condition on a name that is not there is met.
+        """
+        alternatives = [alternative.split(" and ") for alternative in self.acts_with.split(" or ")]
+        return any(all(_is_met(condition, values) for condition in one) for one in alternatives)
 
     @property
     def bounds(self) -> str:
@@ -130,6 +148,15 @@ class Facts(TypedDict, total=False):
     config_codes: tuple[str, ...]
     config_section: str
     basic: bool
+    acts_with: str
+
+
+def _is_met(condition: str, values: Mapping[str, object]) -> bool:
+    name, _, suitable = condition.partition("=")
+    if name not in values:
+        return True
+    value = values[name]
+    return (("no", "yes")[value] if isinstance(value, bool) else str(value)) in suitable.split("/")
 
 
 def declare(
@@ -181,13 +208,19 @@ class StageParameters:
     config_section : str
         Name of the element that groups these parameters in ``config.xml``.
     retired : mapping of str to str
-        Names of parameters that earlier versions had, and where they stand in ``config.xml``: they are read, and
-        change nothing.
+        Names of parameters that the classic program or earlier versions had, and where they stand in ``config.xml``:
+        they are read, and change nothing, which a notice says.
+    acts_with : str
+        When parameters have an effect that say nothing of it themselves, as in `Declaration`.
+    classic : mapping of str to str
+        Values that choose the methods of the classic program.
     """
 
     stage: ClassVar[str] = ""
     config_section: ClassVar[str] = ""
     retired: ClassVar[Mapping[str, str]] = {}
+    acts_with: ClassVar[str] = ""
+    classic: ClassVar[Mapping[str, str]] = {}
 
     def __post_init__(self) -> None:
         for declaration in self.declarations():
@@ -200,7 +233,11 @@ class StageParameters:
         kinds, found = get_type_hints(cls), []
         for field in dataclasses.fields(cls):
             declaring = [base for base in cls.__mro__ if field.name in vars(base).get("__annotations__", ())]
-            facts = {"config_section": getattr(declaring[0], "config_section", ""), **field.metadata[_KEY]}
+            usual = {
+                "config_section": getattr(declaring[0], "config_section", ""),
+                "acts_with": vars(declaring[0]).get("acts_with", ""),
+            }
+            facts = {**usual, **field.metadata[_KEY]}
             found.append(Declaration(name=field.name, kind=kinds[field.name], default=field.default, **facts))
         return tuple(found)
 
@@ -228,6 +265,18 @@ class StageParameters:
                 prefix = f"{where}: " if where else ""
                 raise ParameterError(f"{prefix}{cls.stage} has no parameter {name!r}; it has {', '.join(known)}")
         return cls(**{name: known[name].check(value, where) for name, value in values.items() if name in known})
+
+    def idle(self, run: Mapping[str, object]) -> list[Declaration]:
+        """Return the parameters that differ from their defaults and have no effect in a run.
+
+        Parameters
+        ----------
+        run : mapping of str to value
+            What is known beside the parameters: `take`, `n_limbs`, `limbs` as in `Declaration.acts_with`.
+        """
+        values = {**self.as_mapping(), **run}
+        changed = [entry for entry in self.declarations() if values[entry.name] != entry.default]
+        return [entry for entry in changed if not entry.acts(values)]
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some values changed."""

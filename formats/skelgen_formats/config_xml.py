@@ -3,7 +3,7 @@
 The root is ``Parameters``. An element with the attributes ``value`` and ``type`` (``double``, ``int`` or ``string``) is
 a parameter, any other element a group. Parameters bear the classic names where there is one, else their own in
 capitals. Truth values are 0 or 1; a choice that the classic file codes as a number is written as that number and read
-as either.
+as either. A number of type ``int`` is read where a ``double`` belongs.
 """
 
 from __future__ import annotations
@@ -34,11 +34,39 @@ class _Group:
 
     parameters: dict[str, tuple[AnyStage, Declaration]] = field(default_factory=dict)
     groups: dict[str, _Group] = field(default_factory=dict)
-    retired: set[str] = field(default_factory=set)
+    retired: dict[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
         return [*self.parameters, *self.groups]
+
+
+@dataclass(frozen=True, eq=False)
+class Config:
+    """What a ``config.xml`` holds.
+
+    Attributes
+    ----------
+    parameters : dict of str to StageParameters
+        One per class that was asked for, by the name of its stage; what the file does not mention has its default.
+    given : dict of str to set of str
+        Names of the parameters that the file sets, by stage.
+    retired : dict of str to list of str
+        Names in the file that set nothing any more, by stage.
+    """
+
+    parameters: dict[str, StageParameters]
+    given: dict[str, set[str]]
+    retired: dict[str, list[str]]
+
+    @property
+    def is_classic(self) -> bool:
+        """Whether the file sets nothing but what the classic program has."""
+        return all(
+            declaration.config_name or declaration.name not in self.given[stage]
+            for stage, parameters in self.parameters.items()
+            for declaration in parameters.declarations()
+        )
 
 
 def write_config(path: Path | str, stages: Sequence[AnyStage]) -> None:
@@ -59,8 +87,8 @@ def write_config(path: Path | str, stages: Sequence[AnyStage]) -> None:
     write_lines(Path(path), [f"<{ROOT}>", *_group_lines(_tree(stages), _INDENT), f"</{ROOT}>"])
 
 
-def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> dict[str, StageParameters]:
-    """Read parameters; what the file does not mention keeps its default.
+def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> Config:
+    """Read parameters.
 
     Parameters
     ----------
@@ -68,11 +96,6 @@ def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> di
         The file.
     stages : sequence of StageParameters classes
         What is declared.
-
-    Returns
-    -------
-    dict of str to StageParameters
-        One per class, by the name of its stage.
 
     Raises
     ------
@@ -83,13 +106,17 @@ def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> di
     """
     path, tree = Path(path), _tree(stages)
     values: dict[str, dict[str, object]] = {cls.stage: {} for cls in stages}
-    for where, stage, declaration, value in _read_group(
-        path, read_root(path, ROOT, "config.xml", _LARGEST_FILE), tree, ""
-    ):
-        if declaration.name in values[stage.stage]:
+    retired: dict[str, list[str]] = {cls.stage: [] for cls in stages}
+    root = read_root(path, ROOT, "config.xml", _LARGEST_FILE)
+    for where, stage, name, value in _read_group(path, root, tree, ""):
+        if name in values[stage] or name in retired[stage]:
             raise ParameterError(f"{where} is given twice; leave one")
-        values[stage.stage][declaration.name] = value
-    return {cls.stage: cls.from_mapping(values[cls.stage], str(path)) for cls in stages}
+        if value is None:
+            retired[stage].append(name)
+        else:
+            values[stage][name] = value
+    parameters = {cls.stage: cls.from_mapping(values[cls.stage], str(path)) for cls in stages}
+    return Config(parameters, {stage: set(given) for stage, given in values.items()}, retired)
 
 
 def _tree(stages: Iterable[AnyStage]) -> _Group:
@@ -110,7 +137,7 @@ def _tree(stages: Iterable[AnyStage]) -> _Group:
             group = root
             for part in section.split("/"):
                 group = group.groups.setdefault(part, _Group())
-            group.retired.add(name)
+            group.retired[name] = stage.stage
     return root
 
 
@@ -146,19 +173,22 @@ def _written(declaration: Declaration, value: Any) -> tuple[str, str]:
     return _TYPES[declaration.kind], repr(value) if declaration.kind is float else str(value)
 
 
-def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tuple[str, AnyStage, Declaration, Any]]:
+def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tuple[str, str, str, Any]]:
+    """Yield place, stage, name and value of every parameter; the value is None of those that set nothing any more."""
     for child in element:
         name = f"{at}/{child.tag}" if at else str(child.tag)
         where = f"{path}:{child.sourceline}: {name}"
         if child.tag in group.parameters:
             stage, declaration = group.parameters[child.tag]
-            yield where, stage, declaration, _value(where, child, declaration)
+            yield where, stage.stage, declaration.name, _value(where, child, declaration)
         elif child.tag in group.groups and not child.attrib:
             yield from _read_group(path, child, group.groups[child.tag], name)
         elif child.tag in group.groups:
             held = ", ".join(group.groups[child.tag].names)
             raise ParameterError(f"{where} is a group of parameters and has no value; it holds {held}")
-        elif child.tag not in group.retired:
+        elif child.tag in group.retired:
+            yield where, group.retired[child.tag], child.tag, None
+        else:
             known = ", ".join(closest_first(child.tag, group.names))
             raise ParameterError(f"{where} is unknown; {at or ROOT} has {known}")
 
@@ -172,7 +202,7 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
         if not (text.isascii() and text.isdigit() and float(text) < len(declaration.config_codes)):
             raise ParameterError(f"{where} is {text!r}; it must be one of {_codes(declaration)}")
         text = declaration.config_codes[int(text)]
-    elif type_ != _TYPES[declaration.kind]:
+    elif type_ not in _read_as(declaration.kind):
         raise ParameterError(f"{where} has the type {type_!r}; it must be {_allowed_types(declaration)}")
     if declaration.kind is bool and text not in {"0", "1"}:
         raise ParameterError(f"{where} is {text!r}; it must be 0 or 1")
@@ -180,5 +210,10 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
 
 
 def _allowed_types(declaration: Declaration) -> str:
-    own = repr(_TYPES[declaration.kind])
-    return f"'int' or {own}" if declaration.config_codes else own
+    read = _read_as(declaration.kind)
+    return " or ".join(map(repr, dict.fromkeys(("int", *read) if declaration.config_codes else read)))
+
+
+def _read_as(kind: type) -> tuple[str, ...]:
+    """Types that a value of a kind may have in the file; the classic program keeps both kinds of numbers as one."""
+    return ("double", "int") if kind is float else (_TYPES[kind],)

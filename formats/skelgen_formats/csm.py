@@ -54,15 +54,13 @@ _KNOWN_FIRST = ("$comments", "$firstframe", "$lastframe", "$spinelinks", "$rate"
 _Sections = dict[str, tuple[int, list[str]]]  # keyword -> line number and its words
 
 
-def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
+def read_csm(path: Path) -> Trajectories | PointCloud:
     """Read a Character Studio marker file.
 
     Parameters
     ----------
     path : Path
         The file.
-    dropout : str
-        Only for writing; every way to mark a dropout is read.
 
     Returns
     -------
@@ -210,7 +208,7 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return without_unit, f"Names are written without blanks, such as {blanks[0]!r} as {_clean(blanks[0])!r}."
 
 
-DROPOUT = Option("dropout", "word", "How an unseen marker is written.", ("word", "zero"))
+DROPOUT = Option("dropout", "word", "How an unseen marker is written.", ("word", "zero"), reading=False)
 
 FORMAT = Format(
     name="csm",
@@ -218,7 +216,7 @@ FORMAT = Format(
     suffixes=(".csm",),
     holds="markers",
     sniff=_sniff,
-    read=lambda path, options: read_csm(path, options.dropout),
+    read=lambda path, options: read_csm(path),
     write=lambda value, path, options, monitor: write_csm(
         value, path, options.dropout, options.filled, options.unit, monitor
     ),

@@ -163,6 +163,7 @@ class Window(QMainWindow):
         self.files.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self.pages.page)
         self.autosave.failed.connect(self.status.notice)
+        self.commands.parameter_files.noticed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
         self.cameras.changed.connect(self._show_cameras)
         self.pages.shown.connect(self._show_view)

@@ -12,6 +12,7 @@ from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.file_actions import RecentMenu
+from skelgen_gui.project.parameter_files import ParameterFiles
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
@@ -53,6 +54,7 @@ class WindowCommands(QObject):
         super().__init__(window)
         self._window, self.actions, self._context = window, actions, context
         self._pages, self._view3d, self._corrections = pages, view3d, corrections
+        self.parameter_files = ParameterFiles(context.runner, context.report_error, window)
         menus = fill_menu_bar(window.menuBar(), actions)
         recent = RecentMenu(context.preferences, window)
         recent.chosen.connect(context.files.open)
@@ -116,6 +118,9 @@ class WindowCommands(QObject):
             "run_step": self._run_step,
             "run_all": self.run_all,
             "cancel": context.jobs.cancel,
+            "load_parameters": self.parameter_files.choose,
+            "save_parameters": self.parameter_files.save_as,
+            "clear_parameters": self.parameter_files.clear,
             "next_page": lambda: pages.turn(1),
             "previous_page": lambda: pages.turn(-1),
             "shortcuts": lambda: ShortcutsDialog((*self.actions.values(), *self._view3d.actions()), window).open(),

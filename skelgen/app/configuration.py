@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from skelgen.stages.skeleton import SkeletonParameters
 
 _P = TypeVar("_P", bound=StageParameters)
+
+METHODS = ("default", "classic")
+"""Which methods a run takes, where single parameters do not say it."""
 
 ParameterValues = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
 """Parameters as a caller gives them: by stage, or a ``config.xml``."""
@@ -67,11 +70,16 @@ class Settings:
     ----------
     wanted : mapping, Path, str or None
         ``{"joints": {"alpha": 0.2}}``, ``{"joints": JointParameters(alpha=0.2)}``, or the path of a ``config.xml``.
+        A file that sets nothing but what the classic program has chooses its methods, for the stages that it sets
+        something of.
+    methods : str, optional
+        ``classic`` chooses the methods of the thesis for all stages, ``default`` keeps those of this program whatever
+        a file sets.
 
     Raises
     ------
     ParameterError
-        If a stage or a parameter is unknown or a value is out of bounds.
+        If a stage, a parameter or a method is unknown or a value is out of bounds.
 
     Examples
     --------
@@ -79,11 +87,19 @@ class Settings:
     0.2
     """
 
-    def __init__(self, wanted: ParameterValues = None) -> None:
-        values = _from_file(Path(wanted)) if isinstance(wanted, Path | str) else wanted or {}
-        if not isinstance(values, Mapping):
+    def __init__(self, wanted: ParameterValues = None, methods: str | None = None) -> None:
+        if methods not in (None, *METHODS):
+            raise ParameterError(f"methods are {methods!r}; they must be {' or '.join(METHODS)}")
+        self._notices: dict[str, list[str]] = {}
+        if isinstance(wanted, Path | str):
+            self._parameters = self._read(Path(wanted), methods)
+        elif isinstance(wanted or {}, Mapping):
+            self._parameters = {name: _checked(name, value) for name, value in (wanted or {}).items()}
+        else:
             raise ParameterError(f"parameters are {wanted!r:.60}; they must map names of stages to their parameters")
-        self._parameters = {name: _checked(name, value) for name, value in values.items()}
+        if methods == METHODS[1]:
+            for stage in STAGES:
+                self._parameters[stage] = _made_classic(self.of(stage), ())
 
     @property
     def files(self) -> FileParameters:
@@ -149,7 +165,52 @@ class Settings:
         """
         old = self.of(stage).as_mapping()
         new = parameters_class(stage).from_mapping({**old, **values}, where)
-        return Settings({**self._parameters, stage: new})
+        settings = Settings({**self._parameters, stage: new})
+        settings._notices = dict(self._notices)
+        retired = [name for name in values if name in new.retired]
+        if retired:
+            settings._notices[stage] = [*self._notices.get(stage, ()), _retired_notice(retired)]
+        return settings
+
+    def is_changed(self, stage: str) -> bool:
+        """Return whether a parameter of a stage differs from its default."""
+        return stage in self._parameters and self._parameters[stage] != type(self._parameters[stage])()
+
+    def notices(self, stage: str, run: Mapping[str, object]) -> list[str]:
+        """Return sentences on what the user set: methods that a file chose, and parameters without an effect.
+
+        Parameters
+        ----------
+        stage : str
+            Its name.
+        run : mapping of str to value
+            What is known of the run, as in `skelgen.parameters.Declaration.acts_with`.
+        """
+        idle = [
+            f"{entry.name} = {getattr(self.of(stage), entry.name)} has no effect: it acts with {entry.acts_with}"
+            for entry in self.of(stage).idle(run)
+        ]
+        return [*self._notices.get(stage, ()), *idle]
+
+    def all_notices(self) -> list[str]:
+        """Return what can be said of all stages before a take is known."""
+        return [sentence for stage in STAGES for sentence in self.notices(stage, {})]
+
+    def _read(self, path: Path, methods: str | None) -> dict[str, StageParameters]:
+        config = read_config(path, list(all_parameter_classes()))
+        parameters = dict(config.parameters)
+        for stage, retired in config.retired.items():
+            self._notices[stage] = [_retired_notice(retired)] if retired else []
+            sets_something = bool(config.given[stage] or retired)
+            if methods is None and config.is_classic and sets_something and parameters[stage].classic:
+                parameters[stage] = _made_classic(parameters[stage], config.given[stage])
+                chosen = ", ".join(f"{name} = {getattr(parameters[stage], name)}" for name in parameters[stage].classic)
+                self._notices[stage].insert(
+                    0,
+                    f"{path.name} sets nothing but what the program of the thesis has: its method is used for "
+                    f"{stage} ({chosen}); --methods default keeps the usual one",
+                )
+        return parameters
 
     def _of(self, declared: type[_P]) -> _P:
         return cast(_P, self._parameters.setdefault(declared.stage, declared()))
@@ -200,6 +261,19 @@ def write_defaults(path: Path) -> None:
     write_config(path, all_parameter_classes())
 
 
+def write_settings(settings: Settings, path: Path) -> None:
+    """Write a ``config.xml`` with the parameters of all stages, their help as comments.
+
+    Parameters
+    ----------
+    settings : Settings
+        What to write.
+    path : Path
+        The file, replaced as a whole.
+    """
+    write_config(path, [settings.of(cls.stage) for cls in all_parameter_classes()])
+
+
 def parameter_rows(settings: Settings) -> list[dict[str, object]]:
     """Return one row per parameter: stage, name, value, default, unit, bounds, name in config.xml, help."""
     return [
@@ -218,8 +292,14 @@ def parameter_rows(settings: Settings) -> list[dict[str, object]]:
     ]
 
 
-def _from_file(path: Path) -> Mapping[str, StageParameters]:
-    return read_config(path, list(all_parameter_classes()))
+def _made_classic(parameters: StageParameters, given: Collection[str]) -> StageParameters:
+    """Return parameters with the methods of the thesis, but for those that were given."""
+    return parameters.replace(**{name: value for name, value in parameters.classic.items() if name not in given})
+
+
+def _retired_notice(names: Sequence[str]) -> str:
+    have = "has" if len(names) == 1 else "have"
+    return f"{', '.join(names)} {have} no effect: the methods used here need no such number"
 
 
 def _checked(stage: str, value: StageParameters | Mapping[str, Any]) -> StageParameters:

@@ -158,6 +158,8 @@ def convert_file(
     from_format: str | None,
     to_format: str | None,
     options: Mapping[str, Any],
+    reading: Mapping[str, Any] | None = None,
+    *,
     monitor: Monitor = SILENT,
 ) -> tuple[tuple[str, ...], list[Path]]:
     """Read one file and write another.
@@ -169,7 +171,9 @@ def convert_file(
     from_format, to_format : str or None
         Names of the formats; None recognises them.
     options : mapping of str to value
-        For the reader what its format knows, for the writer all else; what that does not know is an error.
+        For the writer what its format knows, for the reader all else; what that does not know is an error.
+    reading : mapping of str to value, optional
+        For the reader, also where the writer has an option of the same name.
     monitor : Monitor
         Receives progress where reading takes long; may cancel.
 
@@ -180,25 +184,31 @@ def convert_file(
     files : list of Path
         The files written.
     """
-    known = _option_names(from_format or name_of_format(source))
-    reading = {name: value for name, value in options.items() if name in known}
-    project = open_input(source, from_format, monitor=monitor, **reading)
-    remaining = {name: value for name, value in options.items() if name not in known}
+    written = set() if _is_project(target, to_format) else _writer_options(target, to_format)
+    read = {name for name in _option_names(from_format or name_of_format(source)) if name not in written}
+    for_reader = {name: value for name, value in options.items() if name in read} | dict(reading or {})
+    project = open_input(source, from_format, monitor=monitor, **for_reader)
+    remaining = {name: value for name, value in options.items() if name not in read}
     value = project if project.has("labels") else project.take
     planned = files_of(target, to_format, remaining)
     check_outputs(planned, (recording_of(project),), planned)
     files = write_any(value, target, to_format, **remaining)
-    return (*project.take.notices, *_remarks(value, target, to_format, remaining)), files
+    return (*project.take.notices, *_remarks(project, target, to_format, remaining)), files
 
 
-def _remarks(value: Project | Take, target: Path, to_format: str | None, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _writer_options(target: Path, to_format: str | None) -> set[str]:
+    entry = registry.format_for_writing(target, to_format)
+    return {option.name for option in entry.options if option.writing}
+
+
+def _remarks(project: Project, target: Path, to_format: str | None, options: Mapping[str, Any]) -> tuple[str, ...]:
     """What becomes of a project in another format; a project file keeps all."""
     from skelgen.app.export import remarks_on  # noqa: PLC0415 - loads the report
 
-    if not isinstance(value, Project) or _is_project(target, to_format):
+    if _is_project(target, to_format):
         return ()
     entry = registry.format_for_writing(target, to_format)
-    return remarks_on(value, entry, target, registry.options_of(entry, options))
+    return remarks_on(project, entry, target, registry.options_of(entry, options))
 
 
 def name_of_format(path: Path) -> str:

@@ -3,17 +3,21 @@
 import time
 from collections.abc import Callable
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
-from skelgen.app.constraints import RunOptions
+from skelgen.app.constraints import RunOptions, stated_number
 from skelgen.app.inputs import check_take
 from skelgen.app.stages import PIPELINE, Stage, with_result
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model import Project, StageReport
+from skelgen.model import Poses, Project, StageReport, Trajectories
 from skelgen.model.project import STAGES
 from skelgen.progress import SILENT, Monitor
+
+_POSE_MARKERS = 3
+"""Markers that give a limb a pose of its own."""
 
 
 def run_stages(
@@ -81,16 +85,37 @@ def check_stage(name: str) -> str:
 def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> Project:
     collecting = CollectingMonitor(monitor)
     collecting.begin(stage.name)
+    is_given = stage.is_given(project)
+    if is_given and settings.is_changed(stage.name):
+        collecting.notice(f"no parameter of {stage.name} has an effect: the take brings the result of this stage")
+    for sentence in [] if is_given else settings.notices(stage.name, _facts(project, options)):
+        collecting.notice(sentence)
     started = time.perf_counter()
     with announce_compiling(_announcing(stage.name, monitor)):
         result = stage.run(project, settings, options, collecting)
     seconds = time.perf_counter() - started
-    if stage.is_given(project):
+    if is_given:
         report = StageReport({}, seconds, tuple(collecting.notices))
     else:
         notices = (*options.notices(stage.name), *collecting.notices)
         report = StageReport(settings.of(stage.name).as_mapping(), seconds, notices)
     return with_result(project, result, report)
+
+
+def _facts(project: Project, options: RunOptions) -> dict[str, object]:
+    """What decides, beside other parameters, whether a parameter has an effect."""
+    n_limbs = options.n_limbs or stated_number(project, "n_limbs")
+    facts: dict[str, object] = {"n_limbs": "given" if n_limbs else "found"}
+    if isinstance(project.take, Poses):
+        facts["take"] = "bodies"
+    elif not isinstance(project.take, Trajectories):
+        facts["take"] = "unlabelled"
+    elif project.identities is None:  # markers that the user states are followed as points of an unlabelled take are
+        facts["take"] = "labelled"
+    if project.has("limbs"):
+        sizes = np.bincount(project.limbs.limb_of_marker[project.limbs.limb_of_marker >= 0])
+        facts["limbs"] = "small" if (sizes < _POSE_MARKERS).any() else "large"
+    return facts
 
 
 def _announcing(stage: str, monitor: Monitor) -> Callable[[str], None]:

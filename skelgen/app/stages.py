@@ -137,7 +137,8 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
     else:
         from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
 
-        found = LabelResult(*check_labels(take, settings.labels, identities=project.identities, monitor=monitor))
+        identities, seed = project.identities, project.seed
+        found = LabelResult(*check_labels(take, settings.labels, identities=identities, seed=seed, monitor=monitor))
     return LabelResult(*corrected_labels(project, found.trajectories, found.labelling, monitor))
 
 

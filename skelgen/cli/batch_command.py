@@ -67,6 +67,7 @@ def batch(
     skeleton: options.SubjectFile = None,
     seed: options.Seed = None,
     config: options.Config = None,
+    methods: options.Methods = None,
     assignments: Assignments = None,
     until_stage: UntilStage = None,
     format_name: options.FormatName = None,
@@ -96,6 +97,8 @@ def batch(
         Numbers of markers and limbs; found if left out.
     hierarchy, skeleton, config : Path, optional
         Files that state the tree, the subject and the parameters.
+    methods : str, optional
+        Methods of all stages: ``default`` or ``classic``.
     root : str, optional
         Root of the tree.
     seed : int, optional
@@ -122,8 +125,9 @@ def batch(
     if skeleton is not None:
         excluded = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--hierarchy": hierarchy, "--root": root}
         refuse_beside_skeleton(excluded | {"--until": until_stage})
+    settings = settings_with(Settings(config, methods), assignments or ())
     job = Job(
-        settings=settings_with(Settings(config), assignments or ()).as_mapping(),
+        settings=settings.as_mapping(),
         options=RunOptions(n_markers, n_limbs, 1, hierarchy_in(hierarchy), root),
         seed=seed,
         until=until_stage,
@@ -133,6 +137,7 @@ def batch(
         subject=None if skeleton is None else subject_file(skeleton),
     )
     screen = Screen(quiet, as_json)
+    screen.note(settings.all_notices())
     with screen.watching(counted=True) as monitor:
         pool = _pool(jobs, timeout, scheduler, output)
         result = run_batch(takes, output, job, pool=pool, resume=resume, monitor=monitor)

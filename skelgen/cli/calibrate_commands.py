@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skelgen.cli.options import AsJson, Config, FormatName, Overwrite, Quiet, Seed
+from skelgen.cli.options import AsJson, Config, FormatName, Methods, Overwrite, Quiet, Seed
 from skelgen.cli.screen import Screen, show_results
 from skelgen.errors import InputError
 
@@ -197,6 +197,7 @@ def skeleton(
     ],
     seed: Seed = None,
     config: Config = None,
+    methods: Methods = None,
     format_name: FormatName = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -214,6 +215,8 @@ def skeleton(
         Seed of every random choice.
     config : Path, optional
         Parameters of all stages.
+    methods : str, optional
+        Methods of all stages: ``default`` or ``classic``.
     format_name : str, optional
         Format to read; found by content if left out.
     quiet, as_json : bool
@@ -237,7 +240,7 @@ def skeleton(
     for take in read:
         screen.note(take.notices)
     with screen.watching() as monitor:
-        found = calibrate_together(read, settings=Settings(config), seed=seed or 0, monitor=monitor)
+        found = calibrate_together(read, settings=Settings(config, methods), seed=seed or 0, monitor=monitor)
         files = write_outputs(found.skeleton, output, STEM, monitor=monitor)
         for stem, project in zip(stems, found.takes, strict=True):
             files += write_outputs(project, output / stem, stem, monitor=monitor)

@@ -3,6 +3,7 @@
 import importlib
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +18,15 @@ OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; 
 OutputFormat = Annotated[
     str | None, typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix")
 ]
+Reading = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reading",
+        metavar="NAME=VALUE",
+        help="An option of the reader that the writer has, too, e.g. timestamp_unit=ms; may be repeated.",
+        show_default=False,
+    ),
+]
 ProjectFile = Annotated[
     Path, typer.Argument(metavar="RESULT", help="A .skelgen project, or the folder of a run with one in it.")
 ]
@@ -27,11 +37,12 @@ def convert(
     target: OutputFile,
     format_name: FormatName = None,
     to: OutputFormat = None,
+    reading: Reading = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Read a take or a project and write it in another format.
+    """Read a take or a project and write it in another format; options of both sides are those of the file written.
 
     Parameters
     ----------
@@ -39,6 +50,8 @@ def convert(
         What is read, and what is written.
     format_name, to : str, optional
         Formats of both; found by content and by suffix if left out.
+    reading : list of str, optional
+        Options of the reader that the writer has, too, as ``name=value``.
     quiet : bool
         Whether neither progress nor notes are shown.
     **values
@@ -50,9 +63,19 @@ def convert(
     screen = Screen(quiet)
     check_outputs(files_of(target, to, given(values)), (take,), (target,), overwrite=overwrite)
     with screen.watching() as monitor:
-        notices, files = convert_file(take, target, format_name, to, given(values), monitor)
+        notices, files = convert_file(
+            take, target, format_name, to, given(values), _named_values(reading or ()), monitor=monitor
+        )
     screen.note(notices)
     show_files(screen, files)
+
+
+def _named_values(texts: Iterable[str]) -> dict[str, str]:
+    pairs = [(text, *text.partition("=")) for text in texts]
+    for text, _, equals, _ in pairs:
+        if not equals:
+            raise ParameterError(f"--reading {text}: it must have the form name=value, e.g. timestamp_unit=ms")
+    return {name.strip().replace("-", "_"): value.strip() for _, name, _, value in pairs}
 
 
 def info(
@@ -169,7 +192,9 @@ def config(
     from skelgen.app.replacing import check_outputs
 
     screen = Screen(as_json=as_json)
-    rows = parameter_rows(Settings(file))
+    settings = Settings(file)
+    screen.note(settings.all_notices())
+    rows = parameter_rows(settings)
     if write:
         check_outputs((write,), (file,), (write,))
         write_defaults(write)

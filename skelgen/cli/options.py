@@ -87,6 +87,15 @@ Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),
 ]
+Methods = Annotated[
+    str | None,
+    typer.Option(
+        "--methods",
+        metavar="default|classic",
+        help="Methods of all stages: this program's, or those of Schönauer (2007).",
+        show_default="default; those of the thesis for stages that a config.xml of its names alone sets",
+    ),
+]
 FormatName = Annotated[
     str | None,
     typer.Option(

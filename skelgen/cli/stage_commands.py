@@ -98,6 +98,7 @@ def run(
     seed: options.Seed = None,
     jobs: options.Jobs = 1,
     config: options.Config = None,
+    methods: options.Methods = None,
     assignments: Assignments = None,
     from_stage: FromStage = None,
     until_stage: UntilStage = None,
@@ -119,6 +120,8 @@ def run(
         Numbers of markers and limbs; found if left out.
     identities, hierarchy, skeleton, config : Path, optional
         Files that state points, the tree, the subject and the parameters.
+    methods : str, optional
+        Methods of all stages: ``default`` or ``classic``.
     root : str, optional
         Root of the tree.
     seed : int, optional
@@ -144,7 +147,7 @@ def run(
 
     screen = Screen(quiet, as_json)
     take = find_result(take)
-    settings = settings_with(Settings(config), assignments or ())
+    settings = settings_with(Settings(config, methods), assignments or ())
     with screen.watching() as monitor:
         project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
     if skeleton is not None:
@@ -223,6 +226,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         output: options.OutputFolder = None,
         seed: options.Seed = None,
         config: options.Config = None,
+        methods: options.Methods = None,
         format_name: options.FormatName = None,
         overwrite: options.Overwrite = False,
         quiet: options.Quiet = False,
@@ -235,7 +239,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         from skelgen.app.outputs import stem_of
         from skelgen.app.project_file.archive import find_result
 
-        settings = Settings(config)
+        settings = Settings(config, methods)
         source, target = (Path(getattr(settings.files, file)) for file in _DEFAULT_FILES[stage])
         take = find_result(take) if take else None
         inputs = (take or source, values.get("identities"), values.get("hierarchy"), values.get("skeleton"), config)

@@ -173,6 +173,31 @@ def test_convert_says_what_the_format_cannot_hold(small_project, tmp_path, capsy
     assert "does not hold" not in capsys.readouterr().err
 
 
+def test_convert_gives_options_of_both_sides_to_the_file_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    take = skelgen.simulate("rods", n_frames=20, labelled=False).take
+    skelgen.write(take, "us.mfml")
+    assert main(["convert", "us.mfml", "ms.mfml", "--timestamp-unit", "ms", "--id-width", "4", "-q"]) == 0
+    assert skelgen.read("ms.mfml", timestamp_unit="ms").rate == pytest.approx(take.rate)
+    back = ["convert", "ms.mfml", "us2.mfml", "--reading", "timestamp-unit=ms", "-q"]
+    assert main(back) == 0
+    assert skelgen.read("us2.mfml").rate == pytest.approx(take.rate)
+    assert main([*back[:-2], "ms", "-q"]) == 2
+    assert "name=value" in capsys.readouterr().err
+
+
+def test_convert_writes_dropouts_of_csm_as_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    skelgen.write(skelgen.simulate("rods", n_frames=20, dropouts=0.3).take, "words.csm")
+    assert main(["convert", "words.csm", "zeros.csm", "--dropout", "zero", "-q"]) == 0
+    assert "DROPOUT" not in (tmp_path / "zeros.csm").read_text()
+
+
+def test_convert_says_that_labels_are_lost(wave, tmp_path, capsys):
+    assert main(["convert", wave, "wave.mfml"]) == 0
+    assert "does not hold the names of the markers" in " ".join(capsys.readouterr().err.split())
+
+
 def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
     assert main(["convert", wave, "wave.xsf"]) == 2
     assert "skelgen: error:" in capsys.readouterr().err

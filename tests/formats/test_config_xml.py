@@ -65,7 +65,7 @@ def refused(path, kind=ParameterError):
 
 def test_defaults_come_back(tmp_path):
     write_config(tmp_path / "config.xml", STAGES)
-    assert read_config(tmp_path / "config.xml", STAGES) == {"joints": Joints(), "search": Search()}
+    assert read_config(tmp_path / "config.xml", STAGES).parameters == {"joints": Joints(), "search": Search()}
 
 
 NAMES = st.text(st.characters(blacklist_categories=["Cs", "Cc"], blacklist_characters="\ufffe\uffff"), max_size=20)
@@ -82,7 +82,7 @@ NAMES = st.text(st.characters(blacklist_categories=["Cs", "Cc"], blacklist_chara
 def test_values_come_back(tmp_path, method, tolerance, anneal, sampling, name):
     given_values = Joints(sampling=sampling, file_name=name), Search(method, tolerance, anneal)
     write_config(tmp_path / "config.xml", given_values)
-    back = read_config(tmp_path / "config.xml", STAGES)
+    back = read_config(tmp_path / "config.xml", STAGES).parameters
     assert (back["joints"], back["search"]) == given_values
 
 
@@ -106,20 +106,33 @@ def test_help_unit_and_bounds_are_comments(tmp_path):
 
 
 def test_missing_parameters_and_groups_keep_their_defaults(write):
-    values = read_config(write('<JointFinder><SAMPLING value="3" type="int"/></JointFinder>'), STAGES)
+    values = read_config(write('<JointFinder><SAMPLING value="3" type="int"/></JointFinder>'), STAGES).parameters
     assert values == {"joints": Joints(sampling=3), "search": Search()}
 
 
 def test_parameter_of_an_earlier_version_is_read_and_changes_nothing(write):
     text = '<JointFinder><NLCG><EPS value="1e-20" type="double"/></NLCG></JointFinder>'
-    assert read_config(write(text), STAGES)["search"] == Search()
+    read = read_config(write(text), STAGES)
+    assert read.parameters["search"] == Search()
+    assert read.retired["search"] == ["EPS"]
     assert Search.from_mapping({"smallest": 1e-20, "anneal": True}) == Search(anneal=True)
 
 
 def test_choice_is_read_as_code_or_as_name(write):
     for value, type_ in (("0", "int"), ("fletcher", "string")):
         text = f'<JointFinder><NLCG><METHOD value="{value}" type="{type_}"/></NLCG></JointFinder>'
-        assert read_config(write(text), STAGES)["search"] == Search(method="fletcher")
+        assert read_config(write(text), STAGES).parameters["search"] == Search(method="fletcher")
+
+
+def test_whole_number_is_read_where_a_number_belongs(write):
+    text = '<JointFinder><NLCG><FTOL value="0" type="int"/></NLCG></JointFinder>'
+    assert read_config(write(text), STAGES).parameters["search"] == Search(tolerance=0.0)
+
+
+def test_file_with_names_of_the_classic_program_alone_is_a_classic_file(write):
+    assert read_config(write('<JointFinder><SAMPLING value="3" type="int"/></JointFinder>'), STAGES).is_classic
+    own = '<JointFinder><SAMPLING value="3" type="int"/><FILE_NAME value="a" type="string"/></JointFinder>'
+    assert not read_config(write(own), STAGES).is_classic
 
 
 def joint_finder(line):

@@ -28,8 +28,11 @@ LEAST_SHARED = 3
 LEAST_FLATNESS = 0.01
 """Share of the shared points' scatter that lies across its first axis: points on a line do not fix a rotation."""
 
+USUAL_SAMPLING = 10
+"""Interval of the compared frames, where none is asked for."""
+
 MOST_SAMPLES = 100
-"""Frames that are compared with each other: bounds the number of pairs to its square."""
+"""Frames that are compared with each other, where no interval is asked for: bounds the pairs to its square."""
 
 REFINED_NEIGHBOURS = 4
 """Nearest sets whose distances are refined: only these matter for grouping."""
@@ -52,12 +55,16 @@ class Alignment:
     misfit_weight : float
         How much the misfit of the aligned poses counts.
     sampling : int, frames
-        Interval of the frames that are compared.
+        Interval of the frames that are compared; 0 takes a usual one, wider in long takes.
     """
 
     n_neighbours: int | None
     misfit_weight: float
     sampling: int
+
+    def step(self, n_frames: int) -> int:
+        """Return the interval of the frames that are compared first in a take of so many frames."""
+        return self.sampling or max(USUAL_SAMPLING, -(-n_frames // MOST_SAMPLES))
 
 
 class _Best(NamedTuple):
@@ -117,9 +124,8 @@ def find_distances(
     frame_a, frame_b = (np.zeros((n_sets, n_sets), dtype=np.intp) for _ in range(2))
     best = _Best(np.full((n_sets, n_sets), np.inf), frame_a, frame_b)
     if not overlaps.all():
-        # Frames at the sampling interval, wider if they became too many, and the middle of each set between them
-        step = max(alignment.sampling, -(-sets.n_frames // MOST_SAMPLES))
-        regular = np.arange(0, sets.n_frames, step)
+        # Frames at the sampling interval, and the middle of each set between them
+        regular = np.arange(0, sets.n_frames, alignment.step(sets.n_frames))
         found = (sets.indices_at(regular) >= 0).any(axis=0)
         middles = sets.frames[(sets.starts[:-1] + sets.starts[1:]) // 2]
         frames = np.unique(np.concatenate([regular, middles[~found]]))
@@ -155,7 +161,8 @@ def _refine(points: Floats, sets: TrackletPoints, alignment: Alignment, best: _B
     j = nearest.ravel()
     known = np.isfinite(best.distance[i, j])
     i, j = i[known], j[known]
-    offsets = np.unique(np.linspace(-alignment.sampling, alignment.sampling, REFINED_FRAMES).astype(np.intp))
+    around = alignment.sampling or USUAL_SAMPLING
+    offsets = np.unique(np.linspace(-around, around, REFINED_FRAMES).astype(np.intp))
     many_i, many_j = np.repeat(i, len(offsets)), np.repeat(j, len(offsets))
     move = np.tile(offsets, len(i))
     for move_a, move_b in ((move, 0), (0, move)):

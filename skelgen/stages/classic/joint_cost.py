@@ -143,6 +143,7 @@ class DescentParameters(StageParameters):
     stage: ClassVar[str] = "descent"
     config_section: ClassVar[str] = _NLCG
     retired: ClassVar[Mapping[str, str]] = {"line_zero": f"{_NLCG}/ZEPS", "smallest": f"{_NLCG}/EPS"}
+    acts_with: ClassVar[str] = "solver=conjugate-gradient or limbs=small"
 
     method: str = declare(
         "polak-ribiere",
@@ -171,7 +172,12 @@ class DescentParameters(StageParameters):
     )
     anneal: bool = declare(False, "shake the joint while it is optimised, less and less", config_name="ADDRANDOM")
     max_jitter: float = declare(
-        1.0, "largest shake in the first iteration", unit="mm", within=(0.0, 1e3), config_name="MAXJITTER"
+        1.0,
+        "largest shake in the first iteration",
+        unit="mm",
+        within=(0.0, 1e3),
+        config_name="MAXJITTER",
+        acts_with="solver=conjugate-gradient and anneal=yes or limbs=small and anneal=yes",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -26,6 +26,8 @@ class JointParameters(DescentParameters):
 
     stage: ClassVar[str] = "joints"
     config_section: ClassVar[str] = "JointFinder/JC"
+    acts_with: ClassVar[str] = ""
+    classic: ClassVar[Mapping[str, str]] = {"solver": "conjugate-gradient"}
 
     solver: str = declare(
         "closed-form",
@@ -49,22 +51,31 @@ class JointParameters(DescentParameters):
         config_name="ALPHAWEIGHT",
     )
     sampling: int = declare(
-        0,
-        "all pairs of limbs are tried on every so many frames; 0 spreads at most `samples` over the take",
+        -1,
+        "all pairs of limbs are tried on every so many frames; 0 tries them on all, -1 spreads at most `samples` over "
+        "the take",
         unit="frames",
-        within=(0, 1e6),
+        within=(-1, 1e6),
         config_name="SAMPLING",
     )
-    samples: int = declare(300, "sampled frames when `sampling` is 0", unit="frames", within=(5, 1e6))
+    samples: int = declare(
+        300, "sampled frames when `sampling` is -1", unit="frames", within=(5, 1e6), acts_with="sampling=-1"
+    )
     max_residual: float = declare(
         25.0,
         "local optimisation that ends above this cost is tried again from earlier frames",
         unit="mm^2",
         within=(0.0, 1e6),
         config_name="MAXFRET",
+        acts_with=DescentParameters.acts_with,
     )
     max_fallback: int = declare(
-        5, "how many frames back such a start may come from", unit="frames", within=(0, 1000), config_name="MAXFALLBACK"
+        5,
+        "how many frames back such a start may come from",
+        unit="frames",
+        within=(0, 1000),
+        config_name="MAXFALLBACK",
+        acts_with=DescentParameters.acts_with,
     )
     joined: str = declare(
         "", "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'", basic=True

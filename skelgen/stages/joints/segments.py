@@ -245,5 +245,5 @@ def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
     parameters : JointParameters
         Their `sampling` and `samples`.
     """
-    step = parameters.sampling or max(1.0, n_frames / parameters.samples)
+    step = max(1.0, n_frames / parameters.samples) if parameters.sampling < 0 else max(parameters.sampling, 1)
     return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end

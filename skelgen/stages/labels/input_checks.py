@@ -1,7 +1,5 @@
 """Checks of an unlabelled take: what cannot be labelled is refused, and what is odd is noticed."""
 
-import dataclasses
-
 import numpy as np
 
 from skelgen.errors import InputError
@@ -41,23 +39,20 @@ def check_cloud(cloud: PointCloud, n_markers: int | None) -> None:
     check_coordinates(cloud.points, cloud.name or "the take")
 
 
-def with_jitter(cloud: PointCloud, parameters: LabelParameters, seed: int) -> PointCloud:
-    """Add the test jitter, if it is asked for.
+def with_jitter(positions: Floats, parameters: LabelParameters, seed: int) -> Floats:
+    """Add the test jitter.
 
     Parameters
     ----------
-    cloud : PointCloud
-        The take.
+    positions : ndarray, shape (..., 3), mm
+        Points or markers.
     parameters : LabelParameters
-        Its `add_random` and `max_jitter`.
+        Their `max_jitter`.
     seed : int
         Random seed.
     """
-    if not parameters.add_random:
-        return cloud
     largest = parameters.max_jitter
-    jitter = np.random.default_rng(seed).uniform(-largest, largest, cloud.points.shape)
-    return dataclasses.replace(cloud, points=cloud.points + jitter)
+    return positions + np.random.default_rng(seed).uniform(-largest, largest, positions.shape)
 
 
 def frame_rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, tuple[str, ...]]:
@@ -71,7 +66,9 @@ def frame_rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, t
         Its `time_one_frame` counts where time stamps do not rise.
     """
     if cloud.n_frames < 2 or cloud.times[-1] > cloud.times[0]:
-        return cloud.rate, _odd_times(cloud)
+        usual = LabelParameters.time_one_frame
+        idle = f"time_one_frame = {parameters.time_one_frame} has no effect: the take's own time stamps rise"
+        return cloud.rate, (*_odd_times(cloud), *((idle,) if parameters.time_one_frame != usual else ()))
     rate = 1000.0 / parameters.time_one_frame
     return rate, (f"the time stamps do not rise; {parameters.time_one_frame} ms a frame are assumed",)
 

@@ -1,10 +1,17 @@
 """What a user can set about labelling (names of Schönauer 2007, tables 4.13-4.16)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from skelgen.parameters import StageParameters, declare
 from skelgen.stages.repair import RepairParameters
+
+_SETS = "take=unlabelled and method=sets or take=unlabelled and compare=yes"
+"""When Marker Sets are joined."""
+
+_REPAIR = "take=labelled and repair=yes"
+_SLIPS = f"{_REPAIR} and slips=yes"
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,8 @@ class LabelParameters(StageParameters):
 
     stage: ClassVar[str] = "labels"
     config_section: ClassVar[str] = "TemporalCorrespondence"
+    acts_with: ClassVar[str] = "take=unlabelled"
+    classic: ClassVar[Mapping[str, str]] = {"method": "sets"}
 
     assignment: str = declare(
         "optimal",
@@ -43,7 +52,10 @@ class LabelParameters(StageParameters):
         choices=("none", "constant_velocity", "double_exponential"),
     )
     smoothing: float = declare(
-        0.8, "Smoothing of the double exponential prediction; 1 trusts the last point alone.", within=(0.05, 1.0)
+        0.8,
+        "Smoothing of the double exponential prediction; 1 trusts the last point alone.",
+        within=(0.05, 1.0),
+        acts_with="take=unlabelled and prediction=double_exponential",
     )
     max_jump: float = declare(
         0.0,
@@ -82,6 +94,7 @@ class LabelParameters(StageParameters):
         "others go first where there are too many; 0 = the median distance between neighbouring markers.",
         unit="mm",
         within=(0.0, 1e6),
+        acts_with=_SETS,
     )
     stand_alone: float = declare(
         3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", within=(0.0, 1e6)
@@ -91,22 +104,30 @@ class LabelParameters(StageParameters):
         "Classic method: what is aligned before two Marker Sets are compared: all markers, or those next to the "
         "compared one.",
         choices=("whole", "local"),
+        acts_with=_SETS,
     )
     n_neighbours: int = declare(
-        5, "Classic method: markers that the local alignment rests on.", unit="markers", within=(3, 50)
+        5,
+        "Classic method: markers that the local alignment rests on.",
+        unit="markers",
+        within=(3, 50),
+        acts_with=" or ".join(f"{one} and alignment=local" for one in _SETS.split(" or ")),
     )
     misfit_weight: float = declare(
         1.0,
         "Classic method: how much the misfit of the aligned poses counts in the distance of two Marker Sets; 0 = not, "
         "as in the thesis.",
         within=(0.0, 100.0),
+        acts_with=_SETS,
     )
     sampling: int = declare(
-        10,
-        "Classic method: interval of the frames that are picked to compare Marker Sets.",
+        0,
+        "Classic method: interval of the frames that are picked to compare Marker Sets; 0 = 10, and wider in takes of "
+        "more than 1000 frames.",
         unit="frames",
-        within=(1, 1e6),
+        within=(0, 1e6),
         config_name="SAMPLINGMSTC",
+        acts_with=_SETS,
     )
     method: str = declare(
         "rigidity",
@@ -116,48 +137,68 @@ class LabelParameters(StageParameters):
         basic=True,
     )
     rounds: int = declare(
-        4, "Most turns in which a skeleton is fitted and all points are labelled by it.", within=(1, 100)
+        4,
+        "Most turns in which a skeleton is fitted and all points are labelled by it.",
+        within=(1, 100),
+        acts_with="take=unlabelled and method=rigidity",
     )
     compare: bool = declare(
         False,
         "Whether the classic method runs too, and the report compares what it gives; not for takes of many tracklets.",
+        acts_with="take=unlabelled and method=rigidity",
     )
     clustering: str = declare(
         "average",
         "Classic method: how Marker Sets are grouped into markers: spectral clustering with local scaling, or joining "
         "the nearest two groups by their average or largest distance; sets that overlap in time are never joined.",
         choices=("spectral", "average", "complete"),
+        acts_with=_SETS,
     )
     repair: bool = declare(
         RepairParameters.repair,
         "Whether takes that are labelled already are searched for exchanged labels and for slips.",
         basic=True,
+        acts_with="take=labelled",
     )
     swap_evidence: float = declare(
         RepairParameters.swap_evidence,
         "An exchange of labels is repaired when the evidence of distances within limbs exceeds this.",
         unit="nats",
         within=(0.0, 1000.0),
+        acts_with=_REPAIR,
     )
     slips: bool = declare(
         RepairParameters.slips,
         "Whether labelled takes are searched for markers that slip on their limb; those that surely do are split.",
         basic=True,
+        acts_with=_REPAIR,
     )
     slip_seconds: float = declare(
         RepairParameters.slip_seconds,
         "A marker has slipped when its new place on the limb lasts this long.",
         unit="s",
         within=(0.05, 100.0),
+        acts_with=_SLIPS,
     )
     slip_evidence: float = declare(
         RepairParameters.slip_evidence,
         "A marker may have slipped where it jumps by this many times its usual step against its neighbours.",
         within=(3.0, 1000.0),
+        acts_with=_SLIPS,
     )
-    add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", config_name="ADDRANDOMTC")
+    add_random: bool = declare(
+        False,
+        "Add jitter to the points or markers, to test with clean data.",
+        config_name="ADDRANDOMTC",
+        acts_with="take=unlabelled/labelled",
+    )
     max_jitter: float = declare(
-        0.5, "Largest jitter added to each coordinate.", unit="mm", within=(0.0, 1e6), config_name="MAXJITTERTC"
+        0.5,
+        "Largest jitter added to each coordinate.",
+        unit="mm",
+        within=(0.0, 1e6),
+        config_name="MAXJITTERTC",
+        acts_with="take=unlabelled/labelled and add_random=yes",
     )
     time_one_frame: int = declare(
         5,

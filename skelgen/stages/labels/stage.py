@@ -6,6 +6,8 @@ is then fitted to these markers and says which marker every point is. The method
 over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from skelgen.errors import InputError
@@ -83,7 +85,12 @@ def label_markers(
 
 
 def check_labels(
-    take: Trajectories, parameters: LabelParameters, *, identities: Identities | None = None, monitor: Monitor = SILENT
+    take: Trajectories,
+    parameters: LabelParameters,
+    *,
+    identities: Identities | None = None,
+    seed: int = 0,
+    monitor: Monitor = SILENT,
 ) -> tuple[Trajectories, Labelling]:
     """Look for errors in the labels of a take that carries some, repair them, and say how sure the labels are.
 
@@ -95,9 +102,13 @@ def check_labels(
         Which errors are looked for.
     identities : Identities or None
         What the user states of some points; the result obeys it.
+    seed : int
+        Random seed of the test jitter.
     monitor : Monitor
         Receives notices, and may cancel.
     """
+    if parameters.add_random:
+        take = replace(take, positions=with_jitter(take.positions, parameters, seed))
     repair = repair_take(take, parameters.repair_parameters, monitor=monitor)
     repaired = repair.trajectories
     if identities is not None:
@@ -114,7 +125,8 @@ def _labelled(
     monitor: Monitor,
 ) -> tuple[Trajectories, label_quality.PointLabels]:
     check_cloud(cloud, n_markers)
-    cloud = with_jitter(cloud, parameters, seed)
+    if parameters.add_random:
+        cloud = replace(cloud, points=with_jitter(cloud.points, parameters, seed))
     rate, notices = frame_rate(cloud, parameters)
     monitor.begin("following points")
     tracks, _ = follow_points(cloud, parameters, monitor)

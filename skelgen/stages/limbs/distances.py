@@ -48,7 +48,8 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[i
         Rising frame indices, without repetition.
     """
     least = max(1.0, n_frames / MIN_COMMON_SAMPLES)  # a step across the take would leave nothing to compare
-    step = min(parameters.sampling, least) or max(1.0, n_frames / parameters.samples)
+    spread = max(1.0, n_frames / parameters.samples)
+    step = spread if parameters.sampling < 0 else min(max(parameters.sampling, 1), least)
     grid = np.arange(0, n_frames, step, dtype=np.float64)
     if step > 1:
         grid = grid + np.random.default_rng(seed).uniform(-0.5, 0.5, len(grid)) * parameters.jitter * step

@@ -7,6 +7,17 @@ from typing import ClassVar
 from skelgen.parameters import StageParameters, declare
 from skelgen.stages.classic.spectral import SpectralMethod
 
+_CLUSTERS = (
+    "method=spectral",
+    "method=greedy and n_limbs=found and count=rising/rotation/eigengap",
+    "method=rigidity/distances and n_limbs=given",
+)
+"""When eigenvectors are clustered: by the methods of the thesis, and for limbs that rigidity does not find."""
+
+
+def _clusters(scaling: str = "") -> str:
+    return " or ".join(f"{one} and local_scaling={scaling}" if scaling else one for one in _CLUSTERS)
+
 
 @dataclass(frozen=True)
 class LimbParameters(StageParameters):
@@ -15,6 +26,7 @@ class LimbParameters(StageParameters):
     stage: ClassVar[str] = "limbs"
     config_section: ClassVar[str] = "SpectralClustering"
     retired: ClassVar[Mapping[str, str]] = {"zero": "SpectralClustering/SPECCLUEPS"}
+    classic: ClassVar[Mapping[str, str]] = {"method": "spectral"}
 
     method: str = declare(
         "rigidity",
@@ -30,6 +42,7 @@ class LimbParameters(StageParameters):
         "rigidity as the method distances does, by rotation of the eigenvectors, by the eigengap of their values, or "
         "rising until all limbs are rigid",
         choices=("rigidity", "rotation", "eigengap", "rising"),
+        acts_with="method=spectral/greedy and n_limbs=found",
     )
     together: str = declare("", "names of markers that share a limb, as in 'a, b; c, d, e'", basic=True)
     apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'", basic=True)
@@ -37,16 +50,20 @@ class LimbParameters(StageParameters):
         3,
         "rigidity: jittered samplings that vote on which markers share a limb; most takes are decided after two",
         within=(1, 99),
+        acts_with="method=rigidity",
     )
     sampling: int = declare(
-        0,
-        "a distance is sampled every so many frames, with jitter; 0 spreads at most `samples` over the take",
+        -1,
+        "a distance is sampled every so many frames, with jitter; 0 takes all frames, -1 spreads at most `samples` "
+        "over the take",
         unit="frames",
-        within=(0, 1e6),
+        within=(-1, 1e6),
         config_name="SAMPLING",
         config_section="TemporalCorrespondence",
     )
-    samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", within=(3, 1e6))
+    samples: int = declare(
+        600, "sampled frames when `sampling` is -1", unit="frames", within=(3, 1e6), acts_with="sampling=-1"
+    )
     jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", within=(0, 1))
     motion_factor: float = declare(
         1.5,
@@ -63,29 +80,42 @@ class LimbParameters(StageParameters):
         0.02,
         "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb",
         within=(0.0, 1.0),
+        acts_with="method=rigidity",
         basic=True,
     )
     local_scaling: bool = declare(
-        True, "spectral: scale each marker by its M-th neighbour instead of one sigma", config_name="LOCALSIGMA"
+        True,
+        "spectral: scale each marker by its M-th neighbour instead of one sigma",
+        config_name="LOCALSIGMA",
+        acts_with=_clusters(),
     )
-    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", within=(1, 100), config_name="M")
+    neighbour: int = declare(
+        3,
+        "spectral: neighbour that sets the local scale",
+        within=(1, 100),
+        config_name="M",
+        acts_with=_clusters("yes"),
+    )
     sigma_squared: float = declare(
         0.0,
         "spectral: square of the global sigma; 0 scans for the best one",
         unit="mm^2",
         within=(0.0, 1e6),
         config_name="SIGMAQUAD",
+        acts_with=_clusters("no"),
     )
     measure: str = declare(
         "deviation",
         "spectral: cluster the standard deviation of distances, or their variance",
         choices=("deviation", "variance"),
+        acts_with=_clusters(),
     )
     kmeans: str = declare(
         "k-means++",
         "spectral: k-means by Lloyd from k-means++ starts, or from random starts",
         choices=("random", "k-means++"),
         config_name="ALG",
+        acts_with=_clusters(),
         config_codes=("random", "k-means++", "k-means++", "k-means++"),
     )
     rigid_limit: float = declare(
@@ -93,6 +123,7 @@ class LimbParameters(StageParameters):
         "rising count: limbs are added until no distance within one varies more; 0 takes 8 times the take's noise",
         unit="mm",
         within=(0.0, 1e6),
+        acts_with="method=spectral/greedy and n_limbs=found and count=rising",
     )
 
     @property

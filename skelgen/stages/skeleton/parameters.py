@@ -16,7 +16,13 @@ class SkeletonParameters(StageParameters):
 
     stage: ClassVar[str] = "skeleton"
     config_section: ClassVar[str] = "SkeletonFitter"
-    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI", "rank_tolerance": "JointFinder/POLYEPS"}
+    retired: ClassVar[Mapping[str, str]] = {
+        "pi": "JointFinder/PI",
+        "rank_tolerance": "JointFinder/POLYEPS",
+        "solve_zero": "JointFinder/SOLVEPS",
+        "tiny": "JointFinder/TINYEPS",
+    }
+    classic: ClassVar[Mapping[str, str]] = {"fit": "root-outward"}
 
     rotation: str = declare(
         "horn",
@@ -48,6 +54,7 @@ class SkeletonParameters(StageParameters):
         "positions off the fitted chain by more than this many standard deviations of the noise are left out, measured "
         "from a fit in which they have little weight",
         within=(3.0, 1e6),
+        acts_with="fit=whole-chain",
     )
     joints_for_poses: bool = declare(
         False,
@@ -61,11 +68,16 @@ class SkeletonParameters(StageParameters):
         within=(10, 1e6),
     )
     refine_samples: int = declare(
-        2000, "frames from which limbs and joints are estimated at last", unit="frames", within=(10, 1e6)
+        2000,
+        "frames from which limbs and joints are estimated at last",
+        unit="frames",
+        within=(10, 1e6),
+        acts_with="fit=whole-chain",
     )
     soft_tissue: bool = declare(
         True,
         "let markers slide on their limbs in proportion to the bends of the joint, where the take shows that they do",
+        acts_with="fit=whole-chain and take=unlabelled/labelled",
     )
     hinge_wobble: float = declare(
         0.12,
@@ -76,16 +88,12 @@ class SkeletonParameters(StageParameters):
         0.02,
         "points whose second extent is below this part of their first are on one line and fix no pose",
         within=(0.0, 0.5),
-        config_name="SOLVEPS",
-        config_section="JointFinder",
     )
     least_turn: float = declare(
         1e-4,
         "two limbs that turn less than this against each other are rigid, however exact the take",
         unit="rad",
         within=(0.0, 1.0),
-        config_name="TINYEPS",
-        config_section="JointFinder",
     )
     kind_doubt: float = declare(
         0.001,
@@ -98,11 +106,18 @@ class SkeletonParameters(StageParameters):
         "empty finds them",
         basic=True,
     )
-
     loops: str = declare(
         "",
         "loops that the fit closes: found for those of the stage before, or pairs of limbs or of one marker of each as "
         "'limb0, limb3; LKNE, LANK'; empty leaves them open",
+        acts_with="fit=whole-chain",
+    )
+    frames_per_second: float = declare(
+        0.0,
+        "frame rate of the motion, where the take states none or another one; 0 = that of the take",
+        unit="Hz",
+        within=(0.0, 1e6),
+        config_name="FRAMES_PER_SEC",
     )
 
     def __post_init__(self) -> None:

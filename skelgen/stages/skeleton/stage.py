@@ -80,6 +80,8 @@ def fit_skeleton(
     if len(frames) < trajectories.n_frames:
         played = play_back(fitted, skeleton, take, frames, parameters, monitor)
         motion, n_outliers = played.motion, played.n_outliers
+    if parameters.frames_per_second:
+        motion = replace(motion, rate=parameters.frames_per_second)
     notices = [*_unseen_notices(motion), *_outlier_notices(n_outliers, trajectories)]
     notices += [notice for one in fitted if one.loops for notice in loop_notices(one.loops, one.body.limbs)]
     for notice in (*notices, *(joint.sentence for joint in observed if joint.sentence)):

@@ -163,3 +163,8 @@ def test_average_linkage_is_the_mean_of_known_distances():
     # After 0 and 1 are joined, 3 is 12 from them (one distance is unknown), 2 is 15 from them and 14.5 from 3.
     group = join_nearest(distance, np.eye(4, dtype=bool), 2, 100.0, "average")
     assert group.tolist() == [0, 0, 1, 0]
+
+
+def test_sampling_that_is_asked_for_is_obeyed_in_long_takes():
+    assert Alignment(5, 1.0, 3).step(10_000) == 3
+    assert Alignment(5, 1.0, 0).step(10_000) == 100
