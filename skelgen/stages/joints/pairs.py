@@ -5,7 +5,7 @@ spheres. Two such limbs are left to the joint cost of the thesis, minimised by c
 position in every frame.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,8 +13,10 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import both_images, mean_distances
 from skelgen.geometry.statistics import quantile_of
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
-from skelgen.model.arrays import Floats
-from skelgen.stages.classic.joint_cost import joint_cost, local_optimum, minimise
+from skelgen.model.arrays import Bools, Floats
+from skelgen.stages.classic.conjugate_gradients import minimise
+from skelgen.stages.classic.joint_cost import joint_cost, local_optimum
+from skelgen.stages.classic.joint_solver import JointSolver
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
@@ -36,6 +38,9 @@ MIN_COMMON = 5
 
 LEAST_VARIANCE = 1e-4
 """mm^2; what rounding and the ridge of the closed forms leave of exact takes."""
+
+LEAST_DESCENT_VARIANCE = 1e-8
+"""mm^2; what rounding of files leaves of the distances to a joint of exact takes."""
 
 KEPT_PART = 0.95
 """Part of the frames, those with the smallest gap for their noise, that a joint rests on: labels may jump."""
@@ -65,6 +70,8 @@ class JointGuess:
         Frames that it rests on.
     n_iterations : int
         Iterations of the descent, 0 for closed forms.
+    radii : ndarray, shape (n_markers,), mm
+        Mean distances to the markers of both limbs; empty if the limbs are never seen together.
     """
 
     positions: Floats
@@ -75,6 +82,7 @@ class JointGuess:
     wobble: float = np.nan
     n_frames: int = 0
     n_iterations: int = 0
+    radii: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def hidden_part(self) -> float:
@@ -109,15 +117,79 @@ def guess_joint(
     seed : int
         Seed of the annealing jitter.
     """
-    if parameters.solver == "closed-form" and (first.shape.has_pose or second.shape.has_pose):
-        guess = _closed_form(first, second, typical)
-    else:
-        guess = _from_descent(first, second, typical, alpha, parameters, seed)
+    if parameters.solver == "conjugate-gradient":
+        return classic_joint(first, second, typical, alpha, parameters, seed)
+    if first.shape.has_pose or second.shape.has_pose:
+        return _with_distances(_closed_form(first, second, typical), first, second)
+    return drawn_joint(first, second, typical, alpha, parameters, seed)
+
+
+def drawn_joint(
+    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
+) -> JointGuess:
+    """Find the joint between two segments by the joint cost of all their points, which draws it towards them.
+
+    Parameters
+    ----------
+    first, second, typical, alpha, parameters, seed
+        As for `guess_joint`.
+    """
+    points = np.concatenate([first.points, second.points], axis=1)
+    centres = np.stack([_centroid(first.points), _centroid(second.points)])
+    usable = np.asarray(~np.isnan(centres[:, :, 0]).any(axis=0))
+    if usable.sum() < MIN_COMMON:
+        return JointGuess(np.full((len(points), 3), np.nan), np.inf)
+    start = np.asarray(centres[:, usable].mean(axis=0))
+    found = minimise(joint_cost(points[usable], alpha), start, parameters, seed)
+    refined = local_optimum(found.point, points[usable], parameters.max_residual, parameters.max_fallback)
+    _, spread = mean_distances(*contiguous(refined, points[usable]))
+    guess = _of_frames(refined, usable, float((spread**2).mean()), points.shape[1], typical)
+    return _with_distances(replace(guess, n_iterations=found.n_iterations), first, second)
+
+
+def classic_joint(
+    first: Segment,
+    second: Segment,
+    typical: float,
+    alpha: float,
+    parameters: JointParameters,
+    seed: int,
+    radii: Floats | None = None,
+) -> JointGuess:
+    """Find the joint between two segments by their markers alone, as the thesis does.
+
+    Parameters
+    ----------
+    first, second, typical, alpha, parameters, seed
+        As for `guess_joint`.
+    radii : ndarray, shape (n_markers,), mm, optional
+        Mean distances to the markers of both limbs, found from other frames, that make the start.
+    """
+    usable = first.is_seen & second.is_seen
+    if usable.sum() < MIN_COMMON:
+        return JointGuess(np.full((len(usable), 3), np.nan), np.inf)
+    noise = max(typical, LEAST_DESCENT_VARIANCE)
+    solver = JointSolver(parameters, parameters.max_residual, parameters.max_fallback, noise, seed)
+    found = solver.solve(first.markers[usable], second.markers[usable], alpha, radii)
+    guess = _of_frames(found.positions, usable, found.variance, len(found.distances), typical)
+    return _with_distances(replace(guess, n_iterations=found.n_iterations), first, second)
+
+
+def _of_frames(positions: Floats, usable: Bools, variance: float, n_points: int, typical: float) -> JointGuess:
+    """A joint that was placed in the usable frames, by the mean variance of its distances to all points [mm^2]."""
+    everywhere = np.full((len(usable), 3), np.nan)
+    everywhere[usable] = positions
+    freedom = n_points / max(n_points - FREE_COORDINATES, 0.5)
+    return JointGuess(everywhere, variance * freedom, typical, n_frames=int(usable.sum()))
+
+
+def _with_distances(guess: JointGuess, first: Segment, second: Segment) -> JointGuess:
+    """Add the mean distances to the markers."""
     if not np.isfinite(guess.square):
         return guess
     markers = np.concatenate([first.markers, second.markers], axis=1)
     distances, _ = mean_distances(*contiguous(guess.positions, markers))
-    return replace(guess, distance=float(distances.mean()))
+    return replace(guess, distance=float(distances.mean()), radii=distances)
 
 
 def _closed_form(first: Segment, second: Segment, typical: float) -> JointGuess:
@@ -213,26 +285,6 @@ def _turn(body: Segment, points: Floats, centre: Floats) -> float:
     units = local / np.maximum(np.linalg.norm(local, axis=2, keepdims=True), np.finfo(float).tiny)
     means = np.nanmean(units, axis=0)
     return float(np.sqrt(max(np.mean(1 - (means**2).sum(axis=1)) / 2, 0.0)))  # below 0 by rounding
-
-
-def _from_descent(
-    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
-) -> JointGuess:
-    points = np.concatenate([first.points, second.points], axis=1)
-    centres = np.stack([_centroid(first.points), _centroid(second.points)])
-    usable = ~np.isnan(centres[:, :, 0]).any(axis=0)
-    nowhere = np.full((len(points), 3), np.nan)
-    if usable.sum() < MIN_COMMON:
-        return JointGuess(nowhere, np.inf)
-    start = np.asarray(centres[:, usable].mean(axis=0))
-    found = minimise(joint_cost(points[usable], alpha), start, parameters, seed)
-    refined = local_optimum(found.point, points[usable], parameters.max_residual, parameters.max_fallback)
-    _, spread = mean_distances(*contiguous(refined, points[usable]))
-    n_points = points.shape[1]
-    nowhere[usable] = refined
-    freedom = n_points / max(n_points - FREE_COORDINATES, 0.5)
-    square = float((spread**2).mean()) * freedom
-    return JointGuess(nowhere, square, typical, n_frames=int(usable.sum()), n_iterations=found.n_iterations)
 
 
 def _centroid(points: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
 
 import multiprocessing
-from dataclasses import replace
+from collections.abc import Mapping
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -13,7 +13,7 @@ from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.pairs import JointGuess, guess_joint
+from skelgen.stages.joints.pairs import JointGuess, classic_joint, drawn_joint, guess_joint
 from skelgen.stages.joints.parameters import JointParameters, Pair
 from skelgen.stages.joints.segments import (
     BLOCK_FRAMES,
@@ -138,7 +138,13 @@ def _guess_for_parent(*given: Any) -> JointGuess:
 
 
 def place_joints(
-    segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+    segments: list[Segment],
+    frames: Ints,
+    parents: Ints,
+    parameters: JointParameters,
+    seed: int,
+    monitor: Monitor,
+    guesses: Mapping[Pair, JointGuess] | None = None,
 ) -> tuple[dict[int, JointGuess], list[Segment]]:
     """Place the joints of the tree in all frames of the segments, those between limbs with poses first.
 
@@ -159,6 +165,8 @@ def place_joints(
         Seed of the annealing jitter.
     monitor : Monitor
         Told of progress.
+    guesses : mapping of pair to JointGuess, optional
+        Joints found from sampled frames, whose mean distances make the start of conjugate gradients.
 
     Returns
     -------
@@ -167,7 +175,7 @@ def place_joints(
     """
     segments = list(segments)
     typical = typical_variance(segments)
-    reach, drawn = _extent(segments, frames), replace(parameters, solver="conjugate-gradient")
+    reach = _extent(segments, frames)
     waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
     n_joints = len(waiting)
     kept: dict[int, JointGuess] = {}
@@ -176,9 +184,13 @@ def place_joints(
         child = waiting.pop(0)
         pair = (int(parents[child]), child)
         first, second = segments[pair[0]], segments[pair[1]]
-        kept[child] = guess_joint(first, second, typical, parameters.alpha_final, parameters, seed)
+        given = typical, parameters.alpha_final, parameters, seed
+        if parameters.solver == "conjugate-gradient" and guesses:
+            kept[child] = classic_joint(first, second, *given, _radii(guesses, pair, first.n_markers))
+        else:
+            kept[child] = guess_joint(first, second, *given)
         if kept[child].distance > reach:
-            kept[child] = guess_joint(first, second, typical, parameters.alpha, drawn, seed)
+            kept[child] = drawn_joint(first, second, typical, parameters.alpha, parameters, seed)
         for limb in pair:
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
@@ -186,8 +198,21 @@ def place_joints(
     return kept, segments
 
 
+def _radii(guesses: Mapping[Pair, JointGuess], pair: Pair, n_first: int) -> Floats | None:
+    """Mean distances [mm] from the joint that was guessed to the markers of both limbs, in the order of the pair."""
+    ordered = (min(pair), max(pair))
+    radii = guesses[ordered].radii if ordered in guesses else np.zeros(0)
+    return (radii if pair == ordered else np.roll(radii, n_first)) if len(radii) else None
+
+
 def place_in_blocks(
-    positions: Floats, limbs: Limbs, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+    positions: Floats,
+    limbs: Limbs,
+    parents: Ints,
+    parameters: JointParameters,
+    seed: int,
+    monitor: Monitor,
+    guesses: Mapping[Pair, JointGuess] | None = None,
 ) -> Floats:
     """Place the joints of a tree in all frames of a long take; each block estimates its own shapes and joints.
 
@@ -205,6 +230,8 @@ def place_in_blocks(
         Seed of the annealing jitter.
     monitor : Monitor
         Told of progress.
+    guesses : mapping of pair to JointGuess, optional
+        Joints found from sampled frames, whose mean distances make the start of conjugate gradients.
 
     Returns
     -------
@@ -218,7 +245,7 @@ def place_in_blocks(
         block = positions[first:last]
         frames = sample_frames(len(block), parameters)
         segments = make_segments([block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)], frames)
-        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT)
+        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT, guesses)
         raw[first:last] = side_by_side(kept, parents, len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False

@@ -15,7 +15,14 @@ from skelgen.stages.joints.nearness import remoteness
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
 from skelgen.stages.joints.segments import make_segments, markers_of_limbs, sample_frames
-from skelgen.stages.joints.tree import find_tree, loop_joints, tree_notices, undetermined_limb_notices, usual_radius
+from skelgen.stages.joints.tree import (
+    find_tree,
+    loop_joints,
+    stuck_joint_notices,
+    tree_notices,
+    undetermined_limb_notices,
+    usual_radius,
+)
 
 
 def find_joints(
@@ -62,10 +69,10 @@ def find_joints(
     costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, far)
     radius = usual_radius(segments, frames) if parameters.separate else None
     tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
-    joints, segments = place_joints(segments, frames, tree.parents, parameters, seed, monitor)
+    joints, segments = place_joints(segments, frames, tree.parents, parameters, seed, monitor, guesses)
     raw = side_by_side(joints, tree.parents, n_frames)
     if n_frames < trajectories.n_frames:
-        raw = place_in_blocks(trajectories.positions, limbs, tree.parents, parameters, seed, monitor)
+        raw = place_in_blocks(trajectories.positions, limbs, tree.parents, parameters, seed, monitor, guesses)
     in_order = [joints[child] for child in joint_children(tree.parents)]
     topology = Topology(
         parents=tree.parents,
@@ -78,4 +85,7 @@ def find_joints(
     )
     for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
         monitor.notice(notice)
+    if parameters.solver == "conjugate-gradient":
+        for notice in stuck_joint_notices(joints, tree.parents):
+            monitor.notice(notice)
     return topology

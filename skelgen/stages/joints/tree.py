@@ -15,7 +15,7 @@ from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import cheapest_rivals, spanning_forest
 from skelgen.stages.joints.costs import CHANCE, JointCosts
-from skelgen.stages.joints.pairs import LEAST_TURN, MIN_COMMON, JointGuess
+from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
@@ -42,6 +42,9 @@ LOOP_TURN = 0.5
 
 ENOUGH_TURN = 0.2
 """rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
+
+STUCK = 10.0
+"""Times the usual variance of the distances to a joint, and times noise: conjugate gradients have not found it."""
 
 SMALL_MARGIN = 3.0
 """Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
@@ -233,6 +236,27 @@ def undetermined_limb_notices(segments: list[Segment]) -> Iterator[str]:
     for limb, segment in enumerate(segments):
         if segment.is_seen.any() and not segment.shape.posed.any():
             yield f"all that is seen of limb {limb} lies on one line: how it turns about that line is not determined"
+
+
+def stuck_joint_notices(joints: Mapping[int, JointGuess], parents: Ints) -> Iterator[str]:
+    """Say which joints conjugate gradients have not found, although they started anew.
+
+    Parameters
+    ----------
+    joints : mapping of int to JointGuess
+        By child limb, found by conjugate gradients.
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree, -1 for roots.
+    """
+    squares = {child: joint.square for child, joint in joints.items()}
+    usual = float(np.quantile(list(squares.values()), 0.5, method="lower")) if squares else 0.0
+    for child, square in squares.items():
+        if square > STUCK * max(usual, joints[child].expected, LEAST_VARIANCE):
+            yield (
+                f"the descent to the joint between limb {parents[child]} and limb {child} is stuck: its distances to "
+                f"markers vary by {np.sqrt(square):.2g} mm, those of other joints by {np.sqrt(usual):.2g} mm; its "
+                "place is wrong in many frames. The solver closed-form may find it"
+            )
 
 
 def _doubtful_edges(topology: Topology) -> Iterator[str]:

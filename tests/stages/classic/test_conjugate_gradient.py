@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.stages.classic.joint_cost import DescentParameters, minimise
+from skelgen.stages.classic.conjugate_gradients import minimise
+from skelgen.stages.classic.parameters import DescentParameters
 
 METHODS = ("polak-ribiere", "fletcher-reeves")
 THOROUGH = {"tolerance": 0.0, "absolute_tolerance": 1e-24, "max_iterations": 2000, "line_tolerance": 1e-6}

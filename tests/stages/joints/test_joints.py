@@ -13,7 +13,7 @@ from skelgen.evaluation import evaluate
 from skelgen.evaluation.joints import joint_distances
 from skelgen.model import Limbs, Project, StageReport, Trajectories
 from skelgen.stages.classic.joint_cost import joint_cost
-from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.joints import JointConstraints, JointParameters, find_joints
 from skelgen.stages.joints.segments import sample_frames
 
 STRUCTURES = ("rods", "human", "quadruped", "tree:8", "classic-human")
@@ -105,6 +105,24 @@ def test_both_directions_of_descent_find_the_tree_of_noisy_rods(simulated, joine
     case = simulated("rods", **FAULTS)
     parameters = JointParameters(solver="conjugate-gradient", method=method)
     assert edges(joined(case, parameters)) == {frozenset(edge) for edge in case.truth.edges.tolist()}
+
+
+@pytest.mark.parametrize("method", ["polak-ribiere", "fletcher-reeves"])
+def test_conjugate_gradients_place_the_joints_of_limbs_with_two_markers(simulated, joined, notices, method):
+    case = simulated("classic-human", seed=1, n_frames=120)  # whose right arm is stuck half-way between its limbs
+    parameters = JointParameters(solver="conjugate-gradient", method=method, samples=60, absolute_tolerance=1e-13)
+    topology = joined(case, parameters, monitor=notices)
+    assert edges(topology) == {frozenset(edge) for edge in case.truth.edges.tolist()}
+    assert raw_errors(topology, case.truth).max() < EXACT
+    assert not [sentence for sentence in notices.sentences if "stuck" in sentence]
+
+
+def test_descent_that_stays_stuck_is_noticed(simulated, joined, notices):
+    case = simulated("rods")
+    middle, rear, front = (case.truth.limb_names.index(f"{name} rod") for name in ("middle", "rear", "front"))
+    stated = JointConstraints(joined=[tuple(sorted((rear, front))), tuple(sorted((middle, rear)))])
+    joined(case, JointParameters(solver="conjugate-gradient"), constraints=stated, monitor=notices)
+    assert [sentence for sentence in notices.sentences if "is stuck" in sentence and f"limb {front}" in sentence]
 
 
 def test_annealed_joints_are_decided_by_the_seed(simulated, joined):
