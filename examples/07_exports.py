@@ -13,9 +13,9 @@ import skelgen
 
 EXPORTS = (
     ("walk.bvh", {"axes": "z-to-y", "unit": "cm", "rate": 30.0}),  # Blender, Unreal, MotionBuilder
-    ("walk.glb", {"axes": "z-to-y"}),  # game engines, browsers
-    ("walk.usda", {"unit": "m"}),  # film pipelines
-    ("walk.osim", {"axes": "z-to-y"}),  # OpenSim: model, motion, markers, setup
+    ("walk.glb", {}),  # game engines, browsers
+    ("walk.usda", {}),  # film pipelines
+    ("walk.osim", {"axes": "auto"}),  # OpenSim: model, motion, markers, setup
     ("walk.urdf", {}),  # robots
     ("walk.mjcf.xml", {}),  # MuJoCo
     ("walk.joints.c3d", {}),  # C3D with the joints as virtual points

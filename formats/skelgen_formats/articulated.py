@@ -21,13 +21,14 @@ from skelgen.geometry.rotations import (
 )
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
-from skelgen_formats.bones import parent_from_child
+from skelgen_formats.bones import bone_name, parent_from_child
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
 
-M_PER_MM = 1e-3
-"""These formats are in metres."""
-
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
+ANGLE_MARGIN, PLACE_MARGIN = float(np.deg2rad(5.0)), 0.1
+"""Least margins of the ranges of angles [rad] and places [m]."""
+
+_MARGIN = 0.1  # of a range, beyond what was seen at either end
 _NEAR_GIMBAL = np.deg2rad(10.0)  # there, angles change six times as fast as the rotation
 _SHORTEST_BONE = 1.0  # mm; what is shorter has no direction that anyone could see
 _MOVED = 1e-3  # mm; less is the rounding of poses that are kept
@@ -70,14 +71,19 @@ class Link:
     rotations: Floats
 
     @property
+    def turn(self) -> Floats:
+        """Limb from body, shape (3, 3): robots turn about z, so the body of a hinge has its (last) axis there."""
+        return frame_along(self.axes[-1]) if self.kind in {"hinge", "universal"} else np.eye(3)
+
+    @property
     def name(self) -> str:
         """Name of the limb, such as ``limb1``."""
-        return f"limb{self.limb}"
+        return bone_name(self.limb)
 
     @property
     def parent_name(self) -> str:
         """Name of the limb above, or ``world``."""
-        return f"limb{self.parent}" if self.parent >= 0 else "world"
+        return bone_name(self.parent) if self.parent >= 0 else "world"
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -142,6 +148,23 @@ def bones_of(project: Project, link: Link) -> list[Floats]:
     if not ends and len(skeleton.markers_of(link.limb)):
         ends = [skeleton.marker_offsets[skeleton.markers_of(link.limb)].mean(axis=0)]
     return [end for end in ends if np.linalg.norm(end) > _SHORTEST_BONE]
+
+
+def range_of(values: Floats, rest: float, least: float) -> tuple[float, float]:
+    """Return the range of a coordinate: what the motion and the pose at rest need, and a margin.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_frames,), rad or m
+        The coordinate in the motion.
+    rest : float, rad or m
+        Its value at rest.
+    least : float, rad or m
+        The margin, unless a tenth of the range is more.
+    """
+    low, high = min(float(values.min()), rest), max(float(values.max()), rest)
+    margin = max(least, _MARGIN * (high - low))
+    return low - margin, high + margin
 
 
 def frame_along(direction: Floats) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, ParameterError, WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
-from skelgen.model import Project, Skeleton
+from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen_formats.options import AUTO, MM_PER_UNIT
 
@@ -137,6 +137,8 @@ def _stated(unit: str) -> float:
 
 _LARGEST = float(np.finfo(np.float32).max)
 _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
+_NEARLY_ALONG = 0.9  # cosine
+_CLEAR = 0.5  # of the way to one joint: nearer, the middle of several says no direction
 
 
 def check_single_precision(project: Project, title: str) -> None:
@@ -159,10 +161,16 @@ def bone_name(limb: int) -> str:
     return f"limb{limb}"
 
 
+def end_name(limb: int) -> str:
+    """Return the name of the joint that ends the bone of a limb which carries no other."""
+    return f"{bone_name(limb)}_end"
+
+
 def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
     """Return where a limb that carries no other ends, in its frame [mm], shape (3,): as far as its markers reach.
 
-    The direction is that of the markers' centroid; a limb without markers ends a millimetre from its joint.
+    The direction is that of the markers' centroid, or where that is the origin, of the farthest marker; a limb without
+    markers ends a millimetre from its joint.
 
     Parameters
     ----------
@@ -172,11 +180,102 @@ def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
         One without further joints.
     """
     markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
-    centre = markers.mean(axis=0) if len(markers) else np.zeros(3)
-    distance = float(np.linalg.norm(centre))
-    if distance < _SHORTEST_TIP:
+    distances = np.linalg.norm(markers, axis=1)
+    if not len(markers) or distances.max() < _SHORTEST_TIP:
         return np.array([0.0, 0.0, _SHORTEST_TIP])
-    return np.asarray(centre / distance * float((markers @ centre).max()) / distance)
+    centre = markers.mean(axis=0)
+    if np.linalg.norm(centre) < _SHORTEST_TIP:
+        centre = markers[distances.argmax()]
+    direction = centre / np.linalg.norm(centre)
+    return np.asarray(direction * float((markers @ direction).max()))
+
+
+def bone_end(skeleton: Skeleton, limb: int) -> Floats:
+    """Return where the bone of a limb ends, in its frame [mm], shape (3,).
+
+    That is the joint of the limb it carries, or of several the one with most limbs behind it, of equals their middle;
+    without such a joint, or where it lies in the limb's origin, the tip.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    limb : int
+        Any limb.
+    """
+    behind = _limbs_behind(skeleton)
+    carried = [joint for joint in skeleton.joints if joint.parent == limb]
+    if carried:
+        most = max(behind[joint.child] for joint in carried)
+        ends = np.array([joint.position_in_parent for joint in carried if behind[joint.child] == most])
+        far = ends[np.linalg.norm(ends, axis=1).argmax()]
+        for end in (ends.mean(axis=0), far):
+            if np.linalg.norm(end) > max(_SHORTEST_TIP, _CLEAR * float(np.linalg.norm(far))):
+                return np.asarray(end)
+    return bone_tip(skeleton, limb)
+
+
+def limb_from_bone(skeleton: Skeleton) -> Floats:
+    """Return rotations whose y axis points along the bones, as animation programs have it, shape (n_limbs, 3, 3).
+
+    The x axis is as near to that of the limb as can be, for a bone along that axis to the limb's z axis.
+    """
+    along = np.array([bone_end(skeleton, limb) for limb in range(skeleton.n_limbs)])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    aside = np.where(np.abs(along[:, :1]) < _NEARLY_ALONG, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+    aside -= (aside * along).sum(axis=1, keepdims=True) * along
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    return np.stack([aside, along, np.cross(aside, along)], axis=2)
+
+
+def bone_facts(skeleton: Skeleton, turns: Floats) -> dict[int, tuple[Joint, Floats | None, Floats | None, Floats]]:
+    """Return joint, axis in the parent, second axis in the child, and deviations [mm] by child, in the bones' frames.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    turns : ndarray, shape (n_limbs, 3, 3)
+        From `limb_from_bone`.
+    """
+    facts = {}
+    for joint in skeleton.joints:
+        above, below = turns[joint.parent], turns[joint.child]
+        axis = None if joint.axis is None else joint.axis @ above
+        second = None if joint.second_axis is None else joint.second_axis @ below
+        covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+        facts[joint.child] = (joint, axis, second, np.sqrt(np.maximum(np.diag(above.T @ covariance @ above), 0.0)))
+    return facts
+
+
+def turned_bones(poses: Floats, turns: Floats) -> Floats:
+    """Return the poses of bones, shape (..., n_limbs, 4, 4).
+
+    Parameters
+    ----------
+    poses : ndarray, shape (..., n_limbs, 4, 4)
+        World from limb.
+    turns : ndarray, shape (n_limbs, 3, 3)
+        Limb from bone.
+    """
+    bones = poses.copy()
+    bones[..., :3, :3] = poses[..., :3, :3] @ turns
+    return bones
+
+
+def along_bones(lengths: Sequence[float]) -> Floats:
+    """Return the poses of joints at the ends of bones of these lengths, in the bones, shape (n, 4, 4)."""
+    ends = np.tile(np.eye(4), (len(lengths), 1, 1))
+    ends[:, 1, 3] = lengths
+    return ends
+
+
+def _limbs_behind(skeleton: Skeleton) -> Ints:
+    behind = np.ones(skeleton.n_limbs, dtype=np.intp)
+    for limb in skeleton.outward[::-1].tolist():
+        if skeleton.parents[limb] >= 0:
+            behind[skeleton.parents[limb]] += behind[limb]
+    return behind
 
 
 def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:

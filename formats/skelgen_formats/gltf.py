@@ -1,16 +1,18 @@
 """glTF 2.0 as one binary file (.glb): a skin of bones that an animation moves, with the markers as points on it.
 
-Every limb is a node, below its parent's; all roots hang on the node ``skeleton``. At rest nodes stand as in the
-skeleton's reference pose. The animation has a rotation for every limb and a translation for every root, linear between
-keys. Each marker is a point that its limb carries with weight 1: it lies where the skeleton has it, not where it was
-measured. What glTF has no field for stands in ``extras``: of a node the type, axis and deviation of its joint, of the
-mesh the names of the markers.
+Every limb is a node, below its parent's; all roots hang on the node ``skeleton``. The y axis of a node points along
+its limb, to the next joint; a limb that carries no other has a node where it ends, so that every bone has a length. At
+rest nodes stand as in the skeleton's reference pose. The animation has a rotation for every limb and a translation for
+every root, linear between keys. Each marker is a point that its limb carries with weight 1: it lies where the skeleton
+has it, not where it was measured. What glTF has no field for stands in ``extras``: of a node the type, axis and
+deviation of its joint in the axes of the nodes, of the mesh the names of the markers.
 
 Numbers are single precision, little endian; quaternions are x y z w; matrices are stored column by column.
 """
 
 import json
 import struct
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +26,32 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
+    along_bones,
+    bone_end,
+    bone_facts,
     bone_name,
     bone_transforms,
     check_single_precision,
+    end_name,
+    limb_from_bone,
     lost_in_animations,
     scaled_poses,
+    turned_bones,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, RATE, UNIT, Format, Option, Options, Writable, moving_project, per_mm
+from skelgen_formats.options import (
+    METRES,
+    RATE,
+    Format,
+    Options,
+    Writable,
+    moving_project,
+    per_mm,
+)
+from skelgen_formats.upright import UPRIGHT, remark_on_up
 
 _TITLE = "glTF"
-_METRES = Option(UNIT.name, "m", "Unit of the lengths in the file.", UNIT.choices, reading=False)
+_UP = "y"
 
 _MAGIC, _VERSION = b"glTF", 2
 _JSON_CHUNK, _BINARY_CHUNK = b"JSON", b"BIN\0"
@@ -113,50 +130,58 @@ class _Data:
 
 
 def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, object]:
-    skeleton = project.skeleton
-    rest = scaled_poses(skeleton.reference_pose, scale)
+    skeleton, turns = project.skeleton, limb_from_bone(project.skeleton)
+    ends = [limb for limb in range(skeleton.n_limbs) if not (skeleton.parents == limb).any()]
+    rest = turned_bones(scaled_poses(skeleton.reference_pose, scale), turns)
     nodes: list[dict[str, object]] = [
         {"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}
     ]
-    nodes += [_bone(skeleton, rest, limb) for limb in range(skeleton.n_limbs)]
+    nodes += _bones(skeleton, rest, turns, ends)
+    lengths = [float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ends]
+    nodes += [{"name": end_name(one), "translation": [0.0, way, 0.0]} for one, way in zip(ends, lengths, strict=True)]
     shown = [_SKELETON_NODE]
     document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
-    joints = [_node(limb) for limb in range(skeleton.n_limbs)]
-    back = rest[..., :3, :3].swapaxes(-1, -2)
-    matrices = data.add(transform_from(back, -(back @ rest[..., :3, 3, np.newaxis])[..., 0]).swapaxes(-1, -2))
+    posed = np.concatenate([rest, rest[ends] @ along_bones(lengths)])
+    back = posed[..., :3, :3].swapaxes(-1, -2)
+    matrices = data.add(transform_from(back, -(back @ posed[..., :3, 3, np.newaxis])[..., 0]).swapaxes(-1, -2))
+    joints = [_node(index) for index in range(len(posed))]
     document["skins"] = [{"joints": joints, "skeleton": _SKELETON_NODE, "inverseBindMatrices": matrices}]
     if (skeleton.limb_of_marker >= 0).any():
-        document["meshes"] = [_markers(project, rest, scale, data)]
+        document["meshes"] = [_markers(project, scale, data)]
         nodes.append({"name": "markers", "mesh": 0, "skin": 0})
         shown.append(len(nodes) - 1)
-    document["animations"] = [_animation(project, scale, data, monitor)]
+    document["animations"] = [_animation(project, scale, turns, data, monitor)]
     return document | {"scenes": [{"nodes": shown}]}
 
 
 def _node(limb: int) -> int:
+    """Index of a limb's node, or behind the limbs, of an end's."""
     return limb + 1
 
 
-def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, object]:
-    translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
-    node: dict[str, object] = {"name": bone_name(limb), "translation": translation.tolist()}
-    node["rotation"] = xyzw_from_matrix(rotation).tolist()
-    children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
-    if children:
-        node["children"] = children
-    for joint in skeleton.joints:
-        if joint.child == limb:
-            facts: dict[str, object] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
-            axes = {"axis_in_parent": joint.axis, "second_axis_in_child": joint.second_axis}
-            node["extras"] = facts | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
-    return node
+def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int]) -> Iterator[dict[str, object]]:
+    """Yield the nodes of the limbs; those of `ends` carry a node that stands behind all limbs, in that order."""
+    facts = bone_facts(skeleton, turns)
+    for limb in range(skeleton.n_limbs):
+        translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
+        node: dict[str, object] = {"name": bone_name(limb), "translation": translation.tolist()}
+        node["rotation"] = xyzw_from_matrix(rotation).tolist()
+        children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
+        node["children"] = children or [_node(skeleton.n_limbs + ends.index(limb))]
+        if limb in facts:
+            joint, axis, second, std = facts[limb]
+            axes = {"axis_in_parent": axis, "second_axis_in_child": second}
+            stated: dict[str, object] = {"kind": joint.kind, "std_mm": std.tolist()}
+            node["extras"] = stated | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
+        yield node
 
 
-def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[str, object]:
+def _markers(project: Project, scale: float, data: _Data) -> dict[str, object]:
     skeleton = project.skeleton
     carried = np.flatnonzero(skeleton.limb_of_marker >= 0)
     limbs = skeleton.limb_of_marker[carried]
     offsets = skeleton.marker_offsets[carried] * scale
+    rest = scaled_poses(skeleton.reference_pose, scale)
     places = (rest[limbs, :3, :3] @ offsets[..., np.newaxis])[..., 0] + rest[limbs, :3, 3]
     bones, weights = np.zeros((len(carried), 4), dtype=np.intp), np.zeros((len(carried), 4))
     bones[:, 0], weights[:, 0] = limbs, 1.0
@@ -170,8 +195,8 @@ def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[
     return {"name": "markers", "primitives": [primitive], "extras": {"marker_names": names}}
 
 
-def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, object]:
-    skeleton, poses = project.skeleton, project.motion.world_from_limb
+def _animation(project: Project, scale: float, turns: Floats, data: _Data, monitor: Monitor) -> dict[str, object]:
+    skeleton, poses = project.skeleton, turned_bones(project.motion.world_from_limb, turns)
     keys = data.add(project.motion.times, bounds=True)
     samplers: list[dict[str, object]] = []
     channels: list[dict[str, object]] = []
@@ -193,8 +218,8 @@ def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) ->
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    remarks = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
-    if options.unit != _METRES.default:
+    remarks = [*remark_on_up(project, options, _UP, "glTF")]
+    if options.unit != METRES.default:
         remarks.append(f"glTF demands metres: other programs will take the {options.unit} in the file for metres.")
     riding = "Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held."
     return (*remarks, riding, *lost_in_animations(project, _TITLE))
@@ -205,10 +230,11 @@ FORMAT = Format(
     title="glTF 2.0, binary",
     suffixes=(".glb",),
     holds="skeleton",
+    up=_UP,
     write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(AXES, _METRES, RATE),
+    options=(UPRIGHT, METRES, RATE),
     note="Skin, joints, animation, and markers as points that ride on their limbs; metres by default.",
 )

@@ -2,7 +2,8 @@
 
 One body per limb, nested; hinges and balls as MuJoCo has them, two hinges in one body for a universal joint, a free
 joint for each root, none for a rigid one. The columns of the motion are MuJoCo's ``qpos`` in its order: quaternions are
-w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites.
+w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites. The z axis of a
+hinge's body is the axis it turns about; other bodies have the orientation of the world in the reference pose.
 """
 
 from collections.abc import Mapping
@@ -12,22 +13,34 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.rotations import quaternion_from_matrix
+from skelgen.geometry.rotations import quaternion_from_matrix, vector_from_matrix
 from skelgen.model import Project
 from skelgen.model.arrays import Bools, Floats, displayable
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.articulated import M_PER_MM, Link, bones_of, links_of, markers_on, remarks_on_joints
+from skelgen_formats.articulated import (
+    ANGLE_MARGIN,
+    Link,
+    bones_of,
+    links_of,
+    markers_on,
+    range_of,
+    remarks_on_joints,
+)
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
+from skelgen_formats.upright import UPRIGHTABLE, gravity, remark_on_up
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".mjcf.xml", ".qpos.csv"
 
-_TITLE = "MJCF"
+_TITLE, _UP = "MJCF", "z"
 _BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
 
 
-def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
+def write_mjcf(
+    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write the model, and a table with the coordinates of every frame.
 
     Parameters
@@ -38,6 +51,8 @@ def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
         The model; its motion stands beside it.
     joints : str
         `AS_MOVED` or `AS_FOUND`.
+    density : float, kg/m^3
+        Of the limbs.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -53,7 +68,7 @@ def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
         document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
-        order = [links[name] for name in _add_bodies(document, project, links)]
+        order = [links[name] for name in _add_bodies(document, project, links, density)]
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
         write_tree(model, document)
@@ -66,32 +81,43 @@ def _files(path: Path) -> tuple[Path, Path]:
     return path.with_name(stem + MODEL_SUFFIX), path.with_name(stem + MOTION_SUFFIX)
 
 
-def _add_bodies(document: Element, project: Project, links: Mapping[str, Link]) -> list[str]:
+def _add_bodies(document: Element, project: Project, links: Mapping[str, Link], density: float) -> list[str]:
     """Add the bodies, and return their names in MuJoCo's order: as they stand in the file."""
     SubElement(document, "compiler", angle="radian")
+    SubElement(document, "option", gravity=number_text(gravity(project, _UP)))
     default = SubElement(document, "default")
-    SubElement(default, "geom", type="capsule", size=_BONE_RADIUS_M, contype="0", conaffinity="0")
+    attributes = {"type": "capsule", "size": _BONE_RADIUS_M, "contype": "0", "conaffinity": "0"}
+    SubElement(default, "geom", attributes, density=repr(density))
     SubElement(default, "site", size=_SITE_RADIUS_M)
     elements = {"world": SubElement(document, "worldbody")}
     for name, link in links.items():
+        above = links[link.parent_name].turn if link.parent >= 0 else np.eye(3)
         elements[name] = body = SubElement(elements[link.parent_name], "body", name=name)
-        body.set("pos", number_text(link.place * M_PER_MM))
-        if link.kind == "free":
-            SubElement(body, "freejoint", name=link.joint)
-        elif link.kind == "ball":
-            SubElement(body, "joint", name=link.joint, type="ball")
-        else:
-            for turn, axis in zip(link.angle_names, link.axes, strict=True):
-                SubElement(body, "joint", name=turn, type="hinge", axis=number_text(axis))
-        # add what is seen of the limb; it also gives the mass without which MuJoCo refuses what moves
-        ends = bones_of(project, link)
-        for end in ends:
-            SubElement(body, "geom", fromto=number_text([0.0, 0.0, 0.0, *(end * M_PER_MM)]))
-        if not ends:
-            SubElement(body, "geom", type="sphere")
+        body.set("pos", number_text(link.place @ above * M_PER_MM))
+        body.set("quat", number_text(quaternion_from_matrix(above.T @ link.turn)))
+        _add_joints(body, link)
+        capsule = capsule_of(project.skeleton, link.limb, density)
+        ends = np.concatenate([capsule.start @ link.turn, capsule.end @ link.turn])
+        SubElement(body, "geom", name=name, fromto=number_text(ends), size=repr(capsule.radius))
+        for end in bones_of(project, link):  # for people to see
+            SubElement(body, "geom", fromto=number_text([0.0, 0.0, 0.0, *(end @ link.turn * M_PER_MM)]), mass="0")
         for marker, place in markers_on(project, link.limb):
-            SubElement(body, "site", name=project.trajectories.names[marker], pos=number_text(place * M_PER_MM))
+            where = number_text(place @ link.turn * M_PER_MM)
+            SubElement(body, "site", name=project.trajectories.names[marker], pos=where)
     return [str(body.get("name")) for body in elements["world"].iter("body")]
+
+
+def _add_joints(body: Element, link: Link) -> None:
+    if link.kind == "free":
+        SubElement(body, "freejoint", name=link.joint)
+    elif link.kind == "ball":
+        _, most = range_of(np.linalg.norm(vector_from_matrix(link.rotations), axis=1), 0.0, ANGLE_MARGIN)
+        limits = {"range": number_text((0.0, most))} if most < np.pi else {}
+        SubElement(body, "joint", limits, name=link.joint, type="ball")
+    else:
+        for name, axis, angles in zip(link.angle_names, link.axes, link.angles.T, strict=True):
+            limits = {"range": number_text(range_of(angles, 0.0, ANGLE_MARGIN))}
+            SubElement(body, "joint", limits, name=name, type="hinge", axis=number_text(axis @ link.turn))
 
 
 def _columns(link: Link) -> list[str]:
@@ -115,7 +141,9 @@ def _coordinates(link: Link) -> Floats:
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return (
-        "Masses are those of thin capsules, nothing of them was measured; the deviations of angles are not written.",
+        f"Ranges are those of this motion with a margin, masses those of capsules of {options.density:g} kg/m³; the"
+        " deviations of angles are not written.",
+        *remark_on_up(project, options, _UP, _TITLE),
         *remarks_on_joints(project, options, by_three_angles=False),
     )
 
@@ -125,11 +153,12 @@ FORMAT = Format(
     title="MJCF model of MuJoCo and its motion",
     suffixes=(MODEL_SUFFIX, ".mjcf"),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, monitor),
+    up=_UP,
+    write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
     remarks=_remarks,
-    options=(AXES, RATE, JOINTS),
+    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .mjcf.xml and .qpos.csv with MuJoCo's coordinates in every frame; in m and rad.",
 )

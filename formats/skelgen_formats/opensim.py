@@ -20,25 +20,27 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.articulated import (
-    M_PER_MM,
+    ANGLE_MARGIN,
+    PLACE_MARGIN,
     Link,
     frame_along,
     links_of,
     markers_on,
     plain_names,
+    range_of,
     remarks_on_joints,
 )
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
 from skelgen_formats.trc import write_trc
+from skelgen_formats.upright import UPRIGHTABLE, gravity, remark_on_up
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
 """Of model, motion, markers and setup."""
 
-_TITLE = "OpenSim"
+_TITLE, _UP = "OpenSim", "y"
 _VERSION = "40000"  # of the first files with sockets and frames
-_GRAVITY = (0.0, -9.80665, 0.0)  # OpenSim has y up
-_MASS_KG, _INERTIA_KG_M2 = "1", "0.01 0.01 0.01 0 0 0"  # nothing was measured; zero would stop every dynamic tool
 _ACCURACY = "1e-9"  # of its search; OpenSim's own 1e-5 leaves tenths of a degree
 _JOINT_TYPES = {
     "free": "FreeJoint",
@@ -49,7 +51,9 @@ _JOINT_TYPES = {
 }
 
 
-def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
+def write_opensim(
+    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
 
     Parameters
@@ -60,6 +64,8 @@ def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: 
         The model or its motion; the other files stand beside it.
     joints : str
         `AS_MOVED` or `AS_FOUND`.
+    density : float, kg/m^3
+        Of the limbs.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -75,7 +81,9 @@ def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: 
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
         model, motion, markers, setup = files = _files(folder / path.name)
-        write_tree(model, _document(project, links, named.names, path.stem))
+        document = _document(replace(project, _trajectories=named), links, density)
+        document[0].set("name", plain_names([path.stem])[0])
+        write_tree(model, document)
         write_tree(setup, _setup(project, named.names, files))
         with motion.open("w", encoding="ascii", newline="\n") as stream:
             stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
@@ -87,21 +95,23 @@ def _files(path: Path) -> tuple[Path, ...]:
     return tuple(path.with_suffix(suffix) for suffix in SUFFIXES)
 
 
-def _document(project: Project, links: Sequence[Link], marker_names: Sequence[str], name: str) -> Element:
+def _document(project: Project, links: Sequence[Link], density: float) -> Element:
     document = Element("OpenSimDocument", Version=_VERSION)
-    model = SubElement(document, "Model", name=plain_names([name])[0])
-    _add(model, "gravity", number_text(_GRAVITY))
+    model = SubElement(document, "Model")
+    _add(model, "gravity", number_text(gravity(project, _UP)))
     _add(model, "length_units", "meters")
     _add(model, "force_units", "N")
     bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
     for link in links:
         body = SubElement(bodies, "Body", name=link.name)
-        _add(body, "mass", _MASS_KG)
-        _add(body, "mass_center", "0 0 0")
-        _add(body, "inertia", _INERTIA_KG_M2)
+        capsule = capsule_of(project.skeleton, link.limb, density)
+        inertia = capsule.inertia()
+        _add(body, "mass", repr(capsule.mass))
+        _add(body, "mass_center", number_text(capsule.centre))
+        _add(body, "inertia", number_text([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
         _add_joint(joints, link)
         for marker, place in markers_on(project, link.limb):
-            element = SubElement(markers, "Marker", name=marker_names[marker])
+            element = SubElement(markers, "Marker", name=project.trajectories.names[marker])
             _add(element, "socket_parent_frame", f"/bodyset/{link.name}")
             _add(element, "location", number_text(place * M_PER_MM))
             _add(element, "fixed", "true")
@@ -118,9 +128,14 @@ def _add_joint(joints: Element, link: Link) -> None:
     _add(element, "socket_parent_frame", frames[0])
     _add(element, "socket_child_frame", frames[1])
     coordinates = SubElement(element, "coordinates")
-    at_rest = [0.0] * len(link.axes) + ((link.place * M_PER_MM).tolist() if link.kind == "free" else [])
-    for name, value in zip(_coordinate_names(link), at_rest, strict=True):
-        _add(SubElement(coordinates, "Coordinate", name=name), "default_value", repr(value))
+    moved = [*((0.0, angles, ANGLE_MARGIN) for angles in link.angles.T)]
+    if link.kind == "free":
+        places = zip((link.place * M_PER_MM).tolist(), (link.translations * M_PER_MM).T, strict=True)
+        moved += [(rest, values, PLACE_MARGIN) for rest, values in places]
+    for name, (rest, values, margin) in zip(_coordinate_names(link), moved, strict=True):
+        coordinate = SubElement(coordinates, "Coordinate", name=name)
+        _add(coordinate, "default_value", repr(rest))
+        _add(coordinate, "range", number_text(range_of(values, rest, margin)))
     owned = SubElement(element, "frames")
     orientation = euler_angles("XYZ", frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
     place = np.zeros(3) if link.kind == "free" else link.place
@@ -200,9 +215,11 @@ def _add(parent: Element, name: str, text: str) -> None:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    own = ["Masses and inertias are placeholders, and angles come without their deviations."]
-    if not options.axes.endswith("-y"):
-        own.append("OpenSim takes y as up: if z is up in the recording, choose the axes z-to-y.")
+    own = [
+        f"Masses and inertias are those of capsules of {options.density:g} kg/m³, ranges those of this motion with a"
+        " margin, and angles come without their deviations.",
+        *remark_on_up(project, options, _UP, _TITLE),
+    ]
     names = project.trajectories.names
     if plain_names(names) != names:
         own.append("Characters of marker names that OpenSim does not take become _.")
@@ -214,11 +231,12 @@ FORMAT = Format(
     title="OpenSim model, motion and markers",
     suffixes=SUFFIXES[:2],
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, monitor),
+    up=_UP,
+    write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
     remarks=_remarks,
-    options=(AXES, RATE, JOINTS),
+    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Four files are written: .osim, .mot, .trc, and .ik.xml for inverse kinematics; m and degrees, markers in mm.",
 )

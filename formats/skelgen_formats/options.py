@@ -1,7 +1,7 @@
 """What formats declare: themselves, options of readers and writers, and which parts of a project a file keeps."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skelgen.errors import WriteError
@@ -71,6 +71,10 @@ class Options:
         Rate of the recording where the file states none; 0: as it says.
     recorded_unit : str
         Unit of its lengths where the file states none, or `AUTO`.
+    time_codes : float
+        Time codes per second in USD; 0 for one in each frame.
+    density : float, kg/m^3
+        Of the limbs, for their masses.
     """
 
     axes: str = AS_RECORDED
@@ -85,6 +89,8 @@ class Options:
     bodies: bool = False
     recorded_rate: float = AS_RECORDED_RATE
     recorded_unit: str = AUTO
+    time_codes: float = 24.0
+    density: float = 1000.0
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,7 @@ AXES = Option(
 """The registry turns the value before it is written, for every format that offers this."""
 
 UNIT = Option("unit", "mm", "Unit of the lengths in the file.", ("mm", "cm", "m"), reading=False)
+METRES = replace(UNIT, default="m")
 """Each writer scales by itself."""
 
 RATE = Option(
@@ -329,6 +336,8 @@ class Format:
         One sentence for the docs table.
     read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
         Reader of bones in motion, which are no take; see `registry.read_motion`.
+    up : str
+        The axis that is up in such files, ``y`` or ``z``; empty where they do not say.
     filled_mark : str
         How filled positions differ from measured ones in the file; empty where the format cannot mark them.
     """
@@ -347,4 +356,5 @@ class Format:
     keeps: tuple[str, ...] = ()
     remarks: Callable[[Project, Options], tuple[str, ...]] = lambda project, options: ()
     read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
+    up: str = ""
     filled_mark: str = ""

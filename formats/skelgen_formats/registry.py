@@ -46,6 +46,7 @@ from skelgen_formats import (
 from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.markers import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
+from skelgen_formats.upright import turn_wished
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -207,7 +208,8 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
     monitor.begin(f"writing {path.name}")
-    return entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
+    turn = turn_wished(value, options, entry.up)
+    return entry.write(with_up_axis(with_rate(value, options.rate), turn), path, options, monitor)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:

@@ -1,8 +1,9 @@
 """URDF (.urdf), and its motion beside it (.urdf.csv): metres and radians, as ROS has them.
 
 A hinge is a revolute joint. URDF knows no other turns, so a universal joint is two of them in a row and a ball three,
-with links without mass between; a root hangs on the link ``world`` by three prismatic and three revolute joints. All
-frames have the orientation of the world in the reference pose, where every angle is 0.
+with links of next to no mass between; a root hangs on the link ``world`` by three prismatic and three revolute joints.
+In the reference pose every joint is at 0. Frames have the orientation of the world then, but for the links of hinges
+and universal joints, whose z axis is the axis they turn about, as robots have it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,37 +19,46 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
-    M_PER_MM,
+    ANGLE_MARGIN,
+    PLACE_MARGIN,
     Link,
     bones_of,
     frame_along,
     links_of,
     markers_on,
     plain_names,
+    range_of,
     remarks_on_joints,
 )
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree
+from skelgen_formats.upright import UPRIGHTABLE, remark_on_up
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".urdf", ".urdf.csv"
 
-_TITLE = "URDF"
+_TITLE, _UP = "URDF", "z"
 _EFFORT, _VELOCITY = "1000", "100"  # URDF demands limits; nothing was measured that says any
 _BONE_RADIUS_M = "0.01"
+_ORIGIN = np.zeros(3)
+_NO_MASS_KG, _NO_INERTIA = 1e-6, np.eye(3) * 1e-9  # of what has none; simulators refuse to move links without
 
 
 class _Single(NamedTuple):
-    """One joint of one freedom."""
+    """One joint of one freedom; its axis is in the joint's frame, which `turn` gives in that of the limb."""
 
     name: str
     kind: str
     axis: Floats
+    turn: Floats
     values: Floats
     unit: str
 
 
-def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
+def write_urdf(
+    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write the robot, and a table with the value of each joint in every frame.
 
     Parameters
@@ -59,6 +69,8 @@ def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
         The robot; its motion stands beside it.
     joints : str
         `AS_MOVED` or `AS_FOUND`.
+    density : float, kg/m^3
+        Of the limbs.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -75,7 +87,7 @@ def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     columns = [f"{single.name}_{single.unit}" for single in singles]
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
-        write_tree(model, _robot(project, links, path.stem))
+        write_tree(model, _robot(project, links, path.stem, density))
         write_motion(motion, columns, project.motion.times, [np.stack([single.values for single in singles], axis=1)])
     return list(_files(path))
 
@@ -84,75 +96,100 @@ def _files(path: Path) -> tuple[Path, Path]:
     return path.with_suffix(MODEL_SUFFIX), path.with_suffix(MOTION_SUFFIX)
 
 
-def _robot(project: Project, links: Sequence[Link], name: str) -> Element:
+def _robot(project: Project, links: Sequence[Link], name: str, density: float) -> Element:
     robot = Element("robot", name=plain_names([name])[0])
     SubElement(robot, "link", name="world")
     marker_names = plain_names(project.trajectories.names)
+    turns = {-1: np.eye(3)} | {link.limb: link.turn for link in links}
     for link in links:
-        _add_link(robot, link, bones_of(project, link))
+        body = SubElement(robot, "link", name=link.name)
+        capsule = capsule_of(project.skeleton, link.limb, density)
+        inertia = link.turn.T @ capsule.inertia() @ link.turn
+        _add_inertial(body, capsule.mass, capsule.centre @ link.turn, inertia)
+        for end in bones_of(project, link):
+            _add_bone(body, end @ link.turn)
+        _add_joints(robot, link, turns[link.parent])
         for marker, place in markers_on(project, link.limb):
             marker_name = f"marker_{marker_names[marker]}"
-            SubElement(robot, "link", name=marker_name)
-            _add_joint(robot, "fixed", f"{marker_name}_joint", link.name, marker_name, place)
+            _add_inertial(SubElement(robot, "link", name=marker_name))
+            names = (f"{marker_name}_joint", link.name, marker_name)
+            _add_joint(robot, "fixed", names, place @ link.turn, np.eye(3))
     return robot
 
 
-def _add_link(robot: Element, link: Link, bones: Sequence[Floats]) -> None:
-    """Add a limb, and its joints in a row; all but the last end in links that have no name elsewhere and no mass."""
-    body = SubElement(robot, "link", name=link.name)
-    for end in bones:
-        _add_bone(body, end)
-    singles = _singles(link)
-    place = np.zeros(3) if link.kind == "free" else link.place
+def _add_joints(robot: Element, link: Link, above: Floats) -> None:
+    """Add a limb's joints in a row; all but the last end in links that have no name elsewhere and next to no mass."""
+    place, singles = link.place @ above, _singles(link)
     if not singles:
-        _add_joint(robot, "fixed", link.joint, link.parent_name, link.name, place)
+        _add_joint(robot, "fixed", (link.joint, link.parent_name, link.name), place, above.T @ link.turn)
     parent = link.parent_name
     for number, single in enumerate(singles, start=1):
-        last = number == len(singles)
-        child = link.name if last else f"{single.name}_link"
-        if not last:
-            SubElement(robot, "link", name=child)
-        joint = _add_joint(robot, single.kind, single.name, parent, child, place if number == 1 else np.zeros(3))
+        child = link.name if number == len(singles) else f"{single.name}_link"
+        if child != link.name:
+            _add_inertial(SubElement(robot, "link", name=child))
+        joint = _add_joint(robot, single.kind, (single.name, parent, child), place, above.T @ single.turn)
         SubElement(joint, "axis", xyz=number_text(single.axis))
-        lower, upper = (repr(float(end)) for end in (single.values.min(), single.values.max()))
+        least = ANGLE_MARGIN if single.unit == "rad" else PLACE_MARGIN
+        lower, upper = (repr(end) for end in range_of(single.values, 0.0, least))
         SubElement(joint, "limit", lower=lower, upper=upper, effort=_EFFORT, velocity=_VELOCITY)
-        parent = child
+        parent, place, above = child, np.zeros(3), single.turn
 
 
-def _add_joint(robot: Element, kind: str, name: str, parent: str, child: str, place: Floats) -> Element:
+def _add_joint(robot: Element, kind: str, names: tuple[str, str, str], place: Floats, turn: Floats) -> Element:
+    """Add a joint of a name between a parent and a child, at a place [mm] and with a frame given in the parent's."""
+    name, parent, child = names
     joint = SubElement(robot, "joint", name=name, type=kind)
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
-    SubElement(joint, "origin", xyz=number_text(place * M_PER_MM), rpy="0 0 0")
+    SubElement(joint, "origin", xyz=number_text(place * M_PER_MM), rpy=_rpy(turn))
     return joint
+
+
+def _add_inertial(
+    body: Element, mass: float = _NO_MASS_KG, centre: Floats = _ORIGIN, inertia: Floats = _NO_INERTIA
+) -> None:
+    element = SubElement(body, "inertial")
+    SubElement(element, "origin", xyz=number_text(centre), rpy="0 0 0")
+    SubElement(element, "mass", value=repr(mass))
+    pairs = [(row, column) for row in range(3) for column in range(row, 3)]
+    values = {f"i{'xyz'[row]}{'xyz'[column]}": repr(float(inertia[row, column])) for row, column in pairs}
+    SubElement(element, "inertia", values)
 
 
 def _add_bone(body: Element, end: Floats) -> None:
     """Add a cylinder from the limb's joint to another of its joints, for people to see."""
     visual = SubElement(body, "visual")
-    # roll, pitch and yaw turn about fixed x, y, z: the rotation is Rz(yaw) Ry(pitch) Rx(roll)
-    roll, pitch, yaw = -euler_angles("XYZ", frame_along(end).T[np.newaxis])[0]
-    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=number_text([roll, pitch, yaw]))
+    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=_rpy(frame_along(end)))
     geometry = SubElement(visual, "geometry")
     SubElement(geometry, "cylinder", radius=_BONE_RADIUS_M, length=repr(float(np.linalg.norm(end)) * M_PER_MM))
 
 
+def _rpy(rotation: Floats) -> str:
+    """Roll, pitch and yaw turn about fixed x, y, z: the rotation is Rz(yaw) Ry(pitch) Rx(roll)."""
+    return number_text(-euler_angles("XYZ", rotation.T[np.newaxis])[0])
+
+
 def _singles(link: Link) -> list[_Single]:
     turns = zip(link.angle_names, link.axes, link.angles.T, strict=True)
-    revolute = [_Single(name, "revolute", axis, values, "rad") for name, axis, values in turns]
+    if link.kind in {"hinge", "universal"}:
+        about_z = np.array([0.0, 0.0, 1.0])
+        return [_Single(name, "revolute", about_z, frame_along(axis), values, "rad") for name, axis, values in turns]
+    revolute = [_Single(name, "revolute", axis, np.eye(3), values, "rad") for name, axis, values in turns]
     return [*_shifts(link), *revolute]
 
 
 def _shifts(link: Link) -> Iterator[_Single]:
     if link.kind == "free":
-        for letter, axis, values in zip("xyz", np.eye(3), (link.translations * M_PER_MM).T, strict=True):
-            yield _Single(f"{link.joint}_t{letter}", "prismatic", axis, values, "m")
+        for letter, axis, values in zip("xyz", np.eye(3), ((link.translations - link.place) * M_PER_MM).T, strict=True):
+            yield _Single(f"{link.joint}_t{letter}", "prismatic", axis, np.eye(3), values, "m")
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return (
         "URDF has no balls, universal joints or free bodies: they become three, two and six joints in a row.",
-        "Limits are the range of this motion; masses, and the deviations of angles, are not written.",
+        f"Limits are the range of this motion with a margin, masses those of capsules of {options.density:g} kg/m³; the"
+        " deviations of angles are not written.",
+        *remark_on_up(project, options, _UP, "A robot"),
         *remarks_on_joints(project, options, by_three_angles=True),
     )
 
@@ -162,11 +199,12 @@ FORMAT = Format(
     title="URDF robot and its motion",
     suffixes=(MODEL_SUFFIX,),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, monitor),
+    up=_UP,
+    write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "motion"),
     remarks=_remarks,
-    options=(AXES, RATE, JOINTS),
+    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .urdf and .urdf.csv with the value of each joint in every frame; in m and rad.",
 )

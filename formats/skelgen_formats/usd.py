@@ -2,9 +2,13 @@
 
 A skeleton root, ``/body``, holds the prims ``skeleton`` (joints named by their paths, such as ``limb1/limb0``, with the
 reference pose as bind and rest pose), ``motion`` (a time sample per frame) and ``markers`` (points; those that are
-unseen in a frame are not among its points, ``ids`` say which marker each is). A time code is a frame; unit, axis and
-rate stand in the stage's metadata. What UsdSkel has no attribute for stands beside, in the namespace ``skelgen``:
-kinds, axes and deviations of the joints on the skeleton, names and limbs of the markers on the points.
+unseen in a frame are not among its points, ``ids`` say which marker each is). The y axis of a joint points along its
+limb, to the next joint; a limb that carries no other has a joint where it ends. What UsdSkel has no attribute for
+stands beside, in the namespace ``skelgen``: kinds, axes and deviations of the joints on the skeleton, in its axes,
+names and limbs of the markers on the points.
+
+Unit, axis and rate stand in the stage's metadata. ``framesPerSecond`` is the take's rate. Of time codes there are 24 in
+a second unless the user wants others, for Blender takes them as frames of its scene whatever the stage says.
 
 USD transforms rows: its matrices are the transposes of the usual ones.
 """
@@ -17,27 +21,46 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
+from skelgen.geometry.rotations import transform_from
 from skelgen.geometry.up_axis import AS_RECORDED
 from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
+    along_bones,
+    bone_end,
+    bone_facts,
     bone_name,
     bone_transforms,
     check_single_precision,
+    end_name,
+    limb_from_bone,
     lost_in_animations,
+    scaled_poses,
+    turned_bones,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
+from skelgen_formats.options import (
+    AXES,
+    METRES,
+    MM_PER_UNIT,
+    RATE,
+    Format,
+    Option,
+    Options,
+    Writable,
+    moving_project,
+    per_mm,
+)
 
 _TITLE = "USD"
-_UP = {AS_RECORDED: "Z", "z-to-y": "Y", "y-to-z": "Z"}
+_CODES = 24.0  # per second: Blender's frame rate, and USD's own default
 _WIDTH = 14.0  # mm: the diameter of a usual marker
 _MM_PER_METRE = 1000.0
 
 
 def write_usd(
-    value: Writable, path: Path, unit: str = "mm", axes: str = AS_RECORDED, monitor: Monitor = SILENT
+    value: Writable, path: Path, unit: str = "m", up: str = "", time_codes: float = _CODES, monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write skeleton, motion and measured markers of a finished project; the suffix chooses text or binary.
 
@@ -49,8 +72,10 @@ def write_usd(
         The file.
     unit : str
         Unit of the lengths, stated in the file.
-    axes : str
-        How the world was turned, from which follows the axis that points up; as recorded that is taken to be z.
+    up : str
+        The axis that points up, ``y`` or ``z``; what is found if left out, and z if nothing is.
+    time_codes : float
+        Per second; 0 for one in each frame.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -64,9 +89,18 @@ def write_usd(
     """
     project = _project(value)
     check_single_precision(project, _TITLE)
-    from pxr import Tf  # noqa: PLC0415 - an extra
+    from pxr import Tf, Usd, UsdGeom  # noqa: PLC0415 - an extra
 
-    stage = _stage(project, unit, axes, monitor)
+    n_frames, rate = project.motion.n_frames, project.motion.rate
+    codes = np.array([frame * ((time_codes or rate) / rate) for frame in range(n_frames)])
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, (up or _up(project)).upper())
+    UsdGeom.SetStageMetersPerUnit(stage, MM_PER_UNIT[unit] / _MM_PER_METRE)
+    stage.SetTimeCodesPerSecond(time_codes or project.motion.rate)
+    stage.SetFramesPerSecond(project.motion.rate)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(float(codes[-1]))
+    _fill(stage, project, per_mm(unit), codes, monitor)
     with replacing(path) as temporary:
         try:
             written = stage.GetRootLayer().Export(str(temporary))
@@ -84,50 +118,60 @@ def _project(value: Writable) -> Project:
     return project
 
 
-def _stage(project: Project, unit: str, axes: str, monitor: Monitor) -> Any:
-    from pxr import Usd, UsdGeom, UsdSkel  # noqa: PLC0415 - an extra
+def _up(project: Project) -> str:
+    from skelgen.kinematics.upward import up_of  # noqa: PLC0415 - scipy is slow to load
 
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, _UP[axes])
-    UsdGeom.SetStageMetersPerUnit(stage, MM_PER_UNIT[unit] / _MM_PER_METRE)
-    stage.SetTimeCodesPerSecond(project.motion.rate)
-    stage.SetFramesPerSecond(project.motion.rate)
-    stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(project.motion.n_frames - 1)
+    return "y" if up_of(project) == "y" else "z"
+
+
+def _fill(stage: Any, project: Project, scale: float, codes: Floats, monitor: Monitor) -> None:
+    from pxr import UsdSkel  # noqa: PLC0415 - an extra
+
     root = UsdSkel.Root.Define(stage, "/body")
     stage.SetDefaultPrim(root.GetPrim())
-    skeleton = _define_skeleton(stage, project.skeleton, per_mm(unit))
-    motion = _define_motion(stage, project, per_mm(unit), monitor)
+    bones = _Bones(project.skeleton, scale)
+    skeleton = _define_skeleton(stage, project.skeleton, bones)
+    motion = _define_motion(stage, project, bones, codes, monitor)
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([motion.GetPath()])
-    _define_markers(stage, project, per_mm(unit))
-    return stage
+    _define_markers(stage, project, scale, codes)
 
 
-def _joint_paths(skeleton: Skeleton) -> list[str]:
-    """Path of each limb's joint, in the order of `Skeleton.outward`, as UsdSkel wants parents before children."""
-    paths: dict[int, str] = {}
-    for limb in skeleton.outward.tolist():
-        parent = int(skeleton.parents[limb])
-        paths[limb] = bone_name(limb) if parent < 0 else f"{paths[parent]}/{bone_name(limb)}"
-    return list(paths.values())
+class _Bones:
+    """The joints as UsdSkel wants them, parents before children: limbs from the roots outward, then ends of limbs."""
+
+    def __init__(self, skeleton: Skeleton, scale: float) -> None:
+        self.parents, self.scale, self.turns = skeleton.parents, scale, limb_from_bone(skeleton)
+        self.limbs = skeleton.outward.tolist()
+        ended = [limb for limb in self.limbs if not (skeleton.parents == limb).any()]
+        self.ends = along_bones([float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ended])
+        paths: dict[int, str] = {-1: ""}
+        for limb in self.limbs:
+            paths[limb] = f"{paths[int(skeleton.parents[limb])]}/{bone_name(limb)}".removeprefix("/")
+        self.paths = [paths[limb] for limb in self.limbs] + [f"{paths[limb]}/{end_name(limb)}" for limb in ended]
+        self.ended = [self.limbs.index(limb) for limb in ended]
+
+    def world(self, poses: Floats) -> Floats:
+        """World from joint, shape (n_joints, 4, 4), in the file's unit."""
+        posed = turned_bones(scaled_poses(poses, self.scale), self.turns)[self.limbs]
+        return np.concatenate([posed, posed[self.ended] @ self.ends])
+
+    def local(self, poses: Floats) -> Floats:
+        """Parent from joint, shape (..., n_joints, 4, 4), in the file's unit."""
+        bones = turned_bones(scaled_poses(poses, self.scale), self.turns)
+        ends = np.broadcast_to(self.ends, (*poses.shape[:-3], len(self.ended), 4, 4))
+        moves = [transform_from(*bone_transforms(bones, int(self.parents[limb]), limb)[::-1]) for limb in self.limbs]
+        return np.concatenate([np.stack(moves, axis=-3), ends], axis=-3)
 
 
-def _define_skeleton(stage: Any, skeleton: Skeleton, scale: float) -> Any:
+def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
     from pxr import Sdf, UsdSkel, Vt  # noqa: PLC0415 - an extra
 
-    bind = skeleton.reference_pose[skeleton.outward].copy()
-    rest = np.tile(np.eye(4), (skeleton.n_limbs, 1, 1))
-    for index, limb in enumerate(skeleton.outward.tolist()):
-        moved, turned = bone_transforms(skeleton.reference_pose, int(skeleton.parents[limb]), limb)
-        rest[index, :3, 3], rest[index, :3, :3] = moved, turned
-    bind[:, :3, 3] *= scale
-    rest[:, :3, 3] *= scale
     prim = UsdSkel.Skeleton.Define(stage, "/body/skeleton")
-    prim.CreateJointsAttr(_joint_paths(skeleton))
-    prim.CreateBindTransformsAttr(Vt.Matrix4dArray.FromNumpy(_rows(bind)))
-    prim.CreateRestTransformsAttr(Vt.Matrix4dArray.FromNumpy(_rows(rest)))
-    kinds, axes, deviations = _facts(skeleton)
+    prim.CreateJointsAttr(bones.paths)
+    prim.CreateBindTransformsAttr(Vt.Matrix4dArray.FromNumpy(_rows(bones.world(skeleton.reference_pose))))
+    prim.CreateRestTransformsAttr(Vt.Matrix4dArray.FromNumpy(_rows(bones.local(skeleton.reference_pose))))
+    kinds, axes, deviations = _facts(skeleton, bones)
     types = Sdf.ValueTypeNames
     _state(prim, "jointKinds", types.TokenArray, kinds)
     _state(prim, "jointAxesInParents", types.Float3Array, _vectors(axes))
@@ -135,37 +179,33 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, scale: float) -> Any:
     return prim
 
 
-def _facts(skeleton: Skeleton) -> tuple[list[str], Floats, Floats]:
-    """Kind, axis (zero for those without) and deviation [mm] of each bone's joint; roots have none."""
-    kinds, axes, deviations = {}, np.zeros((skeleton.n_limbs, 3)), np.zeros((skeleton.n_limbs, 3))
-    for joint in skeleton.joints:
-        kinds[joint.child] = joint.kind
-        axes[joint.child] = 0.0 if joint.axis is None else joint.axis
-        deviations[joint.child] = joint.std
-    order = skeleton.outward.tolist()
-    return [kinds.get(limb, "root") for limb in order], axes[order], deviations[order]
+def _facts(skeleton: Skeleton, bones: _Bones) -> tuple[list[str], Floats, Floats]:
+    """Kind, axis (zero for those without) and deviation [mm] of each joint; roots and ends have none."""
+    axes, deviations = np.zeros((2, len(bones.paths), 3))
+    kinds = ["root"] * len(bones.limbs) + ["end"] * len(bones.ended)
+    for child, (joint, axis, _, std) in bone_facts(skeleton, bones.turns).items():
+        index = bones.limbs.index(child)
+        kinds[index], deviations[index] = joint.kind, std
+        axes[index] = 0.0 if axis is None else axis
+    return kinds, axes, deviations
 
 
-def _define_motion(stage: Any, project: Project, scale: float, monitor: Monitor) -> Any:
+def _define_motion(stage: Any, project: Project, bones: _Bones, codes: Floats, monitor: Monitor) -> Any:
     from pxr import Gf, UsdSkel, Vt  # noqa: PLC0415 - an extra
 
-    skeleton, motion = project.skeleton, project.motion
-    translations = np.empty((motion.n_frames, skeleton.n_limbs, 3))
-    rotations = np.empty((motion.n_frames, skeleton.n_limbs, 4))
-    for index, limb in enumerate(skeleton.outward.tolist()):
-        moved, turned = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
-        translations[:, index], rotations[:, index] = moved * scale, xyzw_from_matrix(turned)
+    moves = bones.local(project.motion.world_from_limb)
+    rotations = xyzw_from_matrix(moves[..., :3, :3]).astype(np.float32)
     prim = UsdSkel.Animation.Define(stage, "/body/motion")
-    prim.CreateJointsAttr(_joint_paths(skeleton))
-    prim.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * skeleton.n_limbs))
-    moves, turns = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
-    for frame in with_progress(range(motion.n_frames), motion.n_frames, monitor):
-        moves.Set(_vectors(translations[frame]), frame)
-        turns.Set(Vt.QuatfArray.FromNumpy(rotations[frame].astype(np.float32)), frame)
+    prim.CreateJointsAttr(bones.paths)
+    prim.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(bones.paths)))
+    translated, turned = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
+    for frame, code in enumerate(with_progress(codes.tolist(), len(codes), monitor)):
+        translated.Set(_vectors(moves[frame, :, :3, 3]), code)
+        turned.Set(Vt.QuatfArray.FromNumpy(rotations[frame]), code)
     return prim
 
 
-def _define_markers(stage: Any, project: Project, scale: float) -> None:
+def _define_markers(stage: Any, project: Project, scale: float, codes: Floats) -> None:
     from pxr import Sdf, UsdGeom, Vt  # noqa: PLC0415 - an extra
 
     markers: Trajectories = project.trajectories
@@ -177,9 +217,9 @@ def _define_markers(stage: Any, project: Project, scale: float) -> None:
     if len(seen_at_all):
         prim.CreateExtentAttr(_vectors(np.stack([seen_at_all.min(axis=0), seen_at_all.max(axis=0)])))
     points, ids = prim.CreatePointsAttr(), prim.CreateIdsAttr()
-    for frame, seen in enumerate(markers.seen):
-        points.Set(_vectors(places[frame, seen]), frame)
-        ids.Set(Vt.Int64Array.FromNumpy(np.flatnonzero(seen).astype(np.int64)), frame)
+    for place, seen, code in zip(places, markers.seen, codes.tolist(), strict=True):
+        points.Set(_vectors(place[seen]), code)
+        ids.Set(Vt.Int64Array.FromNumpy(np.flatnonzero(seen).astype(np.int64)), code)
     _state(prim, "markerNames", Sdf.ValueTypeNames.StringArray, list(markers.names))
     _state(prim, "limbOfMarker", Sdf.ValueTypeNames.IntArray, project.skeleton.limb_of_marker.tolist())
 
@@ -199,8 +239,30 @@ def _vectors(places: Floats) -> Any:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    up = "The file states that z is up; where y is up in the recording, choose axes y-to-z."
-    return (*((up,) if options.axes == AS_RECORDED else ()), *lost_in_animations(project, _TITLE))
+    from skelgen.kinematics.upward import up_of  # noqa: PLC0415 - scipy is slow to load
+
+    found = up_of(project)
+    unsure = "The recording does not tell which axis is up; the file states z unless axes turn it to y."
+    other = f"USD takes y or z to be up, and in the recording it is {found}; the file states z."
+    odd = (unsure if not found else other,) if found not in {"y", "z"} else ()
+    up = odd if options.axes == AS_RECORDED else ()
+    return (*up, *lost_in_animations(project, _TITLE))
+
+
+TIME_CODES = Option(
+    "time_codes",
+    _CODES,
+    "Time codes per second; 24 are the frames of Blender's scenes, which takes no notice of the rate; 0: one a frame.",
+    reading=False,
+    low=0.0,
+    high=1e5,
+)
+"""The option of how time is counted."""
+
+
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
+    up = "" if options.axes == AS_RECORDED else options.axes[-1]
+    return write_usd(value, path, options.unit, up, options.time_codes, monitor)
 
 
 FORMAT = Format(
@@ -208,10 +270,10 @@ FORMAT = Format(
     title="USD (UsdSkel)",
     suffixes=(".usdc", ".usda", ".usd"),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_usd(value, path, options.unit, options.axes, monitor),
+    write=_write,
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT, RATE),
+    options=(AXES, METRES, RATE, TIME_CODES),
     note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",
 )

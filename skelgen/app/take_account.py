@@ -1,24 +1,16 @@
-"""What a take looks like: which axis is up, how tall it is, how much is missing, whether its unit can be right.
-
-Up is the axis along which the lowest point of a frame keeps still best: a body stands on something. Of an axis that
-is not much better than the next, one is unsure. Where names tell shoulders, knees and ankles, up is towards the former.
-"""
+"""What a take looks like: which axis is up, how tall it is, how much is missing, whether its unit can be right."""
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from skelgen.kinematics.keypoints import joint_of_name
+from skelgen.kinematics.upward import find_up, sample_frames
 from skelgen.model import PointCloud, Poses, Take
 from skelgen.model.arrays import Floats
 from skelgen.simulation.people.tables import MARKER_SETS, read_table
 
-_FRAMES = 500  # of a take that are looked at; a second for any file
-_SURE, _FAIRLY = 4.0, 1.5  # how many times more the lowest points stray along the next axis
-_HIGH = 99.0  # percentile of heights that counts as the top, so that a stray point does not
 _BODY_MM = (300.0, 3000.0)  # what most bodies span
 _SMALLEST_MM, _LARGEST_MM = 20.0, 20_000.0  # extents of what people record, from a hand to a hall
 _KEYPOINTS = {
@@ -46,26 +38,11 @@ def account_of(take: Take) -> dict[str, Any]:
         ``missing`` (share of positions that are not seen), ``unit`` (a sentence if that of the file can hardly be
         right) and ``suit``.
     """
-    frames = _sample(take)
+    up = find_up(take)
     names = () if isinstance(take, PointCloud) else take.names
-    facts: dict[str, Any] = {"missing": _missing(take), "suit": _suit(names)}
-    lowest = np.array([np.nanmin(frame, axis=0) for frame in frames if not np.isnan(frame).all()]).reshape(-1, 3)
-    if len(lowest) < 2 or isinstance(take, Poses):
-        return {"up": "", "up_sure": "unsure", "height_mm": None, "unit": "", **facts}
-    everything = np.concatenate(frames)
-    everything = everything[~np.isnan(everything[:, 0])]
-    straying = lowest.std(axis=0) + 1e-3
-    order = np.argsort(straying)
-    axis, times, sign = int(order[0]), float(straying[order[1]] / straying[order[0]]), 1.0
-    rise = _rise(names, frames)
-    if np.sort(np.abs(rise))[-1] > _SURE * np.sort(np.abs(rise))[-2]:
-        axis, times = int(np.abs(rise).argmax()), np.inf
-        sign = float(np.sign(rise[axis]))
-        lowest = sign * np.array([np.nanmin(sign * frame, axis=0) for frame in frames if not np.isnan(frame).all()])
-    height = float(np.percentile(sign * everything[:, axis], _HIGH) - np.median(sign * lowest[:, axis]))
-    sure = "sure" if times > _SURE else "likely" if times > _FAIRLY else "unsure"
-    up = "xyz"[axis] if sign > 0 else f"-{'xyz'[axis]}"
-    return {"up": up, "up_sure": sure, "height_mm": height, "unit": _unit(frames), **facts}
+    unit = _unit(sample_frames(take)) if up.axis else ""
+    found = {"up": up.axis, "up_sure": up.sure, "height_mm": up.height, "unit": unit}
+    return {**found, "missing": _missing(take), "suit": _suit(names)}
 
 
 def account_sentences(facts: Mapping[str, Any]) -> list[str]:
@@ -81,27 +58,6 @@ def account_sentences(facts: Mapping[str, Any]) -> list[str]:
     if facts["suit"]:
         lines.append(f"names: {facts['suit']}")
     return lines
-
-
-def _sample(take: Take) -> list[Floats]:
-    chosen = sorted({int(frame) for frame in np.linspace(0, take.n_frames - 1, _FRAMES)} if take.n_frames else ())
-    if isinstance(take, PointCloud):
-        return [take.frame(index) for index in chosen if len(take.frame(index))]
-    positions = take.world_from_body[..., :3, 3] if isinstance(take, Poses) else take.positions
-    return [positions[index] for index in chosen]
-
-
-def _rise(names: Sequence[str], frames: Sequence[Floats]) -> Floats:
-    """Median way from knees and ankles to shoulders [mm], shape (3,), if names tell them; else zeros."""
-    joints = [joint_of_name(name)[1] for name in names]
-    high = [point for point, joint in enumerate(joints) if joint == "shoulder"]
-    low = [point for point, joint in enumerate(joints) if joint in ("knee", "ankle")]
-    if not high or not low:
-        return np.zeros(3)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # frames in which none is seen
-        ways = np.array([np.nanmean(frame[high], axis=0) - np.nanmean(frame[low], axis=0) for frame in frames])
-        return np.asarray(np.nan_to_num(np.nanmedian(ways, axis=0)))
 
 
 def _missing(take: Take) -> float | None:

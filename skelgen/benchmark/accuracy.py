@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from skelgen_formats.registry import write_file
 
 from skelgen.app.face import reconstruct
 from skelgen.benchmark.judges import JUDGES
@@ -232,7 +231,7 @@ def measure_exports(effort: Effort, monitor: Monitor) -> Section:
             if find_spec(judge.name) is None:
                 rows.append((judge.suffix, f"{judge.name} is not installed", "-", wanted, ""))
                 continue
-            files = write_file(project, Path(folder) / f"human{judge.suffix}")
+            files = judge.write(project, Path(folder))
             apart = judge.deviation(files, project)
             rows.append((judge.suffix, judge.name, f"{apart:.2g}", wanted, verdict(apart <= judge.tolerance)))
     columns = ("file", "posed by", "largest deviation [mm]", "wanted [mm]")

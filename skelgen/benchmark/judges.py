@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from skelgen_formats.bones import matrix_from_xyzw
+from skelgen_formats.registry import write_file
 
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Project
@@ -38,6 +39,8 @@ class Judge:
         Where the written files have limbs or joints.
     of_joints : bool
         Whether it is joints that are placed, not limbs.
+    axes : str
+        The choice of axes, where the default is not as recorded.
     """
 
     suffix: str
@@ -45,6 +48,20 @@ class Judge:
     tolerance: float
     places: Callable[[Sequence[Path], Project], Floats]
     of_joints: bool = False
+    axes: str = ""
+
+    def write(self, project: Project, folder: Path) -> list[Path]:
+        """Write a project in this format, in the axes of its motion.
+
+        Parameters
+        ----------
+        project : Project
+            Finished.
+        folder : Path
+            Where the files go.
+        """
+        path = folder / f"take{self.suffix}"
+        return write_file(project, path, axes=self.axes) if self.axes else write_file(project, path)
 
     def deviation(self, files: Sequence[Path], project: Project) -> float:
         """Return the largest distance [mm] along an axis between what the judge poses and the project's motion.
@@ -90,7 +107,8 @@ def bones_of_usd(path: Path) -> Bones:
     cache = UsdSkel.Cache()
     cache.Populate(UsdSkel.Root(stage.GetDefaultPrim()), Usd.PrimDefaultPredicate)
     (binding,) = [cache.GetSkelQuery(UsdSkel.Skeleton(prim)) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton)]
-    times = np.arange(stage.GetStartTimeCode(), stage.GetEndTimeCode() + 1)
+    (motion,) = [UsdSkel.Animation(prim) for prim in stage.Traverse() if prim.IsA(UsdSkel.Animation)]
+    times = motion.GetRotationsAttr().GetTimeSamples()
     poses = [np.array(binding.ComputeJointWorldTransforms(UsdGeom.XformCache(time))) for time in times]
     names = [str(joint).rpartition("/")[2] for joint in binding.GetJointOrder()]
     return dict(zip(names, np.array(poses).swapaxes(-1, -2).swapaxes(0, 1), strict=True))
@@ -204,8 +222,8 @@ JUDGES = (
         0.01,
         lambda files, project: _in_order(bones_of_bvh(files[0], project.motion.n_frames), project),
     ),
-    Judge(".glb", "pygltflib", 0.01, _by_gltf),
-    Judge(".usdc", "pxr", 0.01, lambda files, one: _in_order(bones_of_usd(files[0]), one)),
+    Judge(".glb", "pygltflib", 0.01, _by_gltf, axes="as-recorded"),
+    Judge(".usdc", "pxr", 0.01, lambda files, one: PER_METRE * _in_order(bones_of_usd(files[0]), one)),
     Judge(".osim", "opensim", 0.1, _by_opensim),
     Judge(".urdf", "yourdfpy", 0.01, _by_yourdfpy),
     Judge(".mjcf.xml", "mujoco", 0.01, _by_mujoco),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model import Motion, PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import Joint, Motion, PointCloud, Poses, Project, Skeleton, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
 
@@ -74,17 +74,53 @@ def _project(project: Project, wish: str) -> Project:
         raw = _vectors(project.topology.raw_joint_positions, wish)
         changes["_topology"] = replace(project.topology, raw_joint_positions=raw)
     if project.has("skeleton"):
-        skeleton = project.skeleton
-        changes["_skeleton"] = replace(skeleton, reference_pose=turned_poses(skeleton.reference_pose, wish))
+        changes["_skeleton"] = _skeleton(project.skeleton, wish)
         changes["_motion"] = _motion(project.motion, wish)
     return replace(project, **changes)
 
 
+def _skeleton(skeleton: Skeleton, wish: str) -> Skeleton:
+    """Turn the limbs' own frames with the world: they have its axes in the reference pose."""
+    return replace(
+        skeleton,
+        joints=tuple(_joint(joint, wish) for joint in skeleton.joints),
+        loops=tuple(_joint(joint, wish) for joint in skeleton.loops),
+        marker_offsets=_vectors(skeleton.marker_offsets, wish),
+        offset_std=_sizes(skeleton.offset_std, wish),
+        reference_pose=_frames(skeleton.reference_pose, wish),
+    )
+
+
+def _joint(joint: Joint, wish: str) -> Joint:
+    vectors = ("position_in_parent", "position_in_child", "axis", "second_axis")
+    sizes = ("std", "axis_std", "second_axis_std")
+    squares = ("covariance", "covariance_in_child", "turn_covariance")
+    turned: dict[str, Any] = {name: _sizes(getattr(joint, name), wish) for name in sizes}
+    for name in vectors:
+        turned[name] = None if getattr(joint, name) is None else _vectors(getattr(joint, name), wish)
+    for name in squares:
+        old = getattr(joint, name)
+        turned[name] = None if old is None else _vectors(_vectors(old, wish).swapaxes(0, 1), wish).swapaxes(0, 1)
+    return replace(joint, **turned)
+
+
 def _motion(motion: Motion, wish: str) -> Motion:
-    poses = turned_poses(motion.world_from_limb, wish)
+    poses = _frames(motion.world_from_limb, wish)
     joints, markers = _vectors(motion.joint_positions, wish), _vectors(motion.marker_positions, wish)
-    std = None if motion.joint_std is None else np.abs(_vectors(motion.joint_std, wish))
-    return replace(motion, world_from_limb=poses, joint_positions=joints, marker_positions=markers, joint_std=std)
+    std = _sizes(motion.joint_std, wish)
+    turned = replace(motion, world_from_limb=poses, joint_positions=joints, marker_positions=markers, joint_std=std)
+    return replace(turned, compute_angles=None)  # of the skeleton as it was; writers ask the skeleton itself
+
+
+def _frames(poses: Floats, wish: str) -> Floats:
+    """Turn poses of frames that turn with the world."""
+    turned = turned_poses(poses, wish)
+    turned[..., :3, :3] = _vectors(turned[..., :3, :3], wish)
+    return turned
+
+
+def _sizes(std: Floats | None, wish: str) -> Floats | None:
+    return None if std is None else np.abs(_vectors(std, wish))
 
 
 def _take(take: Take, wish: str) -> Take:

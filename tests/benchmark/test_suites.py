@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from markupsafe import Markup
-from skelgen_formats.registry import write_file
 
 import skelgen
 from skelgen.app.face import reconstruct
@@ -123,7 +122,7 @@ def test_process_that_ends_without_an_answer_is_an_error():
 def test_judges_see_a_motion_that_is_not_ours(judge, tmp_path):
     pytest.importorskip(judge.name, reason=f"{judge.name} is not installed")
     project = reconstruct(simulate("rods", n_frames=30).take)
-    files = write_file(project, tmp_path / f"walk{judge.suffix}")
+    files = judge.write(project, tmp_path)
     other = reconstruct(simulate("rods", n_frames=30, seed=1).take)
     assert judge.deviation(files, project) <= judge.tolerance
     assert judge.deviation(files, other) > 1.0

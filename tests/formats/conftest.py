@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -268,3 +274,31 @@ def jointed_project() -> Project:
     project = Project(take).with_trajectories(take, report)
     project = project.with_limbs(Limbs(limb_of_marker, np.zeros((len(names), len(names)))), report)
     return project.with_topology(topology, report).with_skeleton(skeleton, motion, report)
+
+
+@pytest.fixture(scope="session")
+def standing_project(jointed_project: Project) -> Project:
+    """The jointed project with a marker of no limb on the floor, a metre below all others, so that z is surely up."""
+    take = jointed_project.trajectories
+    positions = take.positions.copy()
+    positions[:, -1] = [0.0, 0.0, np.nanmin(positions[:, :, 2]) - 1000.0]
+    take = replace(take, positions=positions)
+    return replace(jointed_project, take=take, _trajectories=take)
+
+
+@pytest.fixture(scope="session")
+def judged_apart(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., dict[str, Any]]:
+    """What a script beside says that a judge makes of files: of one that wants other packages than ours, or crashes."""
+
+    def judge(module: str, script: str, *arguments: object) -> dict[str, Any]:
+        own = Path(__file__).parents[2] / ".blender" / "bin" / "python"
+        python = str(own) if own.exists() else sys.executable
+        if subprocess.run([python, "-c", f"import {module}"], capture_output=True, check=False).returncode:
+            pytest.skip(f"no {module}: `bash .ci/blender` installs it into an environment of its own")
+        result = tmp_path_factory.mktemp("judged") / "found.json"
+        command = [python, Path(__file__).with_name(script), *arguments, result]
+        run = subprocess.run(command, capture_output=True, text=True, check=False, env={"PATH": os.environ["PATH"]})
+        assert run.returncode == 0, run.stderr
+        return json.loads(result.read_text())
+
+    return judge

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from skelgen_formats.bones import bone_end, limb_from_bone
 from skelgen_formats.gltf import write_gltf
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
@@ -53,6 +54,11 @@ def without_markers(project):
     return replace(project, _skeleton=replace(project.skeleton, limb_of_marker=bare))
 
 
+def limbs_of(reader, project):
+    """Poses of the limbs' nodes, shape (n_keys, n_limbs, 4, 4)."""
+    return reader.world_from_node()[:, reader.gltf.skins[0].joints[: project.skeleton.n_limbs]]
+
+
 @pytest.fixture(scope="module", params=CASES)
 def project(request, make_project):
     return {
@@ -78,11 +84,25 @@ def test_validator_reads_what_was_written(validated, make_project, tmp_path):
 
 
 def test_nodes_are_where_the_limbs_are_at_every_frame(project, tmp_path):
-    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
-    joints = reader.gltf.skins[0].joints
-    posed = reader.world_from_node()[:, joints]
+    posed = limbs_of(GltfPoses(*write_gltf(project, tmp_path / "walk.glb")), project)
     assert np.abs(posed[..., :3, 3] * 1000 - project.motion.world_from_limb[..., :3, 3]).max() < POSITION_MM
-    assert np.abs(posed[..., :3, :3] - project.motion.rotations).max() < 1e-6  # single precision, some bones deep
+    turned = project.motion.rotations @ limb_from_bone(project.skeleton)
+    assert np.abs(posed[..., :3, :3] - turned).max() < 1e-6  # single precision, some bones deep
+
+
+def test_y_axes_point_along_the_limbs_and_those_that_carry_none_have_an_end(project, tmp_path):
+    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
+    names = [node.name for node in reader.gltf.nodes]
+    posed = reader.world_from_node()
+    for limb in range(project.skeleton.n_limbs):
+        end = project.motion.rotations[:, limb] @ bone_end(project.skeleton, limb)
+        along = posed[:, names.index(f"limb{limb}"), :3, 1]
+        assert np.abs(along - end / np.linalg.norm(end, axis=1, keepdims=True)).max() < 1e-6
+        assert (f"limb{limb}_end" in names) == (not (project.skeleton.parents == limb).any())
+        if f"limb{limb}_end" in names:
+            place = posed[:, names.index(f"limb{limb}_end"), :3, 3] * 1000
+            truth = project.motion.world_from_limb[:, limb, :3, 3] + end
+            assert np.abs(place - truth).max() < POSITION_MM
 
 
 def test_points_are_where_the_skeleton_has_the_markers(make_project, tmp_path):
@@ -108,14 +128,14 @@ def test_rotations_take_the_short_way_between_keys(make_project, tmp_path):
 @pytest.mark.parametrize(("unit", "per_mm"), [("mm", 1.0), ("cm", 0.1)])
 def test_lengths_are_in_the_unit_wished(small_project, tmp_path, unit, per_mm):
     reader = GltfPoses(*write_file(small_project, tmp_path / "walk.glb", unit=unit))
-    posed = reader.world_from_node()[:, reader.gltf.skins[0].joints][..., :3, 3] / per_mm
+    posed = limbs_of(reader, small_project)[..., :3, 3] / per_mm
     assert np.abs(posed - small_project.motion.world_from_limb[..., :3, 3]).max() < POSITION_MM
 
 
 def test_turned_axes_and_another_rate_are_obeyed(small_project, validated, tmp_path):
     (path,) = write_file(small_project, tmp_path / "walk.glb", axes="z-to-y", rate=50.0)
     reader = GltfPoses(path)
-    posed = reader.world_from_node()[:, reader.gltf.skins[0].joints][..., :3, 3] * 1000
+    posed = limbs_of(reader, small_project)[..., :3, 3] * 1000
     x, y, z = np.moveaxis(small_project.motion.world_from_limb[::2, :, :3, 3], -1, 0)
     assert np.abs(posed - np.stack([x, z, -y], axis=-1)).max() < POSITION_MM
     assert validated(path)["issues"]["numErrors"] == 0
@@ -126,10 +146,15 @@ def test_names_kinds_and_deviations_stand_beside(small_project, tmp_path):
     names = small_project.trajectories.names
     assert gltf.meshes[0].extras["marker_names"] == list(names[:-1])
     bones = {node.name: node for node in gltf.nodes}
+    turns = limb_from_bone(small_project.skeleton)
     for joint in small_project.skeleton.joints:
-        facts = bones[f"limb{joint.child}"].extras
-        assert (facts["kind"], facts["std_mm"]) == (joint.kind, joint.std.tolist())
-        assert facts.get("axis_in_parent") == (None if joint.axis is None else joint.axis.tolist())
+        facts, above = bones[f"limb{joint.child}"].extras, turns[joint.parent]
+        assert facts["kind"] == joint.kind
+        spread = np.diag(above.T @ np.diag(joint.std**2) @ above)
+        np.testing.assert_allclose(facts["std_mm"], np.sqrt(spread), rtol=1e-12)
+        assert ("axis_in_parent" in facts) == (joint.axis is not None)
+        if joint.axis is not None:
+            np.testing.assert_allclose(above @ facts["axis_in_parent"], joint.axis, rtol=0, atol=1e-12)
 
 
 def test_number_beyond_single_precision_is_refused_and_leaves_nothing(small_project, tmp_path):
@@ -141,13 +166,25 @@ def test_number_beyond_single_precision_is_refused_and_leaves_nothing(small_proj
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_not_told_is_said(small_project):
+def test_what_is_up_is_turned_to_y_by_what_is_found(standing_project, tmp_path):
+    reader = GltfPoses(*write_file(standing_project, tmp_path / "walk.glb"))
+    x, y, z = np.moveaxis(standing_project.motion.world_from_limb[..., :3, 3], -1, 0)
+    found = limbs_of(reader, standing_project)[..., :3, 3] * 1000
+    assert np.abs(found - np.stack([x, z, -y], axis=-1)).max() < POSITION_MM
+    as_it_is = GltfPoses(*write_file(standing_project, tmp_path / "as.glb", axes="as-recorded"))
+    assert np.abs(limbs_of(as_it_is, standing_project)[..., :3, 3] * 1000 - np.stack([x, y, z], -1)).max() < POSITION_MM
+
+
+def test_what_is_not_told_is_said(make_project, standing_project):
     remarks = find_format("gltf").remarks
-    assert any("choose axes z-to-y" in sentence for sentence in remarks(small_project, Options(unit="m")))
-    assert not any("demands metres" in sentence for sentence in remarks(small_project, Options(unit="m")))
-    assert any(
-        "take the mm in the file for metres" in sentence for sentence in remarks(small_project, Options(unit="mm"))
-    )
+    still = make_project(n_frames=1)
+    assert any("does not tell" in sentence for sentence in remarks(still, Options(unit="m", axes="auto")))
+    said = " ".join(remarks(standing_project, Options(unit="m", axes="auto")))
+    assert "to be up" not in said
+    assert "demands metres" not in said
+    said = " ".join(remarks(standing_project, Options(unit="mm")))
+    assert "in the recording it is z: choose axes z-to-y" in said
+    assert "take the mm in the file for metres" in said
 
 
 def test_take_is_refused(small_project, tmp_path):

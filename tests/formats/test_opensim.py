@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from skelgen_formats.articulated import plain_names
+from skelgen_formats.capsules import capsule_of
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import opensim_columns, opensim_postures
 from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import with_rate
+from skelgen.geometry.up_axis import with_up_axis
 
 POSITION_MM = 0.1  # demanded
 ANGLE_DEG = 0.5  # demanded
@@ -67,6 +69,41 @@ def test_inverse_kinematics_of_opensim_returns_the_angles(files, tmp_path, monke
     assert set(ours) == set(theirs)
     for name, angles in ours.items():
         assert np.abs(theirs[name] - angles).max() < (1e-3 * POSITION_MM if name[-2] == "t" else ANGLE_DEG), name
+
+
+def test_masses_and_inertias_are_those_of_capsules(jointed_project, tmp_path):
+    model = opensim.Model(str(write_file(jointed_project, tmp_path / "walk.osim", density=700.0)[0]))
+    for limb in range(jointed_project.skeleton.n_limbs):
+        body, capsule = model.getBodySet().get(f"limb{limb}"), capsule_of(jointed_project.skeleton, limb, 700.0)
+        assert body.getMass() == pytest.approx(capsule.mass)
+        assert np.abs(in_mm(body.getMassCenter()) / 1000 - capsule.centre).max() < 1e-12
+        inertia = body.getInertia()
+        moments = inertia.getMoments(), inertia.getProducts()
+        found, truth = [vector.get(axis) for vector in moments for axis in range(3)], capsule.inertia()
+        assert found == pytest.approx([*np.diag(truth), truth[0, 1], truth[0, 2], truth[1, 2]])
+
+
+def test_ranges_hold_the_motion_with_a_margin(files):
+    model, motion = opensim.Model(str(files[0])), opensim_columns(files[1])
+    coordinates = model.getCoordinateSet()  # which ends with the model
+    for name, values in motion.items():
+        coordinate = coordinates.get(name)
+        scale, margin = (1.0, 0.09) if name[-2] == "t" else (np.deg2rad(1.0), np.deg2rad(4.9))
+        low, high = scale * values.min(), scale * values.max()
+        assert coordinate.getRangeMin() < min(low, coordinate.getDefaultValue()) - margin, name
+        assert max(high, coordinate.getDefaultValue()) + margin < coordinate.getRangeMax() < 2 * np.pi, name
+
+
+@pytest.mark.parametrize(("axes", "up"), [("as-recorded", 2), ("z-to-y", 1), ("auto", 1)])
+def test_zero_pose_stands_as_the_motion_does(standing_project, tmp_path, axes, up):
+    model = opensim.Model(str(write_file(standing_project, tmp_path / "walk.osim", axes=axes)[0]))
+    gravity = model.getGravity()
+    assert [gravity.get(axis) for axis in range(3)] == [-9.80665 if axis == up else 0.0 for axis in range(3)]
+    truth = with_up_axis(standing_project, "as-recorded" if up == 2 else "z-to-y").skeleton.reference_pose
+    state = model.initSystem()
+    for limb in range(standing_project.skeleton.n_limbs):
+        place = in_mm(model.getBodySet().get(f"limb{limb}").getTransformInGround(state).p())
+        assert np.abs(place - truth[limb, :3, 3]).max() < POSITION_MM
 
 
 def test_joint_that_wobbles_becomes_a_ball_and_the_export_says_so(small_project, tmp_path):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skelgen_formats.articulated import links_of
+from skelgen_formats.capsules import capsule_of
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
@@ -16,6 +18,14 @@ ROTATION = 1e-5  # of a matrix: 0.01 mm at a metre
 BETWEEN = 20  # times as much between frames: there a universal joint turns evenly about its axes, not about one
 
 OPTIONS = pytest.mark.parametrize("options", [{}, {"rate": 30.0}, {"joints": "as-found"}])
+
+
+def body_poses(project, joints="as-moved"):
+    """Where the bodies belong, shape (n_frames, n_limbs, 4, 4): the z axis of a hinge's is the axis it turns about."""
+    turns = {link.limb: link.turn for link in links_of(project, joints)}
+    poses = project.motion.world_from_limb.copy()
+    poses[..., :3, :3] = poses[..., :3, :3] @ np.array([turns[limb] for limb in range(len(turns))])
+    return poses
 
 
 def allowed(options):
@@ -31,10 +41,10 @@ def test_yourdfpy_poses_the_robot_as_the_motion_has_it(jointed_project, tmp_path
     header, numbers = read_columns(motion)
     names = [name.rpartition("_")[0] for name in header[2:]]
     assert set(names) == set(robot.actuated_joint_names)
-    truth = with_rate(jointed_project, options.get("rate", 0.0)).motion
+    truth = body_poses(with_rate(jointed_project, options.get("rate", 0.0)), options.get("joints", "as-moved"))
     for frame, row in enumerate(numbers[:, 2:]):
         robot.update_cfg(dict(zip(names, row, strict=True)))
-        for limb, pose in enumerate(truth.world_from_limb[frame]):
+        for limb, pose in enumerate(truth[frame]):
             found = robot.get_transform(f"limb{limb}", "world")
             assert np.abs(found[:3, 3] * 1000 - pose[:3, 3]).max() < POSITION_MM * allowed(options)
             assert np.abs(found[:3, :3] - pose[:3, :3]).max() < ROTATION * allowed(options)
@@ -43,7 +53,8 @@ def test_yourdfpy_poses_the_robot_as_the_motion_has_it(jointed_project, tmp_path
 def test_robot_has_markers_and_bones_in_their_places(jointed_project, tmp_path):
     yourdfpy = pytest.importorskip("yourdfpy", reason="needs yourdfpy: pip install yourdfpy")
     robot = yourdfpy.URDF.load(str(write_file(jointed_project, tmp_path / "walk.urdf")[0]))
-    marker = robot.get_transform("marker_M1", "limb0")[:3, 3] * 1000
+    turn = next(link.turn for link in links_of(jointed_project, "as-moved") if link.limb == 0)
+    marker = turn @ robot.get_transform("marker_M1", "limb0")[:3, 3] * 1000
     assert np.abs(marker - jointed_project.skeleton.marker_offsets[1]).max() < POSITION_MM
     bone = robot.link_map["limb1"].visuals[0]
     end = (bone.origin @ [0, 0, bone.geometry.cylinder.length / 2, 1])[:3] * 1000
@@ -59,10 +70,11 @@ def test_mujoco_poses_the_model_as_the_motion_has_it(jointed_project, tmp_path, 
     qpos = read_columns(motion)[1][:, 2:]
     assert np.array_equal(model.key_qpos[0], qpos[0])
     truth = with_rate(jointed_project, options.get("rate", 0.0))
+    poses = body_poses(truth, options.get("joints", "as-moved"))
     for frame, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
-        for limb, pose in enumerate(truth.motion.world_from_limb[frame]):
+        for limb, pose in enumerate(poses[frame]):
             body = data.body(f"limb{limb}")
             assert np.abs(body.xpos * 1000 - pose[:3, 3]).max() < POSITION_MM * allowed(options)
             assert np.abs(body.xmat.reshape(3, 3) - pose[:3, :3]).max() < ROTATION * allowed(options)
@@ -70,6 +82,87 @@ def test_mujoco_poses_the_model_as_the_motion_has_it(jointed_project, tmp_path, 
             place = data.site(name).xpos * 1000
             apart = np.abs(place - truth.motion.marker_positions[frame, marker]).max()
             assert apart < POSITION_MM * allowed(options)
+
+
+def test_mujoco_takes_the_urdf_and_poses_it_as_the_motion_has_it(jointed_project, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'mujoco>=3'")
+    model_file, motion = write_file(jointed_project, tmp_path / "walk.urdf")
+    model = mujoco.MjModel.from_xml_path(str(model_file))
+    data = mujoco.MjData(model)
+    header, numbers = read_columns(motion)
+    for row, poses in zip(numbers[:, 2:], jointed_project.motion.world_from_limb, strict=True):
+        for name, value in zip(header[2:], row, strict=True):
+            data.joint(name.rpartition("_")[0]).qpos[0] = value
+        mujoco.mj_kinematics(model, data)
+        for limb in (0, 1, 2, 3, 5, 6, 7, 8):  # MuJoCo makes one body of limbs that a rigid joint holds
+            assert np.abs(data.body(f"limb{limb}").xpos * 1000 - poses[limb, :3, 3]).max() < POSITION_MM
+
+
+def test_pybullet_takes_the_urdf_with_its_masses(jointed_project, judged_apart, tmp_path):
+    files = write_file(jointed_project, tmp_path / "walk.urdf")
+    found = judged_apart("pybullet", "bullet_poses.py", *files)
+    for places, poses in zip(found["places"], jointed_project.motion.world_from_limb, strict=True):
+        for limb, pose in enumerate(poses):
+            assert np.abs(np.array(places[f"limb{limb}"]) * 1000 - pose[:3, 3]).max() < POSITION_MM
+    for limb in range(jointed_project.skeleton.n_limbs):
+        mass = capsule_of(jointed_project.skeleton, limb, 1000.0).mass
+        assert found["masses"][f"limb{limb}"] == pytest.approx(mass)
+    total = sum(capsule_of(jointed_project.skeleton, limb, 1000.0).mass for limb in range(9))
+    assert sum(found["masses"].values()) == pytest.approx(total, rel=1e-5)  # all else weighs next to nothing
+
+
+def test_masses_and_inertias_are_what_mujoco_reckons_of_the_capsules(jointed_project, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'mujoco>=3'")
+    model = mujoco.MjModel.from_xml_path(str(write_file(jointed_project, tmp_path / "w.mjcf.xml", density=800.0)[0]))
+    for limb in range(jointed_project.skeleton.n_limbs):
+        capsule, body = capsule_of(jointed_project.skeleton, limb, 800.0), model.body(f"limb{limb}")
+        assert body.mass[0] == pytest.approx(capsule.mass)
+        assert sorted(body.inertia) == pytest.approx(np.linalg.eigvalsh(capsule.inertia()))
+        turn = next(link.turn for link in links_of(jointed_project, "as-moved") if link.limb == limb)
+        assert np.abs(turn @ body.ipos - capsule.centre).max() < 1e-12
+
+
+def test_inertias_of_the_urdf_are_those_of_the_capsules(jointed_project, tmp_path):
+    yourdfpy = pytest.importorskip("yourdfpy", reason="needs yourdfpy: pip install yourdfpy")
+    robot = yourdfpy.URDF.load(str(write_file(jointed_project, tmp_path / "walk.urdf", density=500.0)[0]))
+    for link in links_of(jointed_project, "as-moved"):
+        capsule, inertial = capsule_of(jointed_project.skeleton, link.limb, 500.0), robot.link_map[link.name].inertial
+        assert inertial.mass == pytest.approx(capsule.mass)
+        assert np.abs(link.turn @ inertial.origin[:3, 3] - capsule.centre).max() < 1e-12
+        assert np.abs(link.turn @ inertial.inertia @ link.turn.T - capsule.inertia()).max() < 1e-12
+
+
+def test_hinges_turn_about_z_and_zero_is_the_reference_pose(jointed_project, tmp_path):
+    yourdfpy = pytest.importorskip("yourdfpy", reason="needs yourdfpy: pip install yourdfpy")
+    robot = yourdfpy.URDF.load(str(write_file(jointed_project, tmp_path / "walk.urdf")[0]))
+    hinges = [name for name in robot.joint_map if name.endswith(("_turn", "_first", "_second"))]
+    assert len(hinges) == 4
+    assert all(robot.joint_map[name].axis.tolist() == [0, 0, 1] for name in hinges)
+    robot.update_cfg(np.zeros(len(robot.actuated_joint_names)))
+    for link in links_of(jointed_project, "as-moved"):
+        pose = robot.get_transform(link.name, "world")
+        reference = jointed_project.skeleton.reference_pose[link.limb]
+        assert np.abs(pose[:3, 3] * 1000 - reference[:3, 3]).max() < POSITION_MM
+        assert np.abs(pose[:3, :3] - reference[:3, :3] @ link.turn).max() < ROTATION
+
+
+@pytest.mark.parametrize("name", ["walk.urdf", "walk.mjcf.xml"])
+def test_ranges_hold_the_motion_and_zero_with_a_margin(jointed_project, tmp_path, name):
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'mujoco>=3'")
+    model = mujoco.MjModel.from_xml_path(str(write_file(jointed_project, tmp_path / name)[0]))
+    for link in links_of(jointed_project, "as-moved"):
+        for title, angles in zip(link.angle_names, link.angles.T, strict=True):
+            if name.endswith(".urdf") or link.kind in {"hinge", "universal"}:
+                low, high = model.joint(title).range
+                assert low < min(angles.min(), 0.0) - np.deg2rad(4.9)
+                assert max(angles.max(), 0.0) + np.deg2rad(4.9) < high < 2 * np.pi
+
+
+@pytest.mark.parametrize(("axes", "down"), [("as-recorded", 2), ("z-to-y", 1), ("auto", 2)])
+def test_gravity_points_down_as_it_is_found(standing_project, tmp_path, axes, down):
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'mujoco>=3'")
+    model = mujoco.MjModel.from_xml_path(str(write_file(standing_project, tmp_path / "w.mjcf.xml", axes=axes)[0]))
+    assert model.opt.gravity.tolist() == [-9.80665 if axis == down else 0.0 for axis in range(3)]
 
 
 def test_quaternions_of_the_motion_never_jump(jointed_project, tmp_path):

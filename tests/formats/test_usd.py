@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skelgen_formats.bones import bone_end, limb_from_bone
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 from skelgen_formats.usd import write_usd
 
 from skelgen.benchmark.judges import bones_of_usd
 from skelgen.errors import WriteError
+from skelgen.geometry.up_axis import with_up_axis
 
 pytest.importorskip("pxr", reason="pip install 'skelgen-mocap[usd]', which also judges")
 from pxr import Usd, UsdGeom, UsdSkel
@@ -20,10 +22,11 @@ from pxr import Usd, UsdGeom, UsdSkel
 POSITION_MM = 0.01  # demanded; single precision has steps of 0.0002 mm at 2 m
 
 
-def deviation(path, motion, per_mm=1.0) -> float:
+def deviation(path, motion, per_mm=0.001) -> float:
     """Largest distance [mm] between posed joints and the limbs' origins."""
     bones = bones_of_usd(path)
-    found = np.stack([bones[f"limb{limb}"] for limb in range(len(bones))], axis=1)[..., :3, 3] / per_mm
+    limbs = range(motion.world_from_limb.shape[1])
+    found = np.stack([bones[f"limb{limb}"] for limb in limbs], axis=1)[..., :3, 3] / per_mm
     return float(np.abs(found - motion.world_from_limb[..., :3, 3]).max())
 
 
@@ -49,7 +52,19 @@ def test_joints_turn_as_the_limbs_do(project, tmp_path):
     bones = bones_of_usd(*write_usd(project, tmp_path / "walk.usdc"))
     for limb in range(project.skeleton.n_limbs):
         # Single precision, some bones deep.
-        assert np.abs(bones[f"limb{limb}"][:, :3, :3] - project.motion.rotations[:, limb]).max() < 1e-6
+        turned = project.motion.rotations[:, limb] @ limb_from_bone(project.skeleton)[limb]
+        assert np.abs(bones[f"limb{limb}"][:, :3, :3] - turned).max() < 1e-6
+
+
+def test_y_axes_point_along_the_limbs_and_those_that_carry_none_have_an_end(project, tmp_path):
+    bones = bones_of_usd(*write_usd(project, tmp_path / "walk.usdc"))
+    for limb in range(project.skeleton.n_limbs):
+        end = project.motion.rotations[:, limb] @ bone_end(project.skeleton, limb)
+        along = bones[f"limb{limb}"][:, :3, 1]
+        assert np.abs(along - end / np.linalg.norm(end, axis=1, keepdims=True)).max() < 1e-6
+        if not (project.skeleton.parents == limb).any():
+            place = bones[f"limb{limb}_end"][:, :3, 3] * 1000
+            assert np.abs(place - project.motion.world_from_limb[:, limb, :3, 3] - end).max() < POSITION_MM
 
 
 @pytest.mark.parametrize(("unit", "per_mm"), [("mm", 1.0), ("cm", 0.1), ("m", 0.001)])
@@ -59,21 +74,30 @@ def test_unit_is_stated_and_obeyed(small_project, tmp_path, unit, per_mm):
     assert deviation(path, small_project.motion, per_mm) < POSITION_MM
 
 
+def test_axis_that_is_up_is_that_which_is_found(standing_project, tmp_path):
+    (path,) = write_file(standing_project, tmp_path / "walk.usdc")
+    assert UsdGeom.GetStageUpAxis(Usd.Stage.Open(str(path))) == "Z"
+    other = with_up_axis(standing_project, "z-to-y")
+    (path,) = write_file(other, tmp_path / "other.usdc")
+    assert UsdGeom.GetStageUpAxis(Usd.Stage.Open(str(path))) == "Y"
+    assert deviation(path, other.motion) < POSITION_MM
+
+
 @pytest.mark.parametrize(("axes", "up"), [("as-recorded", "Z"), ("z-to-y", "Y"), ("y-to-z", "Z")])
-def test_axis_that_is_up_is_stated_and_obeyed(small_project, tmp_path, axes, up):
-    from skelgen.geometry.up_axis import with_up_axis
-
-    (path,) = write_file(small_project, tmp_path / "walk.usdc", axes=axes)
+def test_axis_that_is_up_is_stated_and_obeyed(standing_project, tmp_path, axes, up):
+    (path,) = write_file(standing_project, tmp_path / "walk.usdc", axes=axes)
     assert UsdGeom.GetStageUpAxis(Usd.Stage.Open(str(path))) == up
-    assert deviation(path, with_up_axis(small_project, axes).motion) < POSITION_MM
+    assert deviation(path, with_up_axis(standing_project, axes).motion) < POSITION_MM
 
 
-def test_rate_is_stated_and_frames_fall_on_the_old_ones(small_project, tmp_path):
-    (path,) = write_file(small_project, tmp_path / "walk.usda", rate=50.0)
+@pytest.mark.parametrize(("time_codes", "last"), [(24.0, 2.4), (0.0, 5.0)])
+def test_rate_and_duration_are_stated_and_frames_fall_on_the_old_ones(small_project, tmp_path, time_codes, last):
+    (path,) = write_file(small_project, tmp_path / "walk.usda", rate=50.0, time_codes=time_codes)
     stage = Usd.Stage.Open(str(path))
-    assert (stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (50.0, 0.0, 5.0)
+    assert (stage.GetFramesPerSecond(), stage.GetTimeCodesPerSecond()) == (50.0, time_codes or 50.0)
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0.0, pytest.approx(last))
     truth = small_project.motion.world_from_limb[::2, 1, :3, 3]
-    assert np.abs(bones_of_usd(path)["limb1"][:, :3, 3] - truth).max() < POSITION_MM
+    assert np.abs(bones_of_usd(path)["limb1"][:, :3, 3] * 1000 - truth).max() < POSITION_MM
 
 
 def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
@@ -81,9 +105,9 @@ def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
     points = UsdGeom.Points.Get(stage, "/body/markers")
     names = list(points.GetPrim().GetAttribute("skelgen:markerNames").Get())
     assert names == list(small_project.trajectories.names)
-    for frame in range(small_project.motion.n_frames):
+    for frame, code in enumerate(points.GetPointsAttr().GetTimeSamples()):
         places = np.full((len(names), 3), np.nan)
-        places[list(points.GetIdsAttr().Get(frame))] = np.array(points.GetPointsAttr().Get(frame))
+        places[list(points.GetIdsAttr().Get(code))] = np.array(points.GetPointsAttr().Get(code)) * 1000
         truth = small_project.trajectories.positions[frame]
         np.testing.assert_allclose(places, truth, rtol=0, atol=0.001, equal_nan=True)  # single precision at 4 m
 
@@ -91,10 +115,19 @@ def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
 def test_kinds_and_deviations_stand_beside(small_project, tmp_path):
     stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
     prim = stage.GetPrimAtPath("/body/skeleton")
-    assert list(UsdSkel.Skeleton(prim).GetJointsAttr().Get()) == ["limb1", "limb1/limb0", "limb1/limb2"]
-    assert list(prim.GetAttribute("skelgen:jointKinds").Get()) == ["root", "hinge", "ball"]
-    np.testing.assert_allclose(prim.GetAttribute("skelgen:jointAxesInParents").Get()[1], [0.6, 0, 0.8], rtol=1e-6)
-    np.testing.assert_allclose(prim.GetAttribute("skelgen:jointStdInMillimetres").Get()[2], [0.3, 0.4, 0.5], rtol=1e-6)
+    assert list(UsdSkel.Skeleton(prim).GetJointsAttr().Get()) == [
+        "limb1",
+        "limb1/limb0",
+        "limb1/limb2",
+        "limb1/limb0/limb0_end",
+        "limb1/limb2/limb2_end",
+    ]
+    assert list(prim.GetAttribute("skelgen:jointKinds").Get()) == ["root", "hinge", "ball", "end", "end"]
+    root = limb_from_bone(small_project.skeleton)[1]
+    axis = root @ np.array(prim.GetAttribute("skelgen:jointAxesInParents").Get()[1])
+    np.testing.assert_allclose(axis, [0.6, 0, 0.8], rtol=0, atol=1e-6)
+    std = np.sqrt(np.diag(root.T @ np.diag([0.09, 0.16, 0.25]) @ root))
+    np.testing.assert_allclose(prim.GetAttribute("skelgen:jointStdInMillimetres").Get()[2], std, rtol=1e-6)
     limbs = list(stage.GetPrimAtPath("/body/markers").GetAttribute("skelgen:limbOfMarker").Get())
     assert limbs == small_project.skeleton.limb_of_marker.tolist()
 
@@ -139,9 +172,10 @@ def test_number_beyond_single_precision_is_refused(small_project, tmp_path):
         write_usd(replace(small_project, _motion=motion), tmp_path / "walk.usdc")
 
 
-def test_axis_taken_for_up_is_said(small_project):
+def test_axis_taken_for_up_is_said(make_project, small_project, standing_project):
     remarks = find_format("usd").remarks
-    assert "choose axes y-to-z" in remarks(small_project, Options())[0]
+    assert "does not tell which axis is up" in remarks(make_project(n_frames=1), Options())[0]
+    assert not any("up" in sentence for sentence in remarks(standing_project, Options()))
     assert not any("axes" in sentence for sentence in remarks(small_project, Options(axes="z-to-y")))
 
 

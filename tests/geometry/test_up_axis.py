@@ -67,7 +67,16 @@ def test_raw_joints_and_reference_pose_turn_with_the_rest(small_project):
     raw = small_project.topology.raw_joint_positions @ turn.T
     assert np.array_equal(turned.topology.raw_joint_positions, raw, equal_nan=True)
     reference = small_project.skeleton.reference_pose
-    assert np.array_equal(turned.skeleton.reference_pose[:, :3], turn @ reference[:, :3])
+    assert np.array_equal(turned.skeleton.reference_pose[:, :3, 3], reference[:, :3, 3] @ turn.T)
+
+
+def test_limbs_have_the_axes_of_the_turned_world_in_the_reference_pose(small_project):
+    turned, turn = with_up_axis(small_project, "z-to-y"), turn_of("z-to-y")
+    assert np.array_equal(turned.skeleton.reference_pose[:, :3, :3], np.tile(np.eye(3), (3, 1, 1)))
+    for before, after in zip(small_project.skeleton.joints, turned.skeleton.joints, strict=True):
+        assert np.array_equal(after.position_in_parent, turn @ before.position_in_parent)
+        assert np.array_equal(after.covariance, turn @ before.covariance @ turn.T)
+        assert (after.axis is None) == (before.axis is None)
 
 
 def test_points_and_bodies_are_turned(small_project):

@@ -1,0 +1,63 @@
+"""Blender is the judge of what animation programs show: poses, bones along their limbs, speed, and what is up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.bones import bone_end
+from skelgen_formats.registry import write_file
+
+POSITION_MM = 0.05  # demanded; Blender reckons in single precision
+ALONG_DEG = 0.1
+
+
+@pytest.fixture(scope="module", params=["walk.glb", "walk.usdc", "walk.bvh"])
+def export(request, standing_project, judged_apart, tmp_path_factory):
+    """The name of an export, 20 frames, and what Blender makes of it then."""
+    (path,) = write_file(standing_project, tmp_path_factory.mktemp("blender") / request.param)
+    frames = np.arange(0, standing_project.motion.n_frames, 2)
+    times = ",".join(repr(time) for time in standing_project.motion.times[frames].tolist())
+    return request.param, frames, judged_apart("bpy", "blender_poses.py", path, times)
+
+
+def test_blender_poses_every_limb_where_the_motion_has_it(export, standing_project):
+    _, frames, found = export
+    for frame, pose in zip(frames, found["poses"], strict=True):
+        for limb in range(standing_project.skeleton.n_limbs):
+            place = np.array(pose[f"limb{limb}"])[:3, 3] * 1000
+            truth = standing_project.motion.world_from_limb[frame, limb, :3, 3]
+            assert np.abs(place - truth).max() < POSITION_MM
+
+
+def test_bones_lie_along_their_limbs_and_those_at_the_ends_have_their_length(export, standing_project):
+    name, _, found = export
+    if name.endswith(".bvh"):
+        pytest.skip("Blender itself draws a BVH's bones from joint to joint")
+    for limb in range(standing_project.skeleton.n_limbs):
+        head, tail = np.array(found["rest"][f"limb{limb}"]) * 1000
+        end = bone_end(standing_project.skeleton, limb)  # limbs have the axes of the world in the reference pose
+        cosine = (tail - head) @ end / np.linalg.norm(tail - head) / np.linalg.norm(end)
+        assert np.degrees(np.arccos(min(cosine, 1.0))) < ALONG_DEG
+        if not (standing_project.skeleton.parents == limb).any():
+            assert np.linalg.norm(tail - head - end) < POSITION_MM
+
+
+def test_bones_stay_along_their_limbs_as_they_move(export, standing_project):
+    name, frames, found = export
+    if name.endswith(".bvh"):
+        pytest.skip("Blender itself turns a BVH's bones")
+    for frame, pose in zip(frames, found["poses"], strict=True):
+        for limb in range(standing_project.skeleton.n_limbs):
+            end = standing_project.motion.rotations[frame, limb] @ bone_end(standing_project.skeleton, limb)
+            along = np.array(pose[f"limb{limb}"])[:3, 1]
+            assert np.degrees(np.arccos(min(along @ end / np.linalg.norm(end), 1.0))) < ALONG_DEG
+
+
+def test_take_plays_as_fast_and_as_long_as_it_was_recorded(export, standing_project):
+    name, _, found = export
+    duration = standing_project.motion.times[-1]
+    first, last = found["keys"]
+    assert (last - first) / found["rate"] == pytest.approx(duration, rel=1e-5)
+    if name.endswith(".usdc"):  # the only one of the three that tells Blender which frames to play
+        start, end = found["range"]
+        assert (end - start) / found["rate"] == pytest.approx(duration, abs=1 / found["rate"])
