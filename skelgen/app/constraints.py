@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.files import read_content
-from skelgen.model import Poses, Project, Trajectories
+from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import check_whole
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.topology import parents_from_names
@@ -90,25 +90,27 @@ def stated_number(project: Project, kind: str) -> int | None:
     return stated[-1] if stated else None
 
 
-def limb_constraints(project: Project, monitor: Monitor) -> LimbConstraints:
-    """Return what the corrections of a project say about limbs.
+def limb_constraints(project: Project, marker_set: str, monitor: Monitor) -> LimbConstraints:
+    """Return what the corrections of a project, and a marker set that is stated, say about limbs.
 
     Parameters
     ----------
     project : Project
         With labels.
+    marker_set : str
+        A marker set that is worn; ``auto`` or ``none`` if the user does not say.
     monitor : Monitor
         Receives a notice for each correction.
 
     Raises
     ------
     InputError
-        If a correction names a marker that does not exist.
+        If a correction names a marker that does not exist, or the take has less than half of the marker set.
     """
     from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
 
-    together: list[tuple[str, ...]] = []
-    apart: list[tuple[str, ...]] = []
+    together: list[tuple[str, ...]] = _markers_of_segments(project, marker_set)
+    apart: list[tuple[str, ...]] = [tuple(markers[0] for markers in together)]
     for correction in corrections_of(project, "limbs", monitor):
         names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
         if correction.kind == "together":
@@ -121,7 +123,9 @@ def limb_constraints(project: Project, monitor: Monitor) -> LimbConstraints:
     return LimbConstraints(tuple(together), tuple(apart))
 
 
-def joint_constraints(project: Project, options: RunOptions, monitor: Monitor) -> JointConstraints:
+def joint_constraints(
+    project: Project, options: RunOptions, monitor: Monitor, marker_set: str = "auto"
+) -> JointConstraints:
     """Return what the corrections of a project and the options of a run say about the tree.
 
     Parameters
@@ -132,6 +136,8 @@ def joint_constraints(project: Project, options: RunOptions, monitor: Monitor) -
         Their hierarchy and root take precedence over those of corrections.
     monitor : Monitor
         Receives a notice for each correction.
+    marker_set : str
+        A marker set that is worn, and whose tree is known; ``auto`` or ``none`` if the user does not say.
 
     Raises
     ------
@@ -140,8 +146,8 @@ def joint_constraints(project: Project, options: RunOptions, monitor: Monitor) -
     """
     from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
 
-    is_joint: dict[tuple[int, int], bool] = {}
-    root = None
+    is_joint = {} if marker_set in {"auto", "none"} else _joints_of_person(project)
+    root = project.limbs.names.index("pelvis") if is_joint and "pelvis" in project.limbs.names else None
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
         if correction.kind == "root":
@@ -152,7 +158,7 @@ def joint_constraints(project: Project, options: RunOptions, monitor: Monitor) -
         is_joint |= dict.fromkeys((_limb_pair(project, pair) for pair in pairs), wanted)
     if options.hierarchy is not None and options.root is not None:
         raise InputError("a hierarchy says which limb is the root: give either of both")
-    names = _limb_names(project)
+    names = project.limbs.names
     return JointConstraints(
         joined=tuple(pair for pair, wanted in is_joint.items() if wanted),
         parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
@@ -182,6 +188,36 @@ def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
         else:
             monitor.notice(f"not obeyed, because the tree has no such joint: {correction.sentence}")
     return types
+
+
+def _markers_of_segments(project: Project, marker_set: str) -> list[tuple[str, ...]]:
+    """The markers of each segment of a marker set that the user states."""
+    if marker_set in {"auto", "none"}:
+        return []
+    from skelgen.stages.names import find_marker_set  # noqa: PLC0415 - reads tables
+
+    worn = find_marker_set(marker_set, project.trajectories.names)
+    if 2 * len(worn.segments) < worn.n_markers:
+        raise InputError(f"the marker set {marker_set} is not worn: the take has {worn.sentence}")
+    segments: dict[str, list[str]] = {}
+    for marker, segment in worn.segments.items():
+        segments.setdefault(segment, []).append(marker)
+    return [tuple(markers) for markers in segments.values()]
+
+
+def _joints_of_person(project: Project) -> dict[tuple[int, int], bool]:
+    """Joints between the segments of a person that limbs are named by; a segment that is missing is passed over."""
+    from skelgen.stages.names import PARENTS  # noqa: PLC0415 - reads tables
+
+    limb_of = {name: limb for limb, name in enumerate(project.limbs.names)}
+    joints = {}
+    for name, limb in limb_of.items():
+        parent = PARENTS.get(name, "")
+        while parent and parent not in limb_of:
+            parent = PARENTS.get(parent, "")
+        if parent:
+            joints[min(limb, limb_of[parent]), max(limb, limb_of[parent])] = True
+    return joints
 
 
 def corrections_of(project: Project, stage: str, monitor: Monitor) -> list[Correction]:
@@ -248,15 +284,12 @@ def read_hierarchy(path: Path | str) -> dict[str, str]:
     return parents
 
 
-def _limb_names(project: Project) -> tuple[str, ...]:
-    take = project.take
-    return take.names if isinstance(take, Poses) else tuple(f"limb{limb}" for limb in range(project.limbs.n_limbs))
-
-
 def _limb_called(project: Project, name: str) -> int:
-    names, markers = _limb_names(project), project.trajectories.names
-    if name in names:
-        return names.index(name)
+    names, markers = project.limbs.names, project.trajectories.names
+    numbered = [f"limb{limb}" for limb in range(len(names))]
+    for called in (names, numbered):
+        if name in called:
+            return called.index(name)
     limb = int(project.limbs.limb_of_marker[markers.index(name)]) if name in markers else -1
     if limb < 0:
         raise InputError(f"there is no limb {name!r}; limbs are {', '.join(names)}")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.app.constraints import corrected_marker, corrections_of
+from skelgen.app.limb_names import renamed_limbs
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.corrections import RULES, Correction, Place
@@ -35,6 +36,8 @@ def with_correction(project: Project, correction: Correction) -> Project:
     for which in range(len(correction.names)):
         if project.has("labels"):
             corrected_marker(project.trajectories, correction, which)  # raises if it does not exist
+    if correction.kind == "name":
+        return renamed_limbs(added) if project.has("limbs") else added
     return added.before(correction.stage)
 
 
@@ -49,6 +52,9 @@ def without_correction(project: Project, index: int) -> Project:
         Which of them.
     """
     kept = (*project.corrections[:index], *project.corrections[index + 1 :])
+    if project.corrections[index].kind == "name":
+        bare = replace(project, corrections=kept)
+        return renamed_limbs(bare) if project.has("limbs") else bare
     return replace(project, corrections=kept).before(project.corrections[index].stage)
 
 

@@ -6,7 +6,7 @@ and scikit-learn take seconds to load.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
@@ -14,6 +14,7 @@ from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, joint_constraints, joint_types, limb_constraints, stated_number
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
+from skelgen.app.limb_names import named_limbs
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -173,14 +174,14 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
         find_limbs,
         parameters=settings.limbs,
         n_limbs=n_limbs,
-        constraints=limb_constraints(project, monitor),
+        constraints=limb_constraints(project, settings.limbs.marker_set, monitor),
         seed=project.seed,
         monitor=monitor,
     )
     limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
-    return LimbResult(limbs)
+    return LimbResult(named_limbs(project, limbs, settings.limbs.marker_set, monitor))
 
 
 def run_joints(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> JointResult:
@@ -213,7 +214,7 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
         return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
-    constraints = joint_constraints(project, options, monitor)
+    constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
     with _processes(options.n_jobs):
         topology = find_joints(
             project.trajectories,
@@ -260,7 +261,7 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         monitor=monitor,
         are_poses=isinstance(project.take, Poses),
     )
-    return SkeletonResult(skeleton, motion)
+    return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
 
 
 PIPELINE = (
@@ -314,7 +315,7 @@ def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monito
             f"{options.n_limbs} limbs cannot be made of them"
         )
     monitor.notice("each body of the take is a limb: this stage is skipped")
-    return LimbResult(limbs_from_poses(poses, project.trajectories))
+    return LimbResult(named_limbs(project, limbs_from_poses(poses, project.trajectories), "none"))
 
 
 def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor) -> LimbResult:
@@ -323,4 +324,5 @@ def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor)
         raise InputError(f"{project.name}: {what} (`--points markers` reads the points as markers)")
     from skelgen.stages.keypoints import find_keypoint_limbs  # noqa: PLC0415 - see the module's docstring
 
-    return LimbResult(find_keypoint_limbs(project.trajectories, options.root, monitor))
+    limbs = find_keypoint_limbs(project.trajectories, options.root, monitor)
+    return LimbResult(named_limbs(project, limbs, "none"))

@@ -57,6 +57,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "together": Rule("limbs", "{names} share a limb", least=2, most=0),
         "apart": Rule("limbs", "no two of {names} share a limb", least=2, most=0),
         "move": Rule("limbs", "{first} is on the limb of {rest}", least=2, most=3),
+        "name": Rule("limbs", "the limb of {names} is called {value}", most=0, needs_value=True),
         "n_limbs": Rule("limbs", "there are {value} limbs", least=0, most=-1, needs_value=True),
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
         "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),

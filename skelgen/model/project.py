@@ -256,6 +256,12 @@ class Project:
         """Return a project whose markers have other names; nothing else depends on these."""
         return replace(self, _trajectories=replace(self.trajectories, names=tuple(names)))
 
+    def with_limb_names(self, names: Sequence[str]) -> Project:
+        """Return a project whose limbs are called otherwise; nothing else depends on their names."""
+        limbs = replace(self.limbs, names=tuple(names))
+        skeleton = None if self._skeleton is None else replace(self._skeleton, limb_names=limbs.names)
+        return replace(self, _limbs=limbs, _skeleton=skeleton)
+
     def _until(self, stage: str, report: StageReport) -> Project:
         for earlier in STAGES[: STAGES.index(stage)]:
             if not self.has(earlier):

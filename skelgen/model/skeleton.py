@@ -12,9 +12,45 @@ from numpy.typing import NDArray
 
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
-from skelgen.model.topology import joint_children, outward_order
+from skelgen.model.topology import check_limb_names, joint_children, outward_order
+
+_JOINTS = {
+    ("chest", "head"): "neck",
+    ("pelvis", "chest"): "waist",
+    ("pelvis", "abdomen"): "waist",
+    ("chest", "upper arm"): "shoulder",
+    ("upper arm", "forearm"): "elbow",
+    ("forearm", "hand"): "wrist",
+    ("pelvis", "thigh"): "hip",
+    ("thigh", "shank"): "knee",
+    ("shank", "foot"): "ankle",
+    ("foot", "toes"): "toe joint",
+}
+"""What joints of a body are called by the segments that they join, without their sides."""
 
 JOINT_TYPES = ("ball", "universal", "hinge", "rigid", "undetermined")
+
+
+def joint_between(first: str, second: str) -> str:
+    """Return the name of the joint between two limbs, by their names.
+
+    Parameters
+    ----------
+    first, second : str
+        The limbs, the parent first.
+
+    Examples
+    --------
+    >>> joint_between("left upper arm", "left forearm"), joint_between("limb0", "limb1")
+    ('left elbow', 'limb0-limb1')
+    """
+    parted = [("", *name.split(" ", 1))[-2:] if name.startswith(("left ", "right ")) else ("", name) for name in (first, second)]
+    sides = {side for side, _ in parted if side}
+    names = [segment for _, segment in parted]
+    joint = _JOINTS.get((names[0], names[1])) or _JOINTS.get((names[1], names[0]))
+    if joint is None or len(sides) > 1:
+        return f"{first}-{second}"
+    return " ".join((*sides, joint))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +155,8 @@ class Skeleton:
         Standard deviation of each marker's coordinates, freedoms of the fit taken off.
     loops : tuple of Joint
         Joints beyond the tree, between any two limbs, that close kinematic loops; the motion keeps them closed.
+    limb_names : tuple of str, length n_limbs
+        What the limbs are called, each otherwise; ``limb0``, ``limb1`` and so on if nobody says.
     """
 
     parents: Ints
@@ -131,6 +169,7 @@ class Skeleton:
     length_std: Floats | None = None
     marker_noise: Floats | None = None
     loops: tuple[Joint, ...] = ()
+    limb_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -141,6 +180,7 @@ class Skeleton:
         pose = check_floats(self.reference_pose, (len(parents), 4, 4), "reference_pose", finite=True)
         set_fields(self, parents=parents, joints=tuple(self.joints), loops=tuple(self.loops), reference_pose=pose)
         set_fields(self, limb_of_marker=limb_of_marker, marker_offsets=offsets, marker_std=std)
+        set_fields(self, limb_names=check_limb_names(self.limb_names, len(parents)))
         if [joint.child for joint in self.joints] != joint_children(parents).tolist():
             raise InputError("joints must be listed from the root outward, one per child limb")
         shapes = {"offset_std": (n_markers, 3), "length_std": (len(self.lengths),), "marker_noise": (n_markers,)}
@@ -160,8 +200,12 @@ class Skeleton:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """A name for each joint, such as ``limb0-limb1`` (parent, child)."""
-        return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in self.joints)
+        """A name for each joint, such as ``left elbow``, or ``limb0-limb1`` (parent, child)."""
+        return tuple(self.joint_name(joint) for joint in self.joints)
+
+    def joint_name(self, joint: Joint) -> str:
+        """Return the name of a joint of the tree, or of one that closes a loop."""
+        return joint_between(self.limb_names[joint.parent], self.limb_names[joint.child])
 
     @property
     def roots(self) -> Ints:

@@ -5,14 +5,14 @@ networkx takes a fifth of a second to import: it is imported where a graph is as
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, set_fields
+from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, set_fields
 
 if TYPE_CHECKING:
     from networkx import Graph
@@ -29,10 +29,13 @@ class Limbs:
     distance_deviation : ndarray, shape (n_markers, n_markers), mm
         Standard deviation over the sampled frames of the distance between each two markers, which the clustering
         rests on; NaN where two markers are never seen together.
+    names : tuple of str, length n_limbs
+        What the limbs are called, each otherwise; ``limb0``, ``limb1`` and so on if nobody says.
     """
 
     limb_of_marker: Ints
     distance_deviation: Floats
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
@@ -42,6 +45,7 @@ class Limbs:
             raise InputError("limbs must be numbered from 0 without holes; -1 marks what is left out")
         deviation = check_floats(self.distance_deviation, (n_markers, n_markers), "distance_deviation")
         set_fields(self, limb_of_marker=limb_of_marker, distance_deviation=deviation)
+        set_fields(self, names=check_limb_names(self.names, self.n_limbs))
 
     @property
     def n_limbs(self) -> int:
@@ -61,6 +65,24 @@ class Limbs:
     def markers_of(self, limb: int) -> Ints:
         """Indices of the markers on one limb, rising."""
         return np.flatnonzero(self.limb_of_marker == limb)
+
+
+def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:
+    """Return what limbs are called, ``limb0``, ``limb1`` and so on if `names` is empty.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One for each limb, or none.
+    n_limbs : int
+        Number of limbs.
+
+    Raises
+    ------
+    InputError
+        If a name is missing, empty or used twice.
+    """
+    return check_names(names or tuple(f"limb{limb}" for limb in range(n_limbs)), n_limbs, "limb")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,185 @@
+"""Limbs are named by the markers on them: by their set, by words of the field in their names, or by what these share."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import count
+from pathlib import Path
+
+from skelgen.model import Limbs
+from skelgen.stages.names.marker_sets import MarkerSet, plain_name
+
+_SIDE_WORDS = {"l": "left", "left": "left", "lt": "left", "r": "right", "right": "right", "rt": "right"}
+SIDES = ("left", "right")
+_MIDDLE = frozenset({"head", "chest", "abdomen", "pelvis"})
+_AT_JOINT = 0.6
+"""How much a marker beside a joint says of its limb; one amid a segment says 1."""
+
+_LEAST_SHARE = 0.5
+"""Of what a limb's markers say, for a name; and of a take's markers that must be of a person, for words to count."""
+
+_LEAST_SEGMENTS = 3
+_LEAST_STEM = 3
+_SHORT_WORD = 2
+_SAYS_NOTHING = frozenset(
+    {"marker", "markers", "point", "points", "unlabeled", "unlabelled", "unknown", "traj", "trajectory", "limb", "body"}
+)
+
+
+def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = None) -> tuple[str, ...]:
+    """Return a name for each limb: that of a segment, or ``limb7`` where the markers do not tell.
+
+    A limb whose markers are numbered pieces of one name (``crane arm 1``, ``crane arm 2``) is called by it. Else each
+    marker votes for its segment by the marker set or by the words in its name, one beside a joint with less weight; the
+    segment with the most votes is the limb's name if it has at least half of them. Of two limbs with the same name the
+    one with fewer votes gets a number.
+
+    Parameters
+    ----------
+    limbs : Limbs
+        Which marker is on which limb.
+    markers : sequence of str, length n_markers
+        Names of the markers.
+    worn : MarkerSet, optional
+        The marker set of the take.
+    """
+    segments = _segments_of(markers, worn)
+    named: dict[int, tuple[float, str]] = {}
+    for limb in range(limbs.n_limbs):
+        on_limb = [markers[marker] for marker in limbs.markers_of(limb).tolist()]
+        votes = _votes(on_limb, segments)
+        stem = _shared_stem(on_limb)
+        if stem and not (votes and worn):
+            named[limb] = (float(len(on_limb)), stem)
+        elif votes:
+            named[limb] = max((weight, name) for name, weight in votes.items())
+    return _unique(named, limbs.n_limbs)
+
+
+def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Return the segment that each marker of a person sits on by its name, and how much that says.
+
+    A side is believed as it is written in this take: before the name (``LTHI``), behind it (``ASISl``) or as a word of its
+    own (``R.Thigh.Upper``), if some marker has its mirror image written so, or all sides are written so and are the same.
+
+    Parameters
+    ----------
+    markers : sequence of str
+        All markers of a take; those without a known word are left out.
+
+    Examples
+    --------
+    >>> segments_of_markers(["LTHI", "RTHI", "LANK", "C7", "gripper"])
+    {'LTHI': ('left thigh', 1.0), 'RTHI': ('right thigh', 1.0), 'LANK': ('left shank', 0.6), 'C7': ('chest', 1.0)}
+    """
+    best = {name: max(_readings(name), key=lambda reading: len(reading.word)) for name in markers}
+    known = {name: reading for name, reading in best.items() if reading.word}
+    sides = defaultdict(set)
+    for name in known:
+        for reading in _readings(name):
+            if reading.word and reading.side:
+                sides[reading.style, reading.rest].add(reading.side)
+    believed = {style for (style, _), found in sides.items() if len(found) == len(SIDES)}
+    on_sides = [reading for reading in known.values() if _words()[reading.word][0] not in _MIDDLE]
+    written = {(reading.style, reading.side) for reading in on_sides}
+    believed |= {style for style, side in written if side} if len(written) == 1 else set()
+    return {name: _said(reading, reading.style in believed) for name, reading in known.items()}
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """One way to part a name into a side, written in a style, and the rest, of which a word is known or is empty."""
+
+    style: str
+    side: str
+    rest: str
+    word: str
+
+
+def _said(reading: _Reading, is_side_believed: bool) -> tuple[str, float]:
+    segment, weight = _words()[reading.word]
+    is_sided = reading.side and is_side_believed and segment not in _MIDDLE
+    return (f"{reading.side} {segment}" if is_sided else segment), weight
+
+
+def _readings(name: str) -> list[_Reading]:
+    own, plain = name.rpartition(":")[2], plain_name(name)
+    words = re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|[0-9]+", own)
+    sides = [word for word in words if word.lower() in _SIDE_WORDS]
+    readings = []
+    if sides:
+        rest = "".join(word for word in words if word is not sides[0]).lower()
+        readings.append(_reading("word", _SIDE_WORDS[sides[0].lower()], rest))
+    readings += [_reading("word", side, plain.removeprefix(side)) for side in SIDES if plain.startswith(side)]
+    if plain[:1] in {"l", "r"}:
+        readings.append(_reading("before", _SIDE_WORDS[plain[0]], plain[1:], must_be_whole=own[:2].islower()))
+    readings.append(_reading("", "", plain))
+    if plain[-1:] in {"l", "r"}:
+        readings.append(_reading("behind", _SIDE_WORDS[plain[-1]], plain[:-1], must_be_whole=True))
+    return readings
+
+
+def _reading(style: str, side: str, rest: str, must_be_whole: bool = False) -> _Reading:
+    after_number = rest.lstrip("0123456789")
+    fitting = (word for word in _words() if after_number.startswith(word) and (len(word) > _SHORT_WORD or rest == word))
+    word = max(fitting, key=len, default="")
+    is_refused = must_be_whole and word not in {after_number, after_number.rstrip("0123456789")}
+    return _Reading(style, side, rest, "" if is_refused else word)
+
+
+@cache
+def _words() -> Mapping[str, tuple[str, float]]:
+    """The segment of each word, and how much the word says of it."""
+    text = Path(__file__).with_name("tables").joinpath("words.toml").read_text(encoding="utf-8")
+    words: dict[str, tuple[str, float]] = {}
+    for segment, rows in tomllib.loads(text).items():
+        words |= dict.fromkeys(rows.get("firm", ()), (segment, 1.0))
+        words |= dict.fromkeys(rows.get("at_joint", ()), (segment, _AT_JOINT))
+    return words
+
+
+def _segments_of(markers: Sequence[str], worn: MarkerSet | None) -> dict[str, tuple[str, float]]:
+    """Segment and weight of each marker that tells one; of none, if the take does not look like a person."""
+    by_words = segments_of_markers(markers)
+    if worn is not None:
+        by_set = {name: (segment, by_words.get(name, ("", 1.0))[1]) for name, segment in worn.segments.items()}
+        return by_words | by_set
+    n_segments = len({segment for segment, _ in by_words.values()})
+    is_person = n_segments >= _LEAST_SEGMENTS and len(by_words) >= _LEAST_SHARE * len(markers)
+    return by_words if is_person else {}
+
+
+def _votes(on_limb: Sequence[str], segments: Mapping[str, tuple[str, float]]) -> Counter[str]:
+    """Weight of each segment that has at least half of what a limb's markers say; none if most of them say nothing."""
+    votes: Counter[str] = Counter()
+    told = [segments[name] for name in on_limb if name in segments]
+    for segment, weight in told:
+        votes[segment] += weight  # type: ignore[assignment]
+    if len(told) < _LEAST_SHARE * len(on_limb):
+        return Counter()
+    return Counter({name: weight for name, weight in votes.items() if weight >= _LEAST_SHARE * votes.total()})
+
+
+def _shared_stem(on_limb: Sequence[str]) -> str:
+    """Return what all names share but for a number at their end, with a leading side in full, or nothing."""
+    stems = {re.sub(r"[\W_]*[0-9]+$", "", name.rpartition(":")[2]) for name in on_limb}
+    if len(on_limb) < 2 or len(stems) > 1:  # noqa: PLR2004 - one name shares nothing
+        return ""
+    words = [word for word in re.split(r"[\W_]+", stems.pop().strip()) if word.lower() not in _SAYS_NOTHING]
+    words[:1] = [_SIDE_WORDS.get(word.lower(), word) for word in words[:1]]
+    letters = sum(len(word) for word in words if word.isalpha())
+    return " ".join(words) if letters >= _LEAST_STEM else ""
+
+
+def _unique(named: Mapping[int, tuple[float, str]], n_limbs: int) -> tuple[str, ...]:
+    names = [f"limb{limb}" for limb in range(n_limbs)]
+    taken = set(names)
+    for limb, (_, name) in sorted(named.items(), key=lambda item: (-item[1][0], item[0])):
+        names[limb] = next(one for one in (name, *(f"{name} {number}" for number in count(2))) if one not in taken)
+        taken.add(names[limb])
+    return tuple(names)

@@ -1,0 +1,111 @@
+"""The marker sets that people wear, and which of them a take has by the names of its markers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from skelgen.errors import ParameterError
+from skelgen.simulation.people.tables import MARKER_SETS, read_table, worn_markers
+
+MARKER_SET_CHOICES = ("auto", "none", *MARKER_SETS)
+"""What a user may say of the marker set: find it by the names, give the limbs no names, or this one."""
+
+PARENTS: Mapping[str, str] = {
+    "chest": "pelvis",
+    "head": "chest",
+    **{f"{side} upper arm": "chest" for side in ("left", "right")},
+    **{f"{side} forearm": f"{side} upper arm" for side in ("left", "right")},
+    **{f"{side} hand": f"{side} forearm" for side in ("left", "right")},
+    **{f"{side} thigh": "pelvis" for side in ("left", "right")},
+    **{f"{side} shank": f"{side} thigh" for side in ("left", "right")},
+    **{f"{side} foot": f"{side} shank" for side in ("left", "right")},
+    **{f"{side} toes": f"{side} foot" for side in ("left", "right")},
+}
+"""What each segment of a person hangs on; the pelvis is the root."""
+
+_LEAST_HITS = 8
+_LEAST_PART = 0.75
+"""Of the take's markers that are those of a set; fewer are no reason to say that it is worn."""
+
+
+@dataclass(frozen=True)
+class MarkerSet:
+    """A marker set, as far as a take has its markers.
+
+    Attributes
+    ----------
+    name, title : str
+        One of `MARKER_SET_CHOICES`, and what it is called in full.
+    segments : mapping of str to str
+        The segment of each of the take's markers that belong to the set.
+    n_markers : int
+        Markers of the whole set.
+    n_taken : int
+        Markers of the take.
+    """
+
+    name: str
+    title: str
+    segments: Mapping[str, str]
+    n_markers: int
+    n_taken: int
+
+    @property
+    def sentence(self) -> str:
+        """What is recognised, e.g. ``39 of 39 markers: Plug-in Gait full body``."""
+        whole = "" if len(self.segments) == self.n_markers else f" ({len(self.segments)} of its {self.n_markers})"
+        return f"{len(self.segments)} of {self.n_taken} markers: {self.title}{whole}"
+
+
+def recognised_set(names: Sequence[str]) -> MarkerSet | None:
+    """Return the marker set that a take wears, or None if its names belong to none that is known.
+
+    That set is taken which shares most with the take: the harmonic mean of the parts of the take's and of the set's
+    markers that both have. A part of a body is recognised as well, if nearly all of the take's markers are of the set.
+
+    Parameters
+    ----------
+    names : sequence of str
+        All markers of the take.
+    """
+    found = [find_marker_set(name, names) for name in MARKER_SETS]
+    best = max(found, key=lambda one: 2 * len(one.segments) / (one.n_markers + one.n_taken))
+    enough = len(best.segments) >= max(_LEAST_HITS, _LEAST_PART * best.n_taken)
+    return best if enough else None
+
+
+def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:
+    """Return a marker set as far as a take has its markers.
+
+    Parameters
+    ----------
+    name : str
+        A set of `MARKER_SETS`.
+    names : sequence of str
+        All markers of the take.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such set.
+    """
+    if name not in MARKER_SETS:
+        raise ParameterError(f"there is no marker set {name!r}; there are {', '.join(MARKER_SET_CHOICES)}")
+    segments = _segments(name)
+    taken = {one: segments[plain_name(one)] for one in names if plain_name(one) in segments}
+    return MarkerSet(name, str(read_table("marker_sets")[name]["title"]), taken, len(segments), len(names))
+
+
+def plain_name(name: str) -> str:
+    """Return a marker's name without its subject, in small letters, letters and digits only."""
+    return re.sub(r"[\W_]", "", name.rpartition(":")[2]).lower()
+
+
+@cache
+def _segments(name: str) -> Mapping[str, str]:
+    markers = {plain_name(marker.name): marker.limb for marker in worn_markers(name)}
+    others = read_table("marker_sets")[name].get("also", {})
+    return markers | {plain_name(other): markers[plain_name(one)] for other, one in others.items()}
