@@ -5,8 +5,6 @@ clearly they are hinges; as hinges they would lose centimetres of the motion, so
 the types.
 """
 
-import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +19,7 @@ from skelgen.geometry.rotations import (
 )
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
-from skelgen_formats.bones import bone_name, parent_from_child
+from skelgen_formats.bones import bone_names, parent_from_child, plain_names
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
 
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
@@ -33,7 +31,6 @@ _NEAR_GIMBAL = np.deg2rad(10.0)  # there, angles change six times as fast as the
 _SHORTEST_BONE = 1.0  # mm; what is shorter has no direction that anyone could see
 _MOVED = 1e-3  # mm; less is the rounding of poses that are kept
 _ANGLE_NAMES = {"hinge": ("turn",), "universal": ("first", "second"), "rigid": ()}
-_NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +41,8 @@ class Link:
     ----------
     limb, parent : int
         Limb indices; a parent of -1 is the world.
+    name, parent_name : str
+        Names of the limb and of that above, such as ``limb1``; the parent of a root is ``world``.
     joint : str
         Name of the joint, such as ``limb0-limb1``; that of a root is ``world-limb0``.
     kind : str
@@ -62,6 +61,8 @@ class Link:
 
     limb: int
     parent: int
+    name: str
+    parent_name: str
     joint: str
     kind: str
     place: Floats
@@ -74,16 +75,6 @@ class Link:
     def turn(self) -> Floats:
         """Limb from body, shape (3, 3): robots turn about z, so the body of a hinge has its (last) axis there."""
         return frame_along(self.axes[-1]) if self.kind in {"hinge", "universal"} else np.eye(3)
-
-    @property
-    def name(self) -> str:
-        """Name of the limb, such as ``limb1``."""
-        return bone_name(self.limb)
-
-    @property
-    def parent_name(self) -> str:
-        """Name of the limb above, or ``world``."""
-        return bone_name(self.parent) if self.parent >= 0 else "world"
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -102,10 +93,11 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
         A choice of `JOINTS`.
     """
     skeleton, motion = project.skeleton, project.motion
-    names = dict(zip((joint.child for joint in skeleton.joints), skeleton.joint_names, strict=True))
-    above = {joint.child: joint for joint in skeleton.joints}
+    called = plain_names(skeleton.joint_names)
+    above = {joint.child: (joint, name) for joint, name in zip(skeleton.joints, called, strict=True)}
+    bones = bone_names(skeleton)
     return tuple(
-        _link(above[limb], names[limb], motion, joints) if limb in above else _root(project, limb)
+        _link(*above[limb], bones, motion, joints) if limb in above else _root(project, limb, bones[limb])
         for limb in skeleton.outward.tolist()
     )
 
@@ -175,21 +167,6 @@ def frame_along(direction: Floats) -> Floats:
     return matrix_from_vector(about * np.arctan2(sine, direction[2]))
 
 
-def plain_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names with nothing but letters, digits, ``_``, ``.`` and ``-``, still distinct."""
-    plain = [_NOT_PLAIN.sub("_", name) for name in names]
-    counts = Counter(plain)
-    taken = {name for name, count in counts.items() if count == 1}
-    distinct = []
-    for number, name in enumerate(plain):
-        new = name if counts[name] == 1 else f"{name}_{number}"
-        while counts[name] > 1 and new in taken:
-            new += "_"
-        taken.add(new)
-        distinct.append(new)
-    return tuple(distinct)
-
-
 def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bool) -> tuple[str, ...]:
     """Say what becomes of joints that wobble, of closed loops, and of balls near the gimbal position.
 
@@ -213,15 +190,16 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
     return tuple(remarks)
 
 
-def _root(project: Project, limb: int) -> Link:
+def _root(project: Project, limb: int, name: str) -> Link:
     poses = project.motion.world_from_limb[:, limb]
     place = project.skeleton.reference_pose[limb, :3, 3]
     rotations = poses[:, :3, :3]
     angles = euler_angles("XYZ", rotations)
-    return Link(limb, -1, f"world-limb{limb}", "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
+    named = (name, "world", f"world-{name}")
+    return Link(limb, -1, *named, "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
 
 
-def _link(joint: Joint, name: str, motion: Motion, joints: str) -> Link:
+def _link(joint: Joint, name: str, bones: Sequence[str], motion: Motion, joints: str) -> Link:
     world = motion.world_from_limb
     _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
     kind, axes, angles = _by_kind(joint, rotations)
@@ -229,7 +207,8 @@ def _link(joint: Joint, name: str, motion: Motion, joints: str) -> Link:
         kind, axes, angles = "ball", np.eye(3), euler_angles("XYZ", rotations)
     place = joint.position_in_parent
     translations = np.broadcast_to(place, (len(world), 3))
-    return Link(joint.child, joint.parent, name, kind, place, axes, angles, translations, _turned(axes, angles))
+    named = (bones[joint.child], bones[joint.parent], name)
+    return Link(joint.child, joint.parent, *named, kind, place, axes, angles, translations, _turned(axes, angles))
 
 
 def _by_kind(joint: Joint, rotations: Floats) -> tuple[str, Floats, Floats]:

@@ -4,6 +4,8 @@ Quaternions are x y z w, as most files store them; they rotate actively, v' = q 
 the same rotation, and either may be in a file.
 """
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -135,6 +137,7 @@ def _stated(unit: str) -> float:
     return scale
 
 
+_NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]")
 _LARGEST = float(np.finfo(np.float32).max)
 _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
 _NEARLY_ALONG = 0.9  # cosine
@@ -156,14 +159,29 @@ def check_single_precision(project: Project, title: str) -> None:
         raise WriteError(f"a coordinate is beyond what {title}'s single precision can hold")
 
 
-def bone_name(limb: int) -> str:
-    """Return the name of a limb's bone, as all formats of animations have it."""
-    return f"limb{limb}"
+def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return the names of the limbs' bones, as all formats have them: letters, digits and ``_``, each otherwise."""
+    return plain_names([re.sub(r"[.-]", "_", name) for name in skeleton.limb_names])
 
 
-def end_name(limb: int) -> str:
-    """Return the name of the joint that ends the bone of a limb which carries no other."""
-    return f"{bone_name(limb)}_end"
+def plain_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names with nothing but letters, digits, ``_``, ``.`` and ``-``, still distinct."""
+    plain = [_NOT_PLAIN.sub("_", name) for name in names]
+    counts = Counter(plain)
+    taken = {name for name, count in counts.items() if count == 1}
+    distinct = []
+    for number, name in enumerate(plain):
+        new = name if counts[name] == 1 else f"{name}_{number}"
+        while counts[name] > 1 and new in taken:
+            new += "_"
+        taken.add(new)
+        distinct.append(new)
+    return tuple(distinct)
+
+
+def end_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return the names of the joints that end the bones of limbs which carry no other."""
+    return tuple(f"{name}_end" for name in bone_names(skeleton))
 
 
 def bone_tip(skeleton: Skeleton, limb: int) -> Floats:

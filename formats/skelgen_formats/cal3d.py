@@ -16,7 +16,7 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import bone_name, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
+from skelgen_formats.bones import bone_names, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
 from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "Cal3D"
@@ -67,13 +67,13 @@ def _write(path: Path, lines: Iterator[str]) -> None:
 
 def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
     reference_pose = scaled_poses(skeleton.reference_pose, per_mm(unit))
-    order = skeleton.outward.tolist()
+    order, names = skeleton.outward.tolist(), bone_names(skeleton)
     bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
     yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
     for bone, limb in enumerate(order):
         parent = int(skeleton.parents[limb])
         children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
-        yield f'<BONE ID="{bone}" NAME="{bone_name(limb)}" NUMCHILDS="{len(children)}">\n'
+        yield f'<BONE ID="{bone}" NAME="{names[limb]}" NUMCHILDS="{len(children)}">\n'
         # text of the bind pose relative to the parent, and of its inverse in the world, which skinned vertices need
         translation, rotation = bone_transforms(reference_pose, parent, limb)
         bone_from_world = reference_pose[limb, :3, :3].T

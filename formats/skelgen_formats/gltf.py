@@ -29,10 +29,10 @@ from skelgen_formats.bones import (
     along_bones,
     bone_end,
     bone_facts,
-    bone_name,
+    bone_names,
     bone_transforms,
     check_single_precision,
-    end_name,
+    end_names,
     limb_from_bone,
     lost_in_animations,
     scaled_poses,
@@ -138,7 +138,8 @@ def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> 
     ]
     nodes += _bones(skeleton, rest, turns, ends)
     lengths = [float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ends]
-    nodes += [{"name": end_name(one), "translation": [0.0, way, 0.0]} for one, way in zip(ends, lengths, strict=True)]
+    names = end_names(skeleton)
+    nodes += [{"name": names[one], "translation": [0.0, way, 0.0]} for one, way in zip(ends, lengths, strict=True)]
     shown = [_SKELETON_NODE]
     document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
     posed = np.concatenate([rest, rest[ends] @ along_bones(lengths)])
@@ -161,10 +162,10 @@ def _node(limb: int) -> int:
 
 def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int]) -> Iterator[dict[str, object]]:
     """Yield the nodes of the limbs; those of `ends` carry a node that stands behind all limbs, in that order."""
-    facts = bone_facts(skeleton, turns)
+    facts, names = bone_facts(skeleton, turns), bone_names(skeleton)
     for limb in range(skeleton.n_limbs):
         translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
-        node: dict[str, object] = {"name": bone_name(limb), "translation": translation.tolist()}
+        node: dict[str, object] = {"name": names[limb], "translation": translation.tolist()}
         node["rotation"] = xyzw_from_matrix(rotation).tolist()
         children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
         node["children"] = children or [_node(skeleton.n_limbs + ends.index(limb))]

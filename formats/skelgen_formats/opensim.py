@@ -26,10 +26,10 @@ from skelgen_formats.articulated import (
     frame_along,
     links_of,
     markers_on,
-    plain_names,
     range_of,
     remarks_on_joints,
 )
+from skelgen_formats.bones import plain_names
 from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.text import number_text, write_tree

@@ -122,7 +122,7 @@ def _limbs(project: Project) -> list[dict[str, object]]:
     return [
         {
             "index": limb,
-            "name": f"limb{limb}",
+            "name": limbs.names[limb],
             "residual_mean": _residual(project, limbs.markers_of(limb)),
             "markers": [_marker(project, int(marker)) for marker in limbs.markers_of(limb)],
         }
@@ -177,7 +177,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
 def _loops(skeleton: Skeleton) -> list[dict[str, object]]:
     return [
         {
-            "name": f"limb{joint.parent}-limb{joint.child}",
+            "name": skeleton.joint_name(joint),
             **_fields(joint, "position_in_parent", "position_in_child", "std", "std_in_child"),
         }
         for joint in skeleton.loops

@@ -105,7 +105,7 @@ def _chunks(project: Project, rows_of: Rows, unit: str, monitor: Monitor) -> Ite
 
 def _markers(project: Project, frames: Ints, unit: str) -> Columns:
     skeleton, motion, markers = project.skeleton, project.motion, project.trajectories
-    limbs = [f"limb{limb}" if limb >= 0 else "" for limb in skeleton.limb_of_marker.tolist()]
+    limbs = [skeleton.limb_names[limb] if limb >= 0 else "" for limb in skeleton.limb_of_marker.tolist()]
     items = {"marker": markers.names, "limb": tuple(limbs)}
     scale = per_mm(unit)
     return {

@@ -30,10 +30,10 @@ from skelgen_formats.bones import (
     along_bones,
     bone_end,
     bone_facts,
-    bone_name,
+    bone_names,
     bone_transforms,
     check_single_precision,
-    end_name,
+    end_names,
     limb_from_bone,
     lost_in_animations,
     scaled_poses,
@@ -145,10 +145,10 @@ class _Bones:
         self.limbs = skeleton.outward.tolist()
         ended = [limb for limb in self.limbs if not (skeleton.parents == limb).any()]
         self.ends = along_bones([float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ended])
-        paths: dict[int, str] = {-1: ""}
+        paths, names, of_ends = {-1: ""}, bone_names(skeleton), end_names(skeleton)
         for limb in self.limbs:
-            paths[limb] = f"{paths[int(skeleton.parents[limb])]}/{bone_name(limb)}".removeprefix("/")
-        self.paths = [paths[limb] for limb in self.limbs] + [f"{paths[limb]}/{end_name(limb)}" for limb in ended]
+            paths[limb] = f"{paths[int(skeleton.parents[limb])]}/{names[limb]}".removeprefix("/")
+        self.paths = [paths[limb] for limb in self.limbs] + [f"{paths[limb]}/{of_ends[limb]}" for limb in ended]
         self.ended = [self.limbs.index(limb) for limb in ended]
 
     def world(self, poses: Floats) -> Floats:

@@ -12,6 +12,7 @@ from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together
 from skelgen.model import Project, Trajectories
+from skelgen.model.skeleton import joint_between
 from skelgen.progress import SILENT, Monitor
 
 
@@ -100,7 +101,7 @@ def _write_limbs(project: Project, path: Path) -> None:
 
 def _write_raw_joints(project: Project, path: Path) -> None:
     topology, trajectories = project.topology, project.trajectories
-    names = tuple(f"limb{parent}-limb{child}" for parent, child in topology.edges.tolist())
+    names = tuple(joint_between(*(project.limbs.names[limb] for limb in edge)) for edge in topology.edges.tolist())
     write_file(Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name), path)
 
 

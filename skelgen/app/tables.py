@@ -11,6 +11,7 @@ from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
+from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]
 
@@ -61,7 +62,8 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["limbs"] = _limb_rows(project)
     if project.has("joints"):
         tables["joints"] = _joint_rows(project)
-        tables["loops"] = [f"limb{first}-limb{second}" for first, second in project.topology.loops]
+        names = project.limbs.names
+        tables["loops"] = [joint_between(names[first], names[second]) for first, second in project.topology.loops]
     if project.has("skeleton"):
         tables["angles"] = _angle_rows(project)
         tables["closed_loops"] = _loop_rows(project)
@@ -91,7 +93,8 @@ def _limb_rows(project: Project) -> list[Row]:
     rows = []
     for limb in range(project.limbs.n_limbs):
         markers = project.limbs.markers_of(limb)
-        row: Row = {"limb": limb, "parent": None, "markers": [project.trajectories.names[i] for i in markers]}
+        on_limb = [project.trajectories.names[marker] for marker in markers]
+        row: Row = {"limb": limb, "name": project.limbs.names[limb], "parent": None, "markers": on_limb}
         if project.has("joints"):
             row["parent"] = int(project.topology.parents[limb])
         if project.has("skeleton"):
@@ -101,18 +104,18 @@ def _limb_rows(project: Project) -> list[Row]:
 
 
 def _joint_rows(project: Project) -> list[Row]:
-    topology = project.topology
+    topology, names = project.topology, project.limbs.names
     margins, rivals = topology.margins, topology.rivals
     observed = observed_joints(project.skeleton, project.motion) if project.has("skeleton") else ()
     rows = []
     for index, (parent, child) in enumerate(topology.edges.tolist()):
         row: Row = {
-            "joint": f"limb{parent}-limb{child}",
+            "joint": joint_between(names[parent], names[child]),
             "parent": parent,
             "child": child,
             "cost_mm2": float(topology.values[index]),
             "margin_mm2": None if np.isnan(margins[index]) else float(margins[index]),
-            "rival": None if rivals[index, 0] < 0 else "limb{}-limb{}".format(*rivals[index]),
+            "rival": None if rivals[index, 0] < 0 else joint_between(*(names[limb] for limb in rivals[index])),
         }
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]
@@ -142,7 +145,7 @@ def _angle_rows(project: Project) -> list[Row]:
     rows = []
     for joint, angles in zip(project.skeleton.joints, ranges, strict=True):
         for angle in angles:
-            row: Row = {"joint": _joint_name(joint), "kind": joint.kind, "angle": angle.name}
+            row: Row = {"joint": project.skeleton.joint_name(joint), "kind": joint.kind, "angle": angle.name}
             for name in ("low", "mean", "high", "std"):
                 value = float(np.rad2deg(getattr(angle, name)))
                 row[f"{name}_deg"] = None if np.isnan(value) else value
@@ -155,7 +158,7 @@ def _loop_rows(project: Project) -> list[Row]:
     gaps = loop_gaps(project.skeleton, project.motion)
     return [
         {
-            "joint": _joint_name(joint),
+            "joint": project.skeleton.joint_name(joint),
             "std_mm": _across(joint, joint.covariance),
             "child_std_mm": _across(joint, joint.covariance_in_child),
             "gap_mm": float(np.sqrt((gap**2).mean())),
@@ -164,17 +167,13 @@ def _loop_rows(project: Project) -> list[Row]:
     ]
 
 
-def _joint_name(joint: Joint) -> str:
-    return f"limb{joint.parent}-limb{joint.child}"
-
-
 def _length_rows(project: Project) -> list[Row]:
     raw, skeleton = project.topology.raw_joint_positions, project.skeleton
     rows = []
     for index, ((first, second), length) in enumerate(skeleton.lengths.items()):
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
-        first_name, second_name = (_joint_name(skeleton.joints[index]) for index in (first, second))
+        first_name, second_name = (skeleton.joint_names[index] for index in (first, second))
         rows.append(
             {
                 "limb": skeleton.limb_of_length((first, second)),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skelgen_formats.bones import matrix_from_xyzw
+from skelgen_formats.bones import bone_names, matrix_from_xyzw
 from skelgen_formats.registry import write_file
 
 from skelgen.geometry.rotations import transform_from
@@ -115,15 +115,14 @@ def bones_of_usd(path: Path) -> Bones:
 
 
 def _in_order(bones: Bones, project: Project) -> Floats:
-    limbs = range(project.skeleton.n_limbs)
-    return np.stack([bones[f"limb{limb}"][:, :3, 3] for limb in limbs], axis=1)
+    return np.stack([bones[name][:, :3, 3] for name in bone_names(project.skeleton)], axis=1)
 
 
 def _by_gltf(files: Sequence[Path], project: Project) -> Floats:
     posed = GltfPoses(files[0])
     nodes = {node.name: index for index, node in enumerate(posed.gltf.nodes)}
     poses = posed.world_from_node()
-    limbs = [nodes[f"limb{limb}"] for limb in range(project.skeleton.n_limbs)]
+    limbs = [nodes[name] for name in bone_names(project.skeleton)]
     return np.asarray(poses[:, limbs][..., :3, 3] * PER_METRE)
 
 
@@ -136,8 +135,8 @@ def _by_yourdfpy(files: Sequence[Path], project: Project) -> Floats:
     places = np.empty((len(numbers), project.skeleton.n_limbs, 3))
     for frame, row in enumerate(numbers[:, 2:]):
         robot.update_cfg(dict(zip(names, row, strict=True)))
-        for limb in range(project.skeleton.n_limbs):
-            places[frame, limb] = robot.get_transform(f"limb{limb}", "world")[:3, 3]
+        for limb, name in enumerate(bone_names(project.skeleton)):
+            places[frame, limb] = robot.get_transform(name, "world")[:3, 3]
     return np.asarray(places * PER_METRE)
 
 
@@ -151,7 +150,7 @@ def _by_mujoco(files: Sequence[Path], project: Project) -> Floats:
     for frame, row in enumerate(numbers):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
-        places[frame] = [data.body(f"limb{limb}").xpos for limb in range(project.skeleton.n_limbs)]
+        places[frame] = [data.body(name).xpos for name in bone_names(project.skeleton)]
     return np.asarray(places * PER_METRE)
 
 
@@ -162,8 +161,8 @@ def _by_opensim(files: Sequence[Path], project: Project) -> Floats:
     model, motion = opensim.Model(str(files[0])), opensim_columns(files[1])
     places = np.empty((project.motion.n_frames, project.skeleton.n_limbs, 3))
     for frame, state in opensim_postures(model, motion, range(len(places))):
-        for limb in range(project.skeleton.n_limbs):
-            origin = model.getBodySet().get(f"limb{limb}").getTransformInGround(state).p()
+        for limb, name in enumerate(bone_names(project.skeleton)):
+            origin = model.getBodySet().get(name).getTransformInGround(state).p()
             places[frame, limb] = [origin.get(axis) for axis in range(3)]
     return np.asarray(places * PER_METRE)
 

@@ -178,7 +178,7 @@ class Project:
 
     def limb_poses(self) -> DataFrame:
         """Return the poses of the limbs as a pandas table; see `skelgen.model.tables.limb_poses`."""
-        return tables.limb_poses(self.motion)
+        return tables.limb_poses(self.skeleton, self.motion)
 
     def has(self, stage: str) -> bool:
         """Whether the result of ``labels``, ``limbs``, ``joints`` or ``skeleton`` is there."""

@@ -44,9 +44,8 @@ def joint_between(first: str, second: str) -> str:
     >>> joint_between("left upper arm", "left forearm"), joint_between("limb0", "limb1")
     ('left elbow', 'limb0-limb1')
     """
-    parted = [("", *name.split(" ", 1))[-2:] if name.startswith(("left ", "right ")) else ("", name) for name in (first, second)]
-    sides = {side for side, _ in parted if side}
-    names = [segment for _, segment in parted]
+    sides = {name.partition(" ")[0] for name in (first, second) if name.startswith(("left ", "right "))}
+    names = [name.removeprefix("left ").removeprefix("right ") for name in (first, second)]
     joint = _JOINTS.get((names[0], names[1])) or _JOINTS.get((names[1], names[0]))
     if joint is None or len(sides) > 1:
         return f"{first}-{second}"

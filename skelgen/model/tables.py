@@ -64,13 +64,15 @@ def joints_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
     return _table(motion, {"joint": skeleton.joint_names}, columns)
 
 
-def limb_poses(motion: Motion) -> DataFrame:
+def limb_poses(skeleton: Skeleton, motion: Motion) -> DataFrame:
     """Return the poses of the limbs in the world, one row per frame and limb.
 
     Parameters
     ----------
+    skeleton : Skeleton
+        What the limbs are called.
     motion : Motion
-        Where the limbs are.
+        Where they are.
 
     Returns
     -------
@@ -81,11 +83,10 @@ def limb_poses(motion: Motion) -> DataFrame:
     """
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load
 
-    n_limbs = motion.limb_seen.shape[1]
     xyzw = Rotation.from_matrix(motion.rotations.reshape(-1, 3, 3)).as_quat(canonical=True)
     quaternions = dict(zip(("qw", "qx", "qy", "qz"), xyzw[:, [3, 0, 1, 2]].T, strict=True))
     columns = {"seen": motion.limb_seen} | axis_columns("{}_mm", motion.world_from_limb[..., :3, 3]) | quaternions
-    return _table(motion, {"limb": [f"limb{limb}" for limb in range(n_limbs)]}, columns)
+    return _table(motion, {"limb": skeleton.limb_names}, columns)
 
 
 def axis_columns(pattern: str, vectors: Floats) -> dict[str, Floats]:

@@ -48,8 +48,8 @@ class LimbParameters(StageParameters):
     apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'", basic=True)
     marker_set: str = declare(
         "auto",
-        "auto names limbs by the names of their markers, and by the marker set that is recognised; none gives them numbers; "
-        "the name of a marker set puts its markers on its limbs, and these into its tree",
+        "auto names limbs by the names of their markers, and by the marker set that is recognised; none gives them "
+        "numbers; the name of a marker set puts its markers on its limbs, and these into its tree",
         basic=True,
     )
     samplings: int = declare(

@@ -1,4 +1,4 @@
-"""Limbs are named by the markers on them: by their set, by words of the field in their names, or by what these share."""
+"""Limbs are named by the markers on them: by their set, by words in their names, or by what the names share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 from skelgen.model import Limbs
@@ -34,8 +34,8 @@ _SAYS_NOTHING = frozenset(
 def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = None) -> tuple[str, ...]:
     """Return a name for each limb: that of a segment, or ``limb7`` where the markers do not tell.
 
-    A limb whose markers are numbered pieces of one name (``crane arm 1``, ``crane arm 2``) is called by it. Else each
-    marker votes for its segment by the marker set or by the words in its name, one beside a joint with less weight; the
+    A limb whose markers are numbered pieces of one name of several words (``crane arm 1``, ``crane arm 2``), or of one
+    that is no word of the field, is called by it. Else each marker votes for its segment by the marker set or by the words in its name, one beside a joint with less weight; the
     segment with the most votes is the limb's name if it has at least half of them. Of two limbs with the same name the
     one with fewer votes gets a number.
 
@@ -54,7 +54,7 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
         on_limb = [markers[marker] for marker in limbs.markers_of(limb).tolist()]
         votes = _votes(on_limb, segments)
         stem = _shared_stem(on_limb)
-        if stem and not (votes and worn):
+        if stem and not (votes and (worn or " " not in stem)):
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
             named[limb] = max((weight, name) for name, weight in votes.items())
@@ -64,8 +64,9 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
 def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
     """Return the segment that each marker of a person sits on by its name, and how much that says.
 
-    A side is believed as it is written in this take: before the name (``LTHI``), behind it (``ASISl``) or as a word of its
-    own (``R.Thigh.Upper``), if some marker has its mirror image written so, or all sides are written so and are the same.
+    A side is believed as it is written in this take, before the name (``LTHI``), behind it (``ASISl``) or as a word of
+    its own (``R.Thigh.Upper``), if some marker has its mirror image written so, or all markers of arms and legs are
+    written so with one side.
 
     Parameters
     ----------
@@ -168,7 +169,7 @@ def _votes(on_limb: Sequence[str], segments: Mapping[str, tuple[str, float]]) ->
 def _shared_stem(on_limb: Sequence[str]) -> str:
     """Return what all names share but for a number at their end, with a leading side in full, or nothing."""
     stems = {re.sub(r"[\W_]*[0-9]+$", "", name.rpartition(":")[2]) for name in on_limb}
-    if len(on_limb) < 2 or len(stems) > 1:  # noqa: PLR2004 - one name shares nothing
+    if len(on_limb) < 2 or len(stems) > 1:
         return ""
     words = [word for word in re.split(r"[\W_]+", stems.pop().strip()) if word.lower() not in _SAYS_NOTHING]
     words[:1] = [_SIDE_WORDS.get(word.lower(), word) for word in words[:1]]
@@ -180,6 +181,6 @@ def _unique(named: Mapping[int, tuple[float, str]], n_limbs: int) -> tuple[str, 
     names = [f"limb{limb}" for limb in range(n_limbs)]
     taken = set(names)
     for limb, (_, name) in sorted(named.items(), key=lambda item: (-item[1][0], item[0])):
-        names[limb] = next(one for one in (name, *(f"{name} {number}" for number in count(2))) if one not in taken)
+        names[limb] = next(one for one in chain([name], (f"{name} {again}" for again in count(2))) if one not in taken)
         taken.add(names[limb])
     return tuple(names)

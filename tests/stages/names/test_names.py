@@ -1,0 +1,130 @@
+"""Limbs are named by the names of their markers: sets that people wear, words of the field, shared beginnings."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.app.corrections import without_correction
+from skelgen.errors import InputError, ParameterError
+from skelgen.model import Limbs
+from skelgen.simulation.people.tables import MARKER_SETS, worn_markers
+from skelgen.stages.names import find_marker_set, name_limbs, recognised_set, segments_of_markers
+
+
+def limbs_of(groups):
+    """Limbs of groups of markers, and all names."""
+    names = [name for group in groups for name in group]
+    labels = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    return Limbs(labels, np.zeros((len(names), len(names)))), names
+
+
+@pytest.mark.parametrize("marker_set", MARKER_SETS)
+def test_every_set_is_recognised_and_names_its_limbs_rightly(marker_set):
+    worn = worn_markers(marker_set)
+    segments = sorted({marker.limb for marker in worn})
+    limbs, names = limbs_of([[f"Jane:{m.name}" for m in worn if m.limb == segment] for segment in segments])
+    found = recognised_set(names)
+    assert found is not None
+    assert len(found.segments) == len(names)
+    assert name_limbs(limbs, names, found) == tuple(segments)
+
+
+def test_a_part_of_a_body_is_recognised_and_said():
+    legs = [marker.name for marker in worn_markers("plug-in-gait") if marker.name[1:] in LEGS]
+    assert recognised_set(legs).sentence == "16 of 16 markers: Plug-in Gait full body (16 of its 39)"
+
+
+LEGS = {"ASI", "PSI", "THI", "KNE", "TIB", "ANK", "HEE", "TOE"}
+
+
+def test_names_of_no_set_are_none():
+    assert recognised_set([f"M{number:03d}" for number in range(40)]) is None
+    with pytest.raises(ParameterError, match="there is no marker set 'mine'"):
+        find_marker_set("mine", ["a"])
+
+
+@pytest.mark.parametrize(
+    ("names", "segments"),
+    [
+        (["L_knee", "r_knee", "r_thigh3", "r_5meta"], ["left thigh", "right thigh", "right thigh", "right foot"]),
+        (["WaistLFront", "LUArmHigh", "RUArmHigh"], ["pelvis", "left upper arm", "right upper arm"]),
+        (["ASISl", "ASISr", "LARMm", "STYLu"], ["pelvis", "pelvis", "upper arm", "forearm"]),
+        (["R.Thigh.Upper", "R.Shank.Front", "R.Heel"], ["right thigh", "right shank", "right foot"]),
+        (["ELB_L", "ELB_M", "WRA"], ["upper arm", "upper arm", "forearm"]),
+    ],
+)
+def test_segments_and_sides_are_read_from_names(names, segments):
+    """A lateral epicondyle (ELB_L) is on no left arm: sides count only as a take writes them."""
+    assert [segment for segment, _ in segments_of_markers(names).values()] == segments
+
+
+def test_numbered_pieces_of_one_name_name_a_machine():
+    limbs, names = limbs_of([["crane boom 1", "crane boom 2"], ["hook_1", "hook_2"], ["M001", "M002"]])
+    assert name_limbs(limbs, names) == ("crane boom", "hook", "limb2")
+
+
+def test_two_limbs_never_have_one_name():
+    limbs, names = limbs_of([["LKNE"], ["LTHI", "LTHI2"], ["RTHI"], ["C7", "T10"], ["LANK", "LTIB"]])
+    assert name_limbs(limbs, names) == ("left thigh 2", "left thigh", "right thigh", "chest", "left shank")
+
+
+@pytest.fixture(scope="module")
+def project():
+    return skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+
+
+def test_limbs_and_joints_have_names_in_tables_and_files(project, tmp_path):
+    assert set(project.skeleton.limb_names) == {"front rod", "middle rod", "rear rod"}
+    assert set(project.limb_poses()["limb"]) == set(project.skeleton.limb_names)
+    skelgen.write(project, tmp_path / "rods.bvh")
+    assert "middle_rod" in (tmp_path / "rods.bvh").read_text()
+
+
+def test_what_the_user_calls_a_limb_stays_with_it(project, tmp_path):
+    marker = project.trajectories.names[0]
+    limb = int(project.limbs.limb_of_marker[0])
+    named = skelgen.correct(project, "name", [marker], "handle")
+    assert named.has("skeleton")
+    assert named.skeleton.limb_names[limb] == "handle"
+    again = skelgen.reconstruct(named)
+    assert again.limbs.names[again.limbs.limb_of_marker[0]] == "handle"
+    skelgen.write(again, tmp_path / "rods.skelgen")
+    assert skelgen.load(tmp_path / "rods.skelgen").skeleton.limb_names == again.skeleton.limb_names
+    assert without_correction(named, 0).skeleton.limb_names == project.skeleton.limb_names
+
+
+def test_a_name_that_another_limb_has_moves(project):
+    first, second = project.limbs.names[:2]
+    marker = project.trajectories.names[int(project.limbs.markers_of(0)[0])]
+    names = skelgen.correct(project, "name", [marker], second).limbs.names
+    assert names[:2] == (second, "limb1")
+    assert first not in names
+
+
+def test_numbers_where_names_are_not_wanted(project):
+    again = skelgen.reconstruct(project.take, parameters={"limbs": {"marker_set": "none"}}, until="limbs")
+    assert again.limbs.names == ("limb0", "limb1", "limb2")
+
+
+def test_a_marker_set_that_is_stated_binds_limbs_and_tree():
+    simulated = skelgen.simulate("human", n_frames=200, noise=0.5, marker_set="animation-41")
+    project = skelgen.reconstruct(simulated.take, parameters={"limbs": {"marker_set": "animation-41"}}, until="joints")
+    named = {name: project.limbs.names[limb] for name, limb in zip(simulated.take.names, project.limbs.limb_of_marker)}
+    assert named == {marker.name: marker.limb for marker in worn_markers("animation-41")}
+    parents = project.topology.parents
+    assert project.limbs.names[int(project.topology.roots[0])] == "pelvis"
+    assert project.limbs.names[parents[project.limbs.names.index("left hand")]] == "left forearm"
+
+
+def test_a_marker_set_that_is_not_worn_is_refused(project):
+    with pytest.raises(InputError, match="is not worn"):
+        skelgen.reconstruct(project.take, parameters={"limbs": {"marker_set": "ior"}})
+
+
+def test_limbs_refuse_names_that_do_not_fit(project):
+    with pytest.raises(InputError):
+        dataclasses.replace(project.limbs, names=("a", "a", "b"))
