@@ -264,24 +264,45 @@ def read_hierarchy(path: Path | str) -> dict[str, str]:
     FormatError
         If a line has another form, or a child has two parents.
     """
-    path = Path(path)
+    return _read_pairs(Path(path), "child,parent", "limb")
+
+
+def read_limb_names(path: Path | str) -> dict[str, str]:
+    """Read names of limbs: a line ``marker,name`` calls the limb of the marker by the name.
+
+    Lines that begin with ``#`` and empty lines are skipped.
+
+    Raises
+    ------
+    FormatError
+        If a line has another form, or a marker stands twice.
+    """
+    names = _read_pairs(Path(path), "marker,name", "marker")
+    nameless = next((marker for marker, name in names.items() if not name), None)
+    if nameless is not None:
+        raise FormatError(path, "", f"the limb of {nameless} gets no name; write marker,name")
+    return names
+
+
+def _read_pairs(path: Path, form: str, what: str) -> dict[str, str]:
+    """What stands behind the first comma of each line of a text, by what stands before it."""
     try:
         lines = read_content(path).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise FormatError(path, "", "is no text in UTF-8") from error
-    parents: dict[str, str] = {}
+    pairs: dict[str, str] = {}
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        child, _, parent = (part.strip() for part in line.partition(","))
-        if not child or "," in parent:
-            raise FormatError(path, number, f"{line.strip()[:60]!r} where child,parent belongs")
-        if child in parents:
-            raise FormatError(path, number, f"{child!r} has a parent already; a limb has one")
-        parents[child] = parent
-    if not parents:
-        raise FormatError(path, "", "names no limb; a line child,parent belongs to each")
-    return parents
+        first, _, second = (part.strip() for part in line.partition(","))
+        if not first or "," in second:
+            raise FormatError(path, number, f"{line.strip()[:60]!r} where {form} belongs")
+        if first in pairs:
+            raise FormatError(path, number, f"{first!r} stands twice; a line {form} belongs to each {what}")
+        pairs[first] = second
+    if not pairs:
+        raise FormatError(path, "", f"names no {what}; a line {form} belongs to each")
+    return pairs
 
 
 def _limb_called(project: Project, name: str) -> int:

@@ -74,6 +74,24 @@ Root = Annotated[
         "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
     ),
 ]
+NamesFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--names",
+        metavar="FILE",
+        help="Names of limbs: a line marker,name calls the limb of the marker by the name.",
+        show_default="by names of markers",
+    ),
+]
+MarkerSetName = Annotated[
+    str | None,
+    typer.Option(
+        "--marker-set",
+        metavar="NAME",
+        help="auto names limbs by the set that is worn; none gives numbers; a set's name binds limbs and tree to it.",
+        show_default="auto",
+    ),
+]
 SubjectFile = Annotated[
     Path | None,
     typer.Option(

@@ -94,6 +94,8 @@ def run(
     identities: options.IdentitiesFile = None,
     hierarchy: options.Hierarchy = None,
     root: options.Root = None,
+    names: options.NamesFile = None,
+    marker_set: options.MarkerSetName = None,
     skeleton: options.SubjectFile = None,
     seed: options.Seed = None,
     jobs: options.Jobs = 1,
@@ -124,6 +126,10 @@ def run(
         Methods of all stages: ``default`` or ``classic``.
     root : str, optional
         Root of the tree.
+    names : Path, optional
+        File with names of limbs.
+    marker_set : str, optional
+        ``auto``, ``none`` or a marker set.
     seed : int, optional
         Seed of every random choice.
     jobs : int
@@ -140,16 +146,20 @@ def run(
         Options of readers.
     """
     from skelgen.app.configuration import Settings, settings_with
-    from skelgen.app.constraints import RunOptions
+    from skelgen.app.constraints import RunOptions, read_limb_names
     from skelgen.app.files import open_input
+    from skelgen.app.limb_names import with_stated_names
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import find_result
 
     screen = Screen(quiet, as_json)
     take = find_result(take)
-    settings = settings_with(Settings(config, methods), assignments or ())
+    worn = () if marker_set is None else (f"limbs.marker_set={marker_set}",)
+    settings = settings_with(Settings(config, methods), (*(assignments or ()), *worn))
     with screen.watching() as monitor:
         project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
+    if names is not None:
+        project = with_stated_names(project, read_limb_names(names))
     if skeleton is not None:
         refuse_beside_skeleton(
             {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
@@ -159,7 +169,7 @@ def run(
     else:
         run_options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
         work = _stages_run(from_stage, until_stage, settings, run_options)
-    inputs = (take, identities, hierarchy, skeleton, config)
+    inputs = (take, identities, hierarchy, names, skeleton, config)
     target = _Target(output or _folder_for(take), stem_of(take), inputs=inputs, overwrite=overwrite)
     _run_and_write(screen, project, work, target)
 

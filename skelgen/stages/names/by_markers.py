@@ -35,9 +35,9 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
     """Return a name for each limb: that of a segment, or ``limb7`` where the markers do not tell.
 
     A limb whose markers are numbered pieces of one name of several words (``crane arm 1``, ``crane arm 2``), or of one
-    that is no word of the field, is called by it. Else each marker votes for its segment by the marker set or by the words in its name, one beside a joint with less weight; the
-    segment with the most votes is the limb's name if it has at least half of them. Of two limbs with the same name the
-    one with fewer votes gets a number.
+    that is no word of the field, is called by it. Else each marker votes for its segment by the marker set or by the
+    words in its name, one beside a joint with less weight; the segment with the most votes is the limb's name if it has
+    at least half of them. Of two limbs with the same name the one with fewer votes gets a number.
 
     Parameters
     ----------

@@ -113,7 +113,8 @@ def test_numbers_where_names_are_not_wanted(project):
 def test_a_marker_set_that_is_stated_binds_limbs_and_tree():
     simulated = skelgen.simulate("human", n_frames=200, noise=0.5, marker_set="animation-41")
     project = skelgen.reconstruct(simulated.take, parameters={"limbs": {"marker_set": "animation-41"}}, until="joints")
-    named = {name: project.limbs.names[limb] for name, limb in zip(simulated.take.names, project.limbs.limb_of_marker)}
+    limbs = [project.limbs.names[limb] for limb in project.limbs.limb_of_marker]
+    named = dict(zip(simulated.take.names, limbs, strict=True))
     assert named == {marker.name: marker.limb for marker in worn_markers("animation-41")}
     parents = project.topology.parents
     assert project.limbs.names[int(project.topology.roots[0])] == "pelvis"
