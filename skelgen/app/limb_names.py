@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -76,6 +77,26 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
             names[names.index(correction.value)] = f"limb{names.index(correction.value)}"
         names[limb] = correction.value
     return replace(limbs, names=tuple(names))
+
+
+def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:
+    """Return a sentence of a stage with the names of limbs in the place of their numbers.
+
+    Parameters
+    ----------
+    sentence : str
+        It speaks of ``limb 3``, ``limbs 3 and 4``, ``limb 3 and 4`` or ``limbs 3, 4 and 5``.
+    limbs : Limbs
+        What they are called; limbs without a name keep their numbers.
+    """
+
+    def named(match: re.Match[str]) -> str:
+        numbers = [int(number) for number in re.findall(r"[0-9]+", match[0])]
+        if any(number >= limbs.n_limbs or limbs.called(number) == f"limb {number}" for number in numbers):
+            return match[0]
+        return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.names[int(number[1])], match[0])
+
+    return re.sub(r"\blimbs? [0-9]+(?:(?:, | and (?:limb )?)[0-9]+\b)*(?![.,]?[0-9])", named, sentence)
 
 
 def _limb_of(project: Project, limbs: Limbs, correction: Correction) -> int:

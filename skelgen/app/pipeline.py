@@ -10,9 +10,10 @@ from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, stated_number
 from skelgen.app.inputs import check_take
+from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.app.stages import PIPELINE, Stage, with_result
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model import Poses, Project, StageReport, Trajectories
+from skelgen.model import Limbs, Poses, Project, StageReport, Trajectories
 from skelgen.model.project import STAGES
 from skelgen.progress import SILENT, Monitor
 
@@ -83,7 +84,7 @@ def check_stage(name: str) -> str:
 
 
 def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> Project:
-    collecting = CollectingMonitor(monitor)
+    collecting = CollectingMonitor(monitor, None if stage.name in STAGES[:2] else project.limbs)
     collecting.begin(stage.name)
     is_given = stage.is_given(project)
     if is_given and settings.is_changed(stage.name):
@@ -154,6 +155,8 @@ class CollectingMonitor:
     ----------
     watcher : Monitor
         Receives all calls; its `Cancelled` goes through to the stage.
+    limbs : Limbs, optional
+        The limbs that notices speak of, which have names.
 
     Attributes
     ----------
@@ -161,8 +164,8 @@ class CollectingMonitor:
         What was noticed so far, without repetitions.
     """
 
-    def __init__(self, watcher: Monitor) -> None:
-        self._watcher = watcher
+    def __init__(self, watcher: Monitor, limbs: Limbs | None = None) -> None:
+        self._watcher, self._limbs = watcher, limbs
         self.notices: list[str] = []
 
     def begin(self, name: str) -> None:
@@ -180,7 +183,8 @@ class CollectingMonitor:
         self._watcher.advance(done, total)
 
     def notice(self, sentence: str) -> None:
-        """Keep the notice and pass it on, once."""
+        """Keep the notice and pass it on, once, with the names of limbs."""
+        sentence = sentence if self._limbs is None else with_names_of_limbs(sentence, self._limbs)
         if sentence not in self.notices:
             self.notices.append(sentence)
             self._watcher.notice(sentence)

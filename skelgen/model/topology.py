@@ -66,6 +66,10 @@ class Limbs:
         """Indices of the markers on one limb, rising."""
         return np.flatnonzero(self.limb_of_marker == limb)
 
+    def called(self, limb: int) -> str:
+        """Return what sentences call a limb: its name, or ``limb 7`` if it has none."""
+        return f"limb {limb}" if self.names[limb] == f"limb{limb}" else self.names[limb]
+
 
 def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:
     """Return what limbs are called, ``limb0``, ``limb1`` and so on if `names` is empty.

@@ -15,6 +15,7 @@ from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
 from skelgen_gui.model import translate
 from skelgen_gui.model.graph import find_graph, joint_sentences, nearest_line, nearest_point, pair_sentences
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
@@ -95,9 +96,9 @@ class GraphView(QWidget):
         project = self._graph_of
         if limb is not None and project is not None:
             markers = project.limbs.markers_of(limb).tolist()
-            count = self.tr("limb {0}: {1} markers") if len(markers) != 1 else self.tr("limb {0}: 1 marker")
+            count = self.tr("{0}: {1} markers") if len(markers) != 1 else self.tr("{0}: 1 marker")
             names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
-            return count.format(limb, len(markers)) + f"\n{names}"
+            return count.format(limb_words(project, limb), len(markers)) + f"\n{names}"
         if joint is not None and self._graph is not None:
             return joint_sentences(self._graph.joints[joint])
         if pair is not None and self._graph is not None:

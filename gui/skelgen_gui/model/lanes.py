@@ -12,6 +12,7 @@ from skelgen.model import PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Doubt
 from skelgen_gui.model import translate
+from skelgen_gui.model.wording import limb_words
 
 _BAR = (0.16, 0.84)  # of a lane's height
 _THIN = (0.42, 0.58)
@@ -85,7 +86,7 @@ def lane_sentence(project: Project, lanes: Lanes, lane: int, frame: int | None) 
     """
     marker, limb = int(lanes.markers[lane]), int(lanes.limbs[lane])
     name = project.trajectories.names[marker]
-    name += " · " + _tr("limb {0}").format(limb) if limb >= 0 else ""
+    name += " · " + limb_words(project, limb) if limb >= 0 else ""
     if frame is None:
         return name
     known = _state_words(lanes.state(lane, frame)) + _confidence(project, marker, frame)

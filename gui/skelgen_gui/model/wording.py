@@ -29,14 +29,14 @@ def about(picked: Pick, scene: Scene, snapshot: Snapshot) -> str:
         return "\n".join(_joint(picked.index, scene.project, snapshot))
     limb = int(scene.bones.limb[picked.index])
     count = int((scene.limb_of_marker == limb).sum())
-    return f"{_limb(limb)}\n" + _tr("{count} markers").format(count=count)
+    return f"{limb_words(scene.project, limb)}\n" + _tr("{count} markers").format(count=count)
 
 
 def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
     limb = int(scene.limb_of_marker[marker])
     lines = [scene.names[marker]]
     if limb >= 0:
-        lines.append(_limb(limb))
+        lines.append(limb_words(scene.project, limb))
     elif scene.project.has("limbs"):
         lines.append(_tr("on no limb"))
     lines.append(_place(snapshot.markers[marker]))
@@ -53,7 +53,8 @@ def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
 
 def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     parent, child = (int(limb) for limb in project.topology.edges[joint])
-    lines = [_tr("joint {joint}: limbs {parent} and {child}").format(joint=joint, parent=parent, child=child)]
+    first, second = (limb_words(project, limb) for limb in (parent, child))
+    lines = [_tr("joint {joint}: {parent} and {child}").format(joint=joint, parent=first, child=second)]
     if project.has("skeleton"):
         lines.append(_kind(project.skeleton.joints[joint].kind))
     lines.append(_place(snapshot.joints[joint]))
@@ -63,8 +64,18 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     return lines
 
 
-def _limb(limb: int) -> str:
-    return _tr("limb {limb}").format(limb=limb)
+def limb_words(project: Project, limb: int) -> str:
+    """Return what a limb is called: its name, or its number if it has none.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    limb : int
+        Which one.
+    """
+    name = project.limbs.names[limb]
+    return name if name != f"limb{limb}" else _tr("limb {limb}").format(limb=limb)
 
 
 def _kind(kind: str) -> str:

@@ -126,7 +126,7 @@ def _length_in_time(project: Project) -> str:
 
 def _tree_sentence(project: Project) -> str:
     topology = project.topology
-    roots = listed(f"limb {root}" for root in topology.roots)
+    roots = listed(project.limbs.called(root) for root in topology.roots.tolist())
     types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
     named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
@@ -227,7 +227,9 @@ def _limbs(project: Project) -> Content:
         inside = project.limbs.distance_deviation[np.ix_(markers, markers)][np.triu_indices(len(markers), 1)]
         inside = inside[~np.isnan(inside)]
         mean = digits(float(inside.mean())) if len(inside) else "–"
-        rows.append({"limb": limb, "parent": parent, "names": [names[marker] for marker in markers], "inside": mean})
+        on_limb = [names[marker] for marker in markers]
+        called = project.limbs.names[limb].removeprefix(f"limb{limb}")
+        rows.append({"limb": limb, "called": called, "parent": parent, "names": on_limb, "inside": mean})
     return {
         "rows": rows,
         "has_parents": parents is not None,

@@ -81,7 +81,7 @@ def _box(project: Project, limb: int, place: _Place) -> Markup:
     names = [project.trajectories.names[marker] for marker in markers]
     middle = place.y + _BOX_HEIGHT / 2
     parts = [
-        svg.tag("title", f"limb {limb}: {', '.join(names)}"),
+        svg.tag("title", f"{project.limbs.called(limb)}: {', '.join(names)}"),
         svg.rect(place.x, place.y, _BOX_WIDTH, _BOX_HEIGHT, "box outline", rx=7),
         svg.circle(place.x + 20, middle, 12, "fill"),
         svg.text(place.x + 20, middle + 4, str(limb), "on-fill", anchor="middle"),

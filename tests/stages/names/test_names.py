@@ -9,6 +9,7 @@ import pytest
 
 import skelgen
 from skelgen.app.corrections import without_correction
+from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.errors import InputError, ParameterError
 from skelgen.model import Limbs
 from skelgen.simulation.people.tables import MARKER_SETS, worn_markers
@@ -129,3 +130,14 @@ def test_a_marker_set_that_is_not_worn_is_refused(project):
 def test_limbs_refuse_names_that_do_not_fit(project):
     with pytest.raises(InputError):
         dataclasses.replace(project.limbs, names=("a", "a", "b"))
+
+
+def test_sentences_call_limbs_by_their_names():
+    limbs = dataclasses.replace(limbs_of([["a"], ["b"], ["c"]])[0], names=("left hand", "limb1", "head"))
+    assert with_names_of_limbs("limb 0 hangs on limb 2", limbs) == "left hand hangs on head"
+    assert (
+        with_names_of_limbs("the joint between limb 0 and 2 turns", limbs)
+        == "the joint between left hand and head turns"
+    )
+    assert with_names_of_limbs("limbs 0 and 1 are 3 mm apart", limbs) == "limbs 0 and 1 are 3 mm apart"
+    assert with_names_of_limbs("of 3 limbs 0.5 % are seen", limbs) == "of 3 limbs 0.5 % are seen"
