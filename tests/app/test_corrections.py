@@ -171,6 +171,7 @@ SENTENCES = {
     "delete": "a is nobody",
     "swap": "a and b change places",
     "n_markers": "there are 3 markers",
+    "name": "the limb of a is called x",
     "together": "a and b share a limb",
     "apart": "no two of a and b share a limb",
     "move": "a is on the limb of b",

@@ -49,7 +49,7 @@ def test_joints_stand_in_mm_and_deviations_are_empty_where_none_were_estimated(h
 
 
 def test_limb_poses_hold_the_rotation_as_a_quaternion(hinged):
-    table = limb_poses(hinged[1])
+    table = limb_poses(*hinged)
     shank = table[table.limb == "limb1"]
     xyzw = shank[["qx", "qy", "qz", "qw"]].to_numpy()
     np.testing.assert_allclose(np.rad2deg(Rotation.from_quat(xyzw).as_rotvec()[:, 0]), np.arange(N_FRAMES), atol=1e-12)
