@@ -25,7 +25,9 @@ _CHUNK_FRAMES = 2000  # frames whose numbers are Python objects at one time
 
 
 def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the joint positions of a finished project, to a millionth of a millimetre.
+    """Write the joint positions of a finished project and their standard deviations, to a millionth of a millimetre.
+
+    The deviations stand behind all positions, and are left out where none were estimated.
 
     Parameters
     ----------
@@ -47,9 +49,11 @@ def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     """
     project = finished_project(value, _JOINTS_TITLE)
     motion = project.motion
-    header = [f"{name}_{axis}_{unit}" for name in project.skeleton.joint_names for axis in "xyz"]
-    positions = motion.joint_positions.reshape(motion.n_frames, -1)
-    chunks = (positions[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
+    kinds = [("", motion.joint_positions)] + ([] if motion.joint_std is None else [("_std", motion.joint_std)])
+    names = project.skeleton.joint_names
+    header = [f"{name}_{axis}{kind}_{unit}" for kind, _ in kinds for name in names for axis in "xyz"]
+    numbers = np.concatenate([values.reshape(motion.n_frames, 3 * len(names)) for _, values in kinds], axis=1)
+    chunks = (numbers[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
     decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[unit]))
     write_motion(path, header, motion.times, chunks, decimals, monitor)
     return [path]
@@ -169,7 +173,7 @@ JOINTS_CSV = Format(
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("joints",),
     options=(AXES, UNIT, RATE),
-    note="One row per frame, three columns per joint.",
+    note="One row per frame; three columns per joint, then the three standard deviations of each.",
 )
 ANGLES_CSV = Format(
     name="angles-csv",

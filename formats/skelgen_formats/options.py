@@ -75,6 +75,8 @@ class Options:
         Time codes per second in USD; 0 for one in each frame.
     density : float, kg/m^3
         Of the limbs, for their masses.
+    compact : bool
+        Whether the vectors of classic XML are texts of ten digits.
     """
 
     axes: str = AS_RECORDED
@@ -91,6 +93,7 @@ class Options:
     recorded_unit: str = AUTO
     time_codes: float = 24.0
     density: float = 1000.0
+    compact: bool = False
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from skelgen.model import Poses, Project
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.markers import check_writable_names, mm_per_unit
-from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, per_mm
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
 _MAGIC = "skelgen-poses"
@@ -67,7 +67,7 @@ def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     Parameters
     ----------
     value : Project or Poses
-        Bodies with orientation.
+        Bodies with orientation, or a project with a skeleton, whose limbs they are.
     path : Path
         The file.
     unit : str
@@ -98,10 +98,26 @@ def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
 
 
 def _poses_of(value: Writable) -> Poses:
+    """The bodies of a recording, or the limbs of a project that has found them; a limb that is not seen is left out."""
     take = value.take if isinstance(value, Project) else value
     if isinstance(take, Poses):
         return take
-    raise WriteError("poses-csv holds bodies with orientation and this value has markers; c3d, trc or csm hold those")
+    if isinstance(value, Project) and value.has("skeleton"):
+        motion = value.motion
+        seen = np.where(motion.limb_seen[..., np.newaxis, np.newaxis], motion.world_from_limb, np.nan)
+        return Poses(seen, value.skeleton.limb_names, motion.rate, value.name)
+    raise WriteError(
+        "poses-csv holds bodies with orientation and this value has markers: find its skeleton first, or write c3d, trc"
+        " or csm"
+    )
+
+
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
+    if isinstance(project.take, Poses):
+        return ("Bodies are written as they were recorded, not as the skeleton poses them.",)
+    hidden = int((~project.motion.limb_seen).any(axis=1).sum())
+    empty = f"; in {hidden} of {project.motion.n_frames} frames some limb is not seen, whose cells are empty"
+    return (f"The bodies are the limbs of the skeleton as it was fitted{empty if hidden else ''}.",)
 
 
 def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, float]:
@@ -136,7 +152,8 @@ FORMAT = Format(
     read=lambda path, options: read_poses(path),
     write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),
-    keeps=("bodies",),
+    keeps=("bodies", "motion"),
+    remarks=_remarks,
     options=(AXES, UNIT, RATE),
-    note="Position and unit quaternion (scalar first) of each body per frame; empty cells are unseen.",
+    note="Position and unit quaternion (scalar first) of each body, or limb of a project, per frame; unseen is empty.",
 )

@@ -1,4 +1,4 @@
-"""Long tables, one row per frame and item, as CSV or Parquet: markers, joints and angles, a file each.
+"""Long tables, one row per frame and item, as CSV or Parquet: markers, joints, angles and limbs, a file each.
 
 Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count from 0. Numbers are written so that the
 same float64 comes back. What is unseen is empty in CSV and null in Parquet.
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together, replacing
+from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
 from skelgen.model.tables import axis_columns, head_columns
@@ -35,14 +36,14 @@ Rows = Callable[[Project, Ints, str], Columns]
 
 
 def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the three tables as CSV.
+    """Write the tables as CSV.
 
     Parameters
     ----------
     value : Project
         Finished.
     path : Path
-        Its stem is that of the three files.
+        Its stem is that of the files.
     unit : str
         Of the lengths in the file: ``mm``, ``cm`` or ``m``.
     monitor : Monitor
@@ -143,6 +144,20 @@ def _angles(project: Project, frames: Ints, unit: str) -> Columns:
     }
 
 
+def _limbs(project: Project, frames: Ints, unit: str) -> Columns:
+    motion = project.motion
+    rotations = motion.rotations[frames]
+    quaternions = quaternion_from_matrix(rotations)
+    cells = [(row, column) for row in range(3) for column in range(3)]
+    return {
+        **head_columns(motion.times, frames, {"limb": project.skeleton.limb_names}),
+        "seen": motion.limb_seen[frames].ravel().astype(np.intp),
+        **axis_columns("{}_" + unit, motion.world_from_limb[frames][..., :3, 3] * per_mm(unit)),
+        **{f"q{letter}": quaternions[..., index].ravel() for index, letter in enumerate("wxyz")},
+        **{f"r{row + 1}{column + 1}": rotations[..., row, column].ravel() for row, column in cells},
+    }
+
+
 def _write_csv(path: Path, chunks: Iterator[Columns]) -> None:
     first = next(chunks)
     cells = (zip(*map(_cells, chunk.values()), strict=True) for chunk in chain([first], chunks))
@@ -182,11 +197,14 @@ def _check_parquet(value: Writable) -> None:
         raise WriteError("Parquet needs pyarrow: pip install 'skelgen-mocap[tables]'") from error
 
 
-TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles}
-"""What each of the three files holds."""
+TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles, "limbs": _limbs}
+"""What each of the files holds."""
 
-_KEPT = ("markers", "names", "limbs", "joints", "angles")
-_NOTE = "One row per frame and item, in three files: markers with their residuals, joints, and angles in degrees."
+_KEPT = ("markers", "names", "limbs", "joints", "angles", "motion")
+_NOTE = (
+    "One row per frame and item, in four files: markers with their residuals, joints and angles [deg] with their"
+    " deviations, and limbs with their rotations as quaternions and matrices."
+)
 
 CSV = Format(
     name="table-csv",

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import c3d as independent
@@ -119,6 +120,12 @@ def test_missing_unit_is_guessed_with_a_notice(tmp_path, reach, factor):
     take = read_take(path)
     assert (take.positions == reach * factor).all()
     assert any("no length unit" in notice for notice in take.notices)
+
+
+def test_rate_has_no_more_digits_than_its_32_bits(walk, tmp_path):
+    take = read_take(*write_file(replace(walk, rate=59.94), tmp_path / "walk.c3d"))
+    assert take.rate == 59.94
+    assert take.times[6] == 6 / 59.94
 
 
 def test_all_zero_points_are_unseen(tmp_path):

@@ -17,6 +17,7 @@ from skelgen.errors import FormatError, MissingResultError, SkelgenError, WriteE
 from skelgen.model import Project, StageReport, Trajectories
 
 ROUND_TRIP_MM = 1e-9  # metres in double have steps of 1e-13; composing three poses adds a few
+NANOMETRE = 2e-6  # mm; ten digits of places within ten metres, some bones deep
 KB_PER_MB = 1024  # ru_maxrss counts kilobytes
 
 
@@ -167,6 +168,18 @@ def test_several_roots_and_a_single_frame_come_back(make_project, tmp_path):
     back = read_classic_xml(write_classic_xml(project, tmp_path / "two.xml")[0])
     assert_close(back.motion.world_from_limb, project.motion.world_from_limb)
     assert_close(back.skeleton.reference_pose, project.skeleton.reference_pose)
+
+
+def test_compact_file_is_half_as_large_and_comes_back_to_a_nanometre(file, small_project, tmp_path):
+    (path,) = write_file(small_project, tmp_path / "compact.xml", compact=True)
+    assert path.stat().st_size < 0.55 * file.stat().st_size
+    assert etree.parse(path).find(".//vec_elem") is None
+    back, motion = read_classic_xml(path), small_project.motion
+    assert np.abs(back.motion.world_from_limb - motion.world_from_limb).max() < NANOMETRE
+    assert np.abs(back.motion.joint_positions - motion.joint_positions).max() < NANOMETRE
+    apart = back.trajectories.positions - small_project.trajectories.positions
+    assert np.nanmax(np.abs(apart)) < NANOMETRE
+    assert np.array_equal(np.isnan(apart), np.isnan(small_project.trajectories.positions))
 
 
 def test_same_project_gives_the_same_bytes(file, small_project, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,6 +41,16 @@ def test_every_frame_has_its_positions(joints, small_project):
     assert np.array_equal(numbers[:, 1], small_project.motion.times)
     truth = small_project.motion.joint_positions.reshape(len(numbers), -1)
     assert np.abs(numbers[:, 2:] - truth).max() < HALF_DIGIT
+
+
+def test_deviations_stand_behind_the_positions(small_project, tmp_path):
+    std = np.random.default_rng(1).uniform(0.1, 2.0, small_project.motion.joint_positions.shape)
+    project = replace(small_project, _motion=replace(small_project.motion, joint_std=std))
+    header, *rows = rows_of(write_file(project, tmp_path / "walk.joints.csv")[0])
+    assert header[8:] == [f"limb1-limb{child}_{axis}_std_mm" for child in (0, 2) for axis in "xyz"]
+    numbers = np.array(rows, dtype=float)
+    assert np.abs(numbers[:, 2:8] - project.motion.joint_positions.reshape(-1, 6)).max() < HALF_DIGIT
+    assert np.abs(numbers[:, 8:] - std.reshape(-1, 6)).max() < HALF_DIGIT
 
 
 def test_joints_are_called_after_parent_and_child(small_project):

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.registry import read_take, write_file
+from skelgen_formats.options import Options
+from skelgen_formats.registry import find_format, read_take, write_file
 
 from skelgen.errors import WriteError
 from skelgen.model import Poses
@@ -86,3 +87,18 @@ def test_names_that_spreadsheets_would_compute_are_defused_and_come_back(sensors
     cells = path.read_text().splitlines()[3].split(",")
     assert not [cell for cell in cells if cell.startswith(("=", "+", "-", "@"))]
     assert read_take(path).names == names
+
+
+def test_limbs_of_a_project_come_back_as_bodies(small_project, tmp_path):
+    back = read_take(*write_file(small_project, tmp_path / "walk.poses.csv"))
+    motion = small_project.motion
+    assert back.names == tuple(f"limb{limb}" for limb in range(3))
+    assert back.rate == motion.rate
+    assert np.isnan(back.world_from_body[~motion.limb_seen]).all()
+    apart = back.world_from_body[motion.limb_seen] - motion.world_from_limb[motion.limb_seen]
+    assert np.abs(apart).max() < 1e-12  # of quaternions
+
+
+def test_limbs_that_are_not_seen_are_said_to_be_empty(small_project):
+    (sentence,) = find_format("poses-csv").remarks(small_project, Options())
+    assert "in 1 of 12 frames some limb is not seen" in sentence

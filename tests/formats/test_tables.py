@@ -10,6 +10,7 @@ from skelgen_formats import tables
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
+from skelgen.geometry.rotations import matrix_from_quaternion
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 
 
@@ -52,6 +53,18 @@ def test_markers_come_back_exactly(read, small_project):
     assert np.array_equal(table["frame"], np.repeat(np.arange(shape[0]), shape[1]))
 
 
+def test_limbs_come_back_exactly_as_quaternions_and_as_matrices(read, small_project):
+    table, motion = read()["limbs"], small_project.motion
+    shape = motion.world_from_limb.shape[:2]
+    assert np.array_equal(vectors(table, "{}_mm").reshape(*shape, 3), motion.world_from_limb[..., :3, 3])
+    cells = [table[f"r{row}{column}"] for row in (1, 2, 3) for column in (1, 2, 3)]
+    assert np.array_equal(np.stack(cells, axis=-1).reshape(*shape, 3, 3), motion.rotations)
+    quaternions = np.stack([table[f"q{letter}"] for letter in "wxyz"], axis=-1).reshape(*shape, 4)
+    assert np.abs(matrix_from_quaternion(quaternions) - motion.rotations).max() < 1e-14
+    assert np.array_equal(table["seen"].astype(bool).reshape(shape), motion.limb_seen)
+    assert table["limb"].tolist() == [f"limb{limb}" for limb in range(shape[1])] * shape[0]
+
+
 def test_joints_come_back_exactly_in_the_unit_wanted(read, small_project):
     table, motion = read(unit="m")["joints"], small_project.motion
     assert np.array_equal(vectors(table, "{}_m").reshape(motion.joint_positions.shape), motion.joint_positions * 1e-3)
@@ -68,7 +81,7 @@ def test_angles_come_back_exactly(read, small_project):
 
 def test_long_takes_are_whole(make_project, tmp_path):
     project = make_project(n_frames=2100)  # longer than what is in memory at once
-    _, joints, angles = (read_with("pandas", path) for path in write_file(project, tmp_path / "w.table.csv"))
+    _, joints, angles, _ = (read_with("pandas", path) for path in write_file(project, tmp_path / "w.table.csv"))
     motion = project.motion
     assert np.array_equal(vectors(joints, "{}_mm").reshape(motion.joint_positions.shape), motion.joint_positions)
     posture = posture_of(project.skeleton, motion, project.trajectories.positions)

@@ -237,6 +237,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
     (data_block,) = struct.unpack_from(f"{order}H", head, 16)
     scale = _float(head[12:16], order, dec)
     rate = _number(parameters, ("POINT", "RATE"), _float(head[20:24], order, dec))
+    rate = float(str(np.float32(rate)))  # 59.94, not 59.93999862670898, from which no clean times come
     data_start = (data_block - 1) * BLOCK
     if n_points == 0:
         raise FormatError(path, "byte 2", "the file holds no points; analogue data alone cannot be used")

@@ -1,7 +1,8 @@
 """The classic output XML (Schönauer 2007, 4.13): all results of a finished project.
 
 The thesis prints several top elements; here one root holds them, so that the file is well-formed XML. Lengths are in
-mm, times in seconds. All numbers have the digits to give back the same double.
+mm, times in seconds. All numbers have the digits to give back the same double, unless the file is to be compact: then
+they have ten digits, and a vector holds them as its text instead of an element for each.
 
 ``MotionCapture``
     The root: ``version``, ``unit``, ``time_unit``, ``quaternion`` (order of the components), ``rate`` [Hz], ``take``.
@@ -33,7 +34,7 @@ from pathlib import Path
 
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
 from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
-from skelgen_formats.options import AXES, RATE, Format, finished_project
+from skelgen_formats.options import AXES, RATE, Format, Option, finished_project
 
 
 def read_classic_xml(path: Path | str) -> ClassicXml:
@@ -49,6 +50,14 @@ def read_classic_xml(path: Path | str) -> ClassicXml:
     return read(Path(path))
 
 
+COMPACT = Option(
+    "compact",
+    False,
+    "Write vectors as texts of ten digits, not as an element per number: less than half the size; read all the same.",
+    reading=False,
+)
+"""The option of the writer."""
+
 FORMAT = Format(
     name="classic-xml",
     title=TITLE,
@@ -56,9 +65,9 @@ FORMAT = Format(
     holds="skeleton",
     sniff=lambda head, path: f"<{ROOT} ".encode() in head,
     read=lambda path, options: read_classic_xml(path).trajectories,
-    write=lambda value, path, options, monitor: write_classic_xml(value, path, monitor),
+    write=lambda value, path, options, monitor: write_classic_xml(value, path, options.compact, monitor),
     check=lambda value, options: finished_project(value, TITLE),
-    options=(AXES, RATE),
+    options=(AXES, RATE, COMPACT),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     note="Everything about a finished project; as a take it gives back the tracked markers.",
 )

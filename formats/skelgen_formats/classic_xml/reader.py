@@ -46,6 +46,7 @@ def read(path: Path) -> ClassicXml:
     reader = _Reader(path)
     try:
         for element in _finished_elements(path, tuple(reader.handlers)):
+            _spread(element)
             reader.handlers[element.tag](element)
             _drop(element)
     except etree.XMLSyntaxError as error:
@@ -94,6 +95,14 @@ def _check_root(path: Path, root: Any) -> None:
     for name, wanted in _UNITS.items():
         if root.get(name) != wanted:
             raise FormatError(path, line, f"{name} is {root.get(name)!r}; it must be {wanted!r}")
+
+
+def _spread(element: Any) -> None:
+    """Give the vectors of a compact file an element for each number, as others have."""
+    for vector in element.iter("vector"):
+        if vector.text and not len(vector):
+            for place, number in enumerate(vector.text.split()):
+                etree.SubElement(vector, "vec_elem", val=number, pos=str(place))
 
 
 def _drop(element: Any) -> None:

@@ -39,11 +39,12 @@ DEVIATIONS = {
 """Vectors of a ``JOINT`` beyond those of the thesis, and the fields of `skelgen.model.Joint`; only where estimated."""
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
+_ELEMENT = re.compile('<vec_elem val="([^"]+)" pos="[0-9]+"/>')
 _TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def write_classic_xml(value: Writable, path: Path, compact: bool = False, monitor: Monitor = SILENT) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
     Parameters
@@ -52,6 +53,8 @@ def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) ->
         Finished.
     path : Path
         The file.
+    compact : bool
+        Whether vectors are texts of ten digits.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -81,10 +84,17 @@ def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) ->
     )
     # texts of a frame: a key per limb, raw and final joints, markers limb by limb
     n_rows = motion.n_frames * (skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1)
+    texts = with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
-        stream.writelines(with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
+        stream.writelines(map(_compacted, texts) if compact else texts)
     return [path]
+
+
+def _compacted(text: str) -> str:
+    """Text with the numbers of each vector side by side; a nanometre is the tenth digit of a take within ten metres."""
+    numbers = _ELEMENT.sub(lambda found: f"{float(found[1]):.10g} ", text)
+    return numbers.replace(" </vector>", "</vector>")
 
 
 def _header(project: Project, path: Path) -> str:
