@@ -127,6 +127,11 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
         If nothing can be labelled, or a statement of the user names what does not exist.
     """
     take = project.take
+    if isinstance(take, Trajectories) and options.n_markers not in (None, take.n_markers):
+        raise InputError(
+            f"{project.name}: {options.n_markers} markers are asked for, but the take has {take.n_markers} with names; "
+            "the number of markers is for takes without names"
+        )
     if isinstance(take, PointCloud):
         found = _labels_of_points(project, take, settings, options, monitor)
     elif isinstance(take, Poses):

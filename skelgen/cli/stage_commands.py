@@ -248,6 +248,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         from skelgen.app.files import open_input
         from skelgen.app.outputs import stem_of
         from skelgen.app.project_file.archive import find_result
+        from skelgen.model import Trajectories
 
         settings = Settings(config, methods)
         source, target = (Path(getattr(settings.files, file)) for file in _DEFAULT_FILES[stage])
@@ -263,7 +264,9 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         screen = Screen(quiet, as_json)
         with screen.watching() as monitor:
             project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
-        work = _subject_run(skeleton, settings) if skeleton else _stages_run(stage, stage, settings, run_options)
+        is_named = isinstance(project.take, Trajectories) and not project.has("labels")
+        first = "labels" if stage == "limbs" and is_named else stage  # names need no more than a look at them
+        work = _subject_run(skeleton, settings) if skeleton else _stages_run(first, stage, settings, run_options)
         folder = output or (_folder_for(take) if take else Path())
         result_name = target.name if stage == "skeleton" and not take and not skeleton else ""
         where = _Target(folder, stem_of(take or target), result_name, inputs, overwrite)

@@ -22,6 +22,9 @@ from skelgen.simulation.truth import Truth
 POINT_TOLERANCE = 1.0
 """Farthest distance [mm] of a result's position from the point it was made from: smoothing and rounding in files."""
 
+_PARTED = re.compile(r"_\d+$")
+"""What a marker that slipped is called from then on, beside its name."""
+
 _GAP = 10.0  # times the tolerance: how far the frames are kept apart in the search tree
 
 
@@ -74,10 +77,12 @@ def find_identity(project: Project, truth: Truth) -> tuple[Ints, LabelScore | No
     if isinstance(take, PointCloud):
         return _identity_of_points(take, trajectories, truth)
     index_of = {_plain(name): index for index, name in enumerate(truth.marker_names)}
-    unknown = [name for name in trajectories.names if _plain(name) not in index_of]
+    plain = [_plain(name) for name in trajectories.names]
+    whole = [name if name in index_of else _PARTED.sub("", name) for name in plain]
+    unknown = [name for name, known in zip(trajectories.names, whole, strict=True) if known not in index_of]
     if unknown:
         raise InputError(f"the truth knows no marker {unknown[0]!r}: it belongs to another take")
-    return np.array([index_of[_plain(name)] for name in trajectories.names], dtype=np.intp), None
+    return np.array([index_of[name] for name in whole], dtype=np.intp), None
 
 
 def _plain(name: str) -> str:

@@ -136,6 +136,11 @@ class TestRunning:
         assert names_in(tmp_path / "out") == ["wave.skelgen"]
         assert (tmp_path / "out" / "wave.skelgen").read_text() == "precious"
 
+    @pytest.mark.parametrize("command", ["limbs", "cluster"])
+    def test_limbs_are_found_from_a_take_with_names(self, wave, tmp_path, command):
+        assert main([command, str(wave), "--output", str(tmp_path / command), "--quiet"]) == 0
+        assert any(name.endswith(".limbs.csv") for name in names_in(tmp_path / command))
+
     def test_former_names_of_commands_still_work(self, wave, tmp_path, capsys):
         main(["label", wave, "-o", "out", "-q"])
         for command in ("cluster", "joints", "fit"):

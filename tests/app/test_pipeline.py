@@ -52,6 +52,13 @@ def test_points_are_labelled_with_the_known_number(waving):
     assert project.reports["labels"].notices[0] == "the number of markers was given: 5"
 
 
+def test_another_number_of_markers_than_names_is_an_input_error(waving):
+    named = waving.n_markers
+    assert run_stages(Project(waving), options=RunOptions(n_markers=named), until_stage="labels").has("labels")
+    with pytest.raises(InputError, match=f"5 markers are asked for, but the take has {named} with names"):
+        run_stages(Project(waving), options=RunOptions(n_markers=5), until_stage="labels")
+
+
 def test_stages_resume_where_results_end(waving):
     half = run_stages(Project(waving), until_stage="limbs")
     whole = run_stages(half)

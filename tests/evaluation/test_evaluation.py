@@ -204,6 +204,18 @@ def test_names_survive_what_formats_do_to_them(human: SimulatedTake) -> None:
     assert evaluate(project, human.truth).limbs.is_exact
 
 
+def test_a_marker_that_was_parted_is_the_one_that_it_was(human: SimulatedTake) -> None:
+    positions = np.concatenate([human.take.positions, human.take.positions[:, :1]], axis=1)
+    positions[20:, 0], positions[:20, -1] = np.nan, np.nan
+    names = (*human.take.names, f"{human.take.names[0]}_2")
+    take = dataclasses.replace(human.take, positions=positions, names=names)
+    limbs = Limbs(np.append(human.truth.limb_of_marker, human.truth.limb_of_marker[0]), np.zeros((46, 46)))
+    project = Project(human.take).with_trajectories(take, StageReport()).with_limbs(limbs, StageReport())
+    assert evaluate(project, human.truth).limbs.is_exact
+    moved = Limbs(np.append(human.truth.limb_of_marker, 1), np.zeros((46, 46)))
+    assert not evaluate(project.with_limbs(moved, StageReport()), human.truth).limbs.is_exact
+
+
 def test_a_result_is_plain_json(human: SimulatedTake, perfect) -> None:
     text = json.dumps(evaluate(perfect(human), human.truth).as_mapping(), allow_nan=False)
     assert json.loads(text)["summary"]["mean_joint_error"] == 0

@@ -1,8 +1,8 @@
 """The labelling of the thesis: Marker Sets that meet when the poses in which they are seen are aligned are one marker.
 
-Sets that overlap in time never belong together. Either the nearest two groups are joined again and again, or spectral
-clustering with local scaling (Zelnik-Manor and Perona 2004), the best in the thesis, is followed by an assignment that
-keeps overlapping sets apart.
+Sets that overlap in time never belong together. Either the nearest two groups are joined again and again; or spectral
+clustering with local scaling (Zelnik-Manor and Perona 2004), the best in the thesis, or with one scale is followed by
+an assignment that keeps overlapping sets apart; or k-means keeps them apart in every step.
 
 Kirk, O'Brien and Forsyth 2005; Schönauer 2007, 3.3 and 4.2. The method needs the number of markers; unless it is given,
 it is the number of those seen at once.
@@ -36,8 +36,16 @@ marker has but a few sets."""
 LEAST_SCALE = 0.01
 """Of the limit: keeps the scale of a set that meets its neighbours exactly above 0."""
 
+N_SCALES = 12
+"""Scales that a scan tries, from the least scale to the limit."""
+
 RESTARTS = 10
 """Starts of k-means."""
+
+LLOYD_STEPS = 30
+
+SPECTRAL = ("spectral", "global-spectral", "k-means")
+"""Clusterings of eigenvectors: with local scales or one; or with local scales and an exclusion list within k-means."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,7 @@ class SetMethod:
     alignment : Alignment
         How poses are aligned before sets are compared.
     clustering : str
-        ``average`` or ``complete`` linkage, or ``spectral``.
+        ``average`` or ``complete`` linkage, or one of `SPECTRAL`.
     limit : float, mm
         Sets farther apart are not joined.
     least_length : int, frames
@@ -58,6 +66,8 @@ class SetMethod:
         Sets at least this long need no partner to be trusted.
     seed : int
         Random seed of spectral clustering.
+    sigma : float, mm
+        The one scale of ``global-spectral``; 0 tries several.
     """
 
     alignment: Alignment
@@ -66,6 +76,7 @@ class SetMethod:
     least_length: int
     stand_alone: float
     seed: int
+    sigma: float = 0.0
 
 
 def markers_by_sets(
@@ -132,14 +143,14 @@ def _group_sets(
         Distance of each group to the nearest one that it could still be joined with; infinite where there is none.
     """
     group, overlaps = np.arange(len(sets)), sets.overlaps
-    spectral = method.clustering == "spectral"
+    spectral = method.clustering in SPECTRAL
     distance, n_compared = np.zeros((0, 0)), -1
     for share in ROUNDS[-1:] if spectral else ROUNDS:
         if n_compared != len(sets):
             monitor.begin("comparing Marker Sets")
             distance, n_compared = find_distances(points, sets, overlaps, method.alignment, monitor), len(sets)
         if spectral:
-            joined = cut_spectrally(distance, overlaps, n_groups, method.limit, method.seed)
+            joined = cut_spectrally(distance, overlaps, n_groups, method)
         else:
             joined = join_nearest(distance, overlaps, n_groups, share * method.limit, method.clustering)
         group = joined[group]
@@ -204,11 +215,12 @@ def join_nearest(distance: Floats, overlaps: Bools, n_groups: int, limit: float,
     return np.unique(group, return_inverse=True)[1].astype(np.intp)
 
 
-def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, limit: float, seed: int) -> Ints:
-    """Cluster sets by their affinity to each other, then part those of a cluster that overlap.
+def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, method: SetMethod) -> Ints:
+    """Cluster sets by their affinity to each other; sets that overlap are kept apart.
 
-    The affinity of two sets is exp(-d^2 / (s_i s_j)) with local scales s, and 0 where they overlap. A set that fits
-    into no cluster, or lies farther than `limit` from all sets of the one it would fit, becomes a group of its own.
+    The affinity of two sets is exp(-d^2 / (s_i s_j)) with local scales s, or exp(-d^2 / 2 s^2) with one scale, given or
+    the best of several: small distances within groups and large ones between them (Schönauer 2007, 5.2). A set that
+    fits into no cluster, or lies farther than the limit from all sets of those it would fit, is a group of its own.
 
     Parameters
     ----------
@@ -218,44 +230,98 @@ def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, limit: floa
         Sets that cannot be in one group.
     n_groups : int
         Wanted number of groups.
-    limit : float, mm
-        Farther sets are not joined.
-    seed : int
-        Of the random numbers of the clustering.
+    method : SetMethod
+        Its clustering, limit, scale and seed.
     """
-    n_sets = len(distance)
-    if n_sets <= n_groups:
-        return np.arange(n_sets)
-    embedded = _embed(distance, n_groups, LEAST_SCALE * limit)
-    from sklearn.cluster import KMeans  # noqa: PLC0415 - takes seconds to import
+    if len(distance) <= n_groups:
+        return np.arange(len(distance))
+    least = LEAST_SCALE * method.limit
+    if method.clustering == "global-spectral":
+        scales = np.array([method.sigma]) if method.sigma > 0 else np.geomspace(least, method.limit, N_SCALES)
+        products = [2 * scale**2 * np.ones_like(distance) for scale in scales.tolist()]
+    else:
+        local = _local_scales(distance, least)
+        products = [local[:, np.newaxis] * local]
+    embedded = [_embed(distance, product, n_groups) for product in products]
+    trials = [_parted(rows, distance, overlaps, n_groups, method) for rows in embedded]
+    return min(trials, key=lambda group: (int(group.max()), _looseness(distance, group)))
 
-    centres = KMeans(n_groups, n_init=RESTARTS, random_state=seed).fit(embedded).cluster_centers_
-    away = np.linalg.norm(embedded[:, np.newaxis] - centres, axis=2)
-    members: list[list[int]] = [[] for _ in range(n_groups)]
-    for item in np.argsort(away.min(axis=1), kind="stable"):
-        fitting = (
-            members[cluster]
-            for cluster in np.argsort(away[item], kind="stable")
-            if not overlaps[item, members[cluster]].any() and distance[item, members[cluster]].min(initial=0.0) <= limit
-        )
-        found = next(fitting, None)
-        if found is None:
-            members.append(found := [])
-        found.append(int(item))
-    group = np.empty(n_sets, dtype=np.intp)
+
+def _parted(rows: Floats, distance: Floats, overlaps: Bools, n_groups: int, method: SetMethod) -> Ints:
+    """Group of each set, by k-means on rows; overlapping sets are kept apart at the end, or in every step."""
+    if method.clustering == "k-means":
+        centres = _exclusive_centres(rows, overlaps, n_groups, method.seed)
+    else:
+        from sklearn.cluster import KMeans  # noqa: PLC0415 - takes seconds to import
+
+        centres = KMeans(n_groups, n_init=RESTARTS, random_state=method.seed).fit(rows).cluster_centers_
+    group = np.empty(len(rows), dtype=np.intp)
+    members = _members(rows, centres, overlaps, distance > method.limit)
     for number, items in enumerate(filter(None, members)):
         group[items] = number
     return group
 
 
-def _embed(distance: Floats, n_groups: int, least_scale: float) -> Floats:
-    """Rows of the leading eigenvectors of the normalised affinity at unit length (Ng, Jordan and Weiss 2002)."""
+def _exclusive_centres(rows: Floats, overlaps: Bools, n_groups: int, seed: int) -> Floats:
+    """Centres of k-means from k-means++ starts in which sets that overlap never share a cluster."""
+    from sklearn.cluster import kmeans_plusplus  # noqa: PLC0415 - takes seconds to import
+
+    best, least = rows[:n_groups], np.inf
+    for start in range(RESTARTS):
+        centres, _ = kmeans_plusplus(rows, n_groups, random_state=seed + start)
+        for _ in range(LLOYD_STEPS):
+            members = _members(rows, centres, overlaps, np.zeros_like(overlaps))
+            moved = np.stack([rows[items].mean(axis=0) for items in members if items])
+            if np.array_equal(moved, centres):
+                break
+            centres = moved
+        squares = sum(float(((rows[items] - rows[items].mean(axis=0)) ** 2).sum()) for items in members if items)
+        if (value := squares + len(members)) < least:
+            best, least = centres, value
+    return best
+
+
+def _members(rows: Floats, centres: Floats, overlaps: Bools, far: Bools) -> list[list[int]]:
+    """Sets by cluster, those nearest to a centre first; one that fits nowhere is a cluster of its own."""
+    away = np.linalg.norm(rows[:, np.newaxis] - centres, axis=2)
+    members: list[list[int]] = [[] for _ in centres]
+    for item in np.argsort(away.min(axis=1), kind="stable").tolist():
+        fitting = (
+            members[cluster]
+            for cluster in np.argsort(away[item], kind="stable")
+            if not overlaps[item, members[cluster]].any()
+            and not (members[cluster] and far[item, members[cluster]].all())
+        )
+        found = next(fitting, None)
+        if found is None:
+            members.append(found := [])
+        found.append(item)
+    return members
+
+
+def _looseness(distance: Floats, group: Ints) -> float:
+    """Mean distance within groups by that between them."""
+    known = np.isfinite(distance) & ~np.eye(len(distance), dtype=np.bool_)
+    same = (group[:, np.newaxis] == group) & known
+    others = known & ~same
+    if not same.any() or not others.any():
+        return np.inf
+    return float(distance[same].mean() / max(distance[others].mean(), np.finfo(np.float64).tiny))
+
+
+def _local_scales(distance: Floats, least: float) -> Floats:
+    """Distance of each set to its neighbour (Zelnik-Manor and Perona 2004)."""
     others = np.sort(np.where(np.eye(len(distance), dtype=np.bool_), np.inf, distance), axis=1)
     scale = others[:, min(SCALE_NEIGHBOUR, len(distance)) - 1]
-    scale = np.maximum(np.where(np.isfinite(scale), scale, others[:, 0]), least_scale)
-    scale[~np.isfinite(scale)] = least_scale
+    scale = np.maximum(np.where(np.isfinite(scale), scale, others[:, 0]), least)
+    scale[~np.isfinite(scale)] = least
+    return np.asarray(scale)
+
+
+def _embed(distance: Floats, product: Floats, n_groups: int) -> Floats:
+    """Rows of the leading eigenvectors of the normalised affinity at unit length (Ng, Jordan and Weiss 2002)."""
     with np.errstate(under="ignore"):
-        affinity = np.exp(-(distance**2) / np.outer(scale, scale))
+        affinity = np.exp(-(distance**2) / product)
     np.fill_diagonal(affinity, 0.0)
     degree = affinity.sum(axis=1)
     root = np.sqrt(np.where(degree > 0.0, degree, 1.0))

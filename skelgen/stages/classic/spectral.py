@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.classic.local_kmeans import HEURISTICS, local_kmeans
 
 SIGMA_QUANTILES = np.linspace(0.02, 0.6, 12)
 """A scan tries the global sigma at these quantiles of all deviations: from within the limbs to between them."""
@@ -42,7 +43,7 @@ class SpectralMethod:
     sigma_squared : float, mm^2
         Square of the one sigma; 0 scans for the best.
     kmeans : str
-        ``k-means++`` or ``random`` starts.
+        ``k-means++`` or ``random`` starts of Lloyd's steps, or one of the heuristics of `local_kmeans`.
     """
 
     measure: str
@@ -137,6 +138,8 @@ def greedy_clusters(deviation: Floats, k: int) -> Ints:
 
 
 def _partition(rows: Floats, k: int, method: SpectralMethod, seed: int) -> Ints:
+    if method.kmeans in HEURISTICS:
+        return local_kmeans(rows, k, method.kmeans, seed)
     from sklearn.cluster import KMeans  # noqa: PLC0415 - its import costs seconds
 
     kmeans = KMeans(n_clusters=k, init=method.kmeans, n_init=KMEANS_STARTS, random_state=seed)

@@ -26,7 +26,7 @@ class LabelParameters(StageParameters):
         Which tracklets are good enough to be used.
     alignment, n_neighbours, misfit_weight, sampling
         How the classic method finds the distance between two Marker Sets.
-    clustering
+    clustering, sigma
         How the classic method groups Marker Sets into markers.
     method, rounds, compare
         How tracklets become markers, and whether the classic method is compared.
@@ -149,10 +149,18 @@ class LabelParameters(StageParameters):
     )
     clustering: str = declare(
         "average",
-        "Classic method: how Marker Sets are grouped into markers: spectral clustering with local scaling, or joining "
-        "the nearest two groups by their average or largest distance; sets that overlap in time are never joined.",
-        choices=("spectral", "average", "complete"),
+        "Classic method: how Marker Sets are grouped into markers: spectral clustering with local scaling or with one "
+        "global sigma, k-means++ with a list of sets that exclude each other, or joining the nearest two groups by "
+        "their average or largest distance; sets that overlap in time are never joined.",
+        choices=("spectral", "global-spectral", "k-means", "average", "complete"),
         acts_with=_SETS,
+    )
+    sigma: float = declare(
+        0.0,
+        "Classic method, global-spectral: the one sigma; 0 tries several and takes the best clustering.",
+        unit="mm",
+        within=(0.0, 1e6),
+        acts_with=" or ".join(f"{one} and clustering=global-spectral" for one in _SETS.split(" or ")),
     )
     repair: bool = declare(
         RepairParameters.repair,

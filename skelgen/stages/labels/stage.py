@@ -183,6 +183,7 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
         least_length=least_length(n_frames, task.rate, how),
         stand_alone=stand_alone_frames(n_frames, task.rate, how),
         seed=task.seed,
+        sigma=how.sigma,
     )
     return markers_by_sets(task.cloud, tracklets, task.n_markers, method, monitor)
 

@@ -118,11 +118,12 @@ class LimbParameters(StageParameters):
     )
     kmeans: str = declare(
         "k-means++",
-        "spectral: k-means by Lloyd from k-means++ starts, or from random starts",
-        choices=("random", "k-means++"),
+        "spectral: k-means by Lloyd's steps from k-means++ or random starts; by swaps of centres for markers; or by "
+        "swaps and Lloyd's steps, where hybrid accepts worse ones at first",
+        choices=("random", "swap", "hybrid", "local-hybrid", "k-means++"),
         config_name="ALG",
         acts_with=_clusters(),
-        config_codes=("random", "k-means++", "k-means++", "k-means++"),
+        config_codes=("random", "swap", "hybrid", "local-hybrid"),
     )
     rigid_limit: float = declare(
         0.0,

@@ -7,7 +7,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.classic.aligned_distances import Alignment, find_distances
-from skelgen.stages.classic.marker_sets import cut_spectrally, join_nearest
+from skelgen.stages.classic.marker_sets import SPECTRAL, SetMethod, cut_spectrally, join_nearest
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets
 
@@ -48,6 +48,10 @@ def distances_of(positions, trim_range=2, n_neighbours=5, misfit_weight=1.0, sam
     cloud, track_of_point = cloud_of(positions)
     sets = find_tracklets(cloud, track_of_point, RATE, LabelParameters(trim_range=trim_range))
     return find_distances(cloud.points, sets, sets.overlaps, Alignment(n_neighbours, misfit_weight, sampling))
+
+
+def spectral_method(clustering, limit, sigma=0.0):
+    return SetMethod(Alignment(None, 0.0, 10), clustering, limit, least_length=1, stand_alone=1, seed=0, sigma=sigma)
 
 
 def test_short_sets_are_removed_and_the_rest_trimmed_inside_the_take(rigid):
@@ -130,14 +134,14 @@ def test_joining_never_joins_sets_that_overlap():
     for group in (
         join_nearest(distance, overlaps, 5, 1000.0, "average"),
         join_nearest(distance, overlaps, 5, 1000.0, "complete"),
-        cut_spectrally(distance, overlaps, 5, 1000.0, seed=0),
+        *(cut_spectrally(distance, overlaps, 5, spectral_method(one, 1000.0)) for one in SPECTRAL),
     ):
         together = (group[:, np.newaxis] == group) & ~np.eye(30, dtype=bool)
         assert not (together & overlaps).any()
         assert np.array_equal(np.unique(group), np.arange(group.max() + 1))
 
 
-@pytest.mark.parametrize("clustering", ["average", "complete", "spectral"])
+@pytest.mark.parametrize("clustering", ["average", "complete", *SPECTRAL])
 def test_clear_groups_are_found(clustering):
     truth = np.repeat(np.arange(6), 5)
     gap = np.abs(truth[:, np.newaxis] - truth) * 50.0
@@ -145,8 +149,8 @@ def test_clear_groups_are_found(clustering):
     distance = np.minimum(distance, distance.T)
     np.fill_diagonal(distance, 0.0)
     overlaps = np.eye(30, dtype=bool)
-    if clustering == "spectral":
-        group = cut_spectrally(distance, overlaps, 6, 100.0, seed=0)
+    if clustering in SPECTRAL:
+        group = cut_spectrally(distance, overlaps, 6, spectral_method(clustering, 100.0))
     else:
         group = join_nearest(distance, overlaps, 6, 100.0, clustering)
     assert np.array_equal(group[:, np.newaxis] == group, truth[:, np.newaxis] == truth)
@@ -168,3 +172,28 @@ def test_average_linkage_is_the_mean_of_known_distances():
 def test_sampling_that_is_asked_for_is_obeyed_in_long_takes():
     assert Alignment(5, 1.0, 3).step(10_000) == 3
     assert Alignment(5, 1.0, 0).step(10_000) == 100
+
+
+@pytest.mark.parametrize("clustering", SPECTRAL)
+def test_sets_beyond_the_limit_share_no_cluster(clustering):
+    truth = np.repeat(np.arange(4), 3)
+    distance = np.where(truth[:, np.newaxis] == truth, 2.0, 80.0)
+    np.fill_diagonal(distance, 0.0)
+    group = cut_spectrally(distance, np.eye(12, dtype=bool), 3, spectral_method(clustering, 20.0))
+    together = group[:, np.newaxis] == group
+    assert not (together & (truth[:, np.newaxis] != truth)).any()
+
+
+def test_a_wrong_global_sigma_is_worse_than_the_scan():
+    truth = np.repeat(np.arange(6), 4)
+    random = np.random.default_rng(4)
+    distance = np.where(truth[:, np.newaxis] == truth, random.uniform(0, 4, (24, 24)), random.uniform(10, 90, (24, 24)))
+    distance = np.minimum(distance, distance.T)
+    np.fill_diagonal(distance, 0.0)
+    groups = {
+        sigma: cut_spectrally(distance, np.eye(24, dtype=bool), 6, spectral_method("global-spectral", 100.0, sigma))
+        for sigma in (0.0, 1000.0)
+    }
+    right = {sigma: (group[:, None] == group) == (truth[:, None] == truth) for sigma, group in groups.items()}
+    assert right[0.0].all()
+    assert not right[1000.0].all()
