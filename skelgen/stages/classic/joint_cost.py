@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import mean_distances
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.classic.conjugate_gradients import Precondition, Scaling
 from skelgen.stages.classic.line_search import Objective
 
@@ -143,6 +143,30 @@ def place_at_distances(markers: Floats, distances: Floats) -> Floats:
     points, costs = (np.stack(values) for values in zip(*tried, strict=True))
     best = costs.argmin(axis=0)[np.newaxis, :, np.newaxis]
     return np.asarray(np.take_along_axis(points, best, axis=0)[0])
+
+
+def place_between(held_positions: Floats, held: Bools, markers: Floats, distances: Floats) -> Floats:
+    """Place the joint in the other frames, too: at its distances, nearest to where it is between held frames.
+
+    Parameters
+    ----------
+    held_positions : ndarray, shape (n_held, 3), mm
+        Where the joint is in frames that hold it.
+    held : ndarray of bool, shape (n_frames,)
+        Which frames these are.
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        Markers of both limbs, NaN where unseen.
+    distances : ndarray, shape (n_markers,), mm
+        Distances to the markers.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3), mm
+    """
+    known, every = np.flatnonzero(held), np.arange(len(held))
+    between = np.column_stack([np.interp(every, known, column) for column in held_positions.T])
+    between[~held], _ = _multilaterate(between[~held], markers[~held], distances)
+    return between
 
 
 def _starts_at_distances(markers: Floats, distances: Floats) -> tuple[Floats, Floats, Floats]:

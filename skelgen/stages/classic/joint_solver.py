@@ -12,13 +12,25 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import mean_distances
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.conjugate_gradients import minimise
-from skelgen.stages.classic.joint_cost import joint_cost, joint_curvature, local_optimum, place_at_distances
+from skelgen.stages.classic.joint_cost import (
+    joint_cost,
+    joint_curvature,
+    local_optimum,
+    place_at_distances,
+    place_between,
+)
 from skelgen.stages.classic.lateration import common_distances
 from skelgen.stages.classic.line_search import brent_step
 from skelgen.stages.classic.parameters import DescentParameters
 
 STUCK = 2.0
 """Times the noise: a larger mean variance of the distances says that the descent is stuck or that there is none."""
+
+HOLDING = 4
+"""Markers that hold a joint in place (Schönauer 2007, 3.5)."""
+
+LEAST_HELD = 20
+"""Frames with so many markers, or all frames are used."""
 
 N_RESTARTS = 2
 """Sets of distances from which a stuck joint is sought again."""
@@ -86,6 +98,15 @@ class JointSolver:
             Mean distances to all markers from an earlier solution: local optimisation makes the start of them. Without
             them the descent starts half-way between both limbs.
         """
+        markers = np.concatenate([first, second], axis=1)
+        # Three distances are met on both sides of their markers: such frames say nothing of the joint
+        held = (~np.isnan(markers[:, :, 0])).sum(axis=1) >= min(HOLDING, markers.shape[1])
+        if held.all() or held.sum() < LEAST_HELD:
+            return self._search(first, second, alpha, distances)
+        found = self._search(first[held], second[held], alpha, distances)
+        return replace(found, positions=place_between(found.positions, held, markers, found.distances))
+
+    def _search(self, first: Floats, second: Floats, alpha: float, distances: Floats | None) -> JointSolution:
         markers = np.concatenate([first, second], axis=1)
         middle = (np.nanmean(first, axis=1) + np.nanmean(second, axis=1)) / 2
         start = middle if distances is None else place_at_distances(markers, distances)

@@ -57,8 +57,10 @@ def test_gaps_leave_the_elbow_where_it_is(elbow):
     markers, joint = elbow(1, dropouts=0.1)
     usable = ~np.isnan(np.stack([limb[:, :, 0] for limb in markers])).all(axis=2).any(axis=0)
     found = solver().solve(*(limb[usable] for limb in markers), alpha=0.0)
-    complete = ~np.isnan(np.concatenate(markers, axis=1)[usable]).any(axis=(1, 2))
-    assert np.linalg.norm(found.positions - joint[usable], axis=1)[complete].mean() < EXACT
+    errors = np.linalg.norm(found.positions - joint[usable], axis=1)
+    seen = (~np.isnan(np.concatenate(markers, axis=1)[usable, :, 0])).sum(axis=1)
+    assert errors[seen == 4].max() < EXACT
+    assert np.median(errors[seen == 3]) < EXACT  # some are beyond: a gap of many frames bridges to the other side
 
 
 @pytest.mark.parametrize("seed", SEEDS)
