@@ -77,6 +77,8 @@ class Options:
         Of the limbs, for their masses.
     compact : bool
         Whether the vectors of classic XML are texts of ten digits.
+    xml_detail : str
+        How much the classic XML holds of every frame: ``motion``, ``joints`` or ``all``.
     """
 
     axes: str = AS_RECORDED
@@ -94,6 +96,7 @@ class Options:
     time_codes: float = 24.0
     density: float = 1000.0
     compact: bool = False
+    xml_detail: str = "motion"
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from skelgen_formats import (
     bvh,
     c3d,
     cal3d,
+    classic_texts,
     classic_xml,
     csm,
     gltf,
@@ -59,6 +60,7 @@ FORMATS: tuple[Format, ...] = (
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, wide.CSV, wide.PARQUET, mfml.FORMAT),
+    *(classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 

@@ -6,6 +6,7 @@ result and a true marker coincide. The scores are those of Ristani et al. (2016)
 for multi-target, multi-camera tracking".
 """
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -75,7 +76,7 @@ def find_identity(project: Project, truth: Truth) -> tuple[Ints, LabelScore | No
     """
     take, trajectories = project.take, project.trajectories
     if isinstance(take, PointCloud):
-        return _identity_of_points(take, trajectories, truth)
+        return _identity_of_points(take, trajectories, truth, _tolerance(project))
     index_of = {_plain(name): index for index, name in enumerate(truth.marker_names)}
     plain = [_plain(name) for name in trajectories.names]
     whole = [name if name in index_of else _PARTED.sub("", name) for name in plain]
@@ -90,11 +91,20 @@ def _plain(name: str) -> str:
     return re.sub(r"[\s_]+", "_", name.strip()).casefold()
 
 
-def _identity_of_points(cloud: PointCloud, trajectories: Trajectories, truth: Truth) -> tuple[Ints, LabelScore]:
+def _tolerance(project: Project) -> float:
+    """Farthest distance [mm] of a position from its point: jitter that the labels stage added moves it on purpose."""
+    how = project.reports["labels"].parameters if "labels" in project.reports else {}
+    jitter = float(how.get("max_jitter", 0.0)) if how.get("add_random") else 0.0
+    return POINT_TOLERANCE + math.sqrt(3.0) * jitter
+
+
+def _identity_of_points(
+    cloud: PointCloud, trajectories: Trajectories, truth: Truth, tolerance: float
+) -> tuple[Ints, LabelScore]:
     if len(truth.marker_of_point) != cloud.n_points:
         found = f"{len(truth.marker_of_point)} points where the take has {cloud.n_points}"
         raise InputError(f"the truth knows {found}: it belongs to another take, or to one simulated with labels")
-    marker, point = _points_of_result(cloud, trajectories)
+    marker, point = _points_of_result(cloud, trajectories, tolerance)
     counts = np.zeros((trajectories.n_markers, truth.n_markers + 1), dtype=np.intp)  # the last column takes the ghosts
     np.add.at(counts, (marker, truth.marker_of_point[point]), 1)
     together = counts[:, :-1]
@@ -108,16 +118,16 @@ def _identity_of_points(cloud: PointCloud, trajectories: Trajectories, truth: Tr
     return true_of_marker, LabelScore(idf1, precision, recall, trajectories.n_markers, truth.n_markers)
 
 
-def _points_of_result(cloud: PointCloud, trajectories: Trajectories) -> tuple[Ints, Ints]:
+def _points_of_result(cloud: PointCloud, trajectories: Trajectories, tolerance: float) -> tuple[Ints, Ints]:
     """Return marker and point of every position that was made from a point; filled gaps were not."""
     frame, marker = np.nonzero(trajectories.seen)
     if not cloud.n_points or not len(frame):
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    apart = _GAP * POINT_TOLERANCE
+    apart = _GAP * tolerance
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     tree = cKDTree(np.column_stack([cloud.points, apart * frame_of_point]))
     wanted = np.column_stack([trajectories.positions[frame, marker], apart * frame])
-    distance, point = tree.query(wanted, distance_upper_bound=POINT_TOLERANCE)
+    distance, point = tree.query(wanted, distance_upper_bound=tolerance)
     made = np.isfinite(distance)
     return marker[made], point[made]
 

@@ -106,11 +106,13 @@ class Topology:
     n_iterations : ndarray of intp, shape (n_joints,)
         Iterations that the minimisation of each joint took.
     values : ndarray, shape (n_joints,), mm^2
-        Joint cost at each solution over all frames, with the weight that places joints (0 by default) for `alpha`.
+        Joint cost at each solution over all frames, with the weight `final_alpha`.
     alpha : float
         Weight of the mean marker-joint distance in `joint_costs`.
     loops : tuple of pairs of int
         Pairs of limbs that seem joined although the tree does not join them: they close kinematic loops.
+    final_alpha : float
+        Weight of the mean marker-joint distance in `values`, with which joints are placed.
     """
 
     parents: Ints
@@ -120,6 +122,7 @@ class Topology:
     values: Floats
     alpha: float
     loops: tuple[tuple[int, int], ...] = ()
+    final_alpha: float = 0.0
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")

@@ -34,6 +34,7 @@ def names_in(folder):
 
 ALL_FILES = [
     "wave.angles.csv",
+    "wave.costs.txt",
     "wave.html",
     "wave.joints.csv",
     "wave.json",
@@ -41,6 +42,7 @@ ALL_FILES = [
     "wave.limbs.csv",
     "wave.raw-joints.c3d",
     "wave.skelgen",
+    "wave.tree.txt",
     "wave.xaf",
     "wave.xml",
     "wave.xsf",

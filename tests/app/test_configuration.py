@@ -171,6 +171,23 @@ def test_jitter_is_added_to_labelled_takes():
     assert 1.8 < np.nanmax(moved) <= 2.0
 
 
+@pytest.mark.parametrize("labelled", [True, False])
+def test_frames_with_too_few_markers_are_cleaned(labelled):
+    take = simulate("rods", n_frames=80, dropouts=0.3, labelled=labelled).take
+    project = skelgen.reconstruct(take, until="labels", parameters={"labels": {"least_seen": 0.8}})
+    shown = project.trajectories.seen.mean(axis=1)
+    assert ((shown == 0) | (shown >= 0.8)).all()
+    assert 0 < (shown == 0).sum() < 80
+    assert [one for one in project.reports["labels"].notices if "of the markers: cleaned" in one]
+
+
+def test_labels_of_a_jittered_take_are_judged_by_their_points():
+    simulated = simulate("rods", n_frames=120, dropouts=0.05, labelled=False)
+    parameters = {"labels": {"add_random": True, "max_jitter": 3.0}}
+    project = skelgen.reconstruct(simulated.take, until="labels", parameters=parameters)
+    assert skelgen.evaluate(project, simulated.truth).labels.idf1 > 0.95
+
+
 LABELS = {"min_range": 150, "trim_range": 9, "add_random": True}
 LIMBS = {"local_scaling": False, "neighbour": 1, "sigma_squared": 4.0}
 JOINTS = {

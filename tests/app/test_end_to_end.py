@@ -38,7 +38,7 @@ def test_chain_of_rods_is_found(rods, capsys):
 def test_every_output_is_there(rods):
     suffixes = {file.name.removeprefix("r.") for file in (rods / "out").iterdir()}
     drawn = {"labels.c3d", "limbs.csv", "raw-joints.c3d", "xml", "xsf", "xaf", "joints.csv", "angles.csv", "json"}
-    assert suffixes == drawn | {"html", "skelgen"}
+    assert suffixes == drawn | {"html", "skelgen", "costs.txt", "tree.txt"}
 
 
 def test_same_take_and_seed_give_the_same_bytes(rods):

@@ -52,7 +52,7 @@ def test_input_is_never_an_output(folder, waving, capsys, command, replaced):
     skelgen.write(waving, "other.csm")
     (folder / "other").mkdir()
     main(["config", "--write", "other/other.xml"])
-    skelgen.write(open_input("walk.skelgen"), "result.xml")
+    skelgen.write(open_input("walk.skelgen"), "result.xml", xml_detail="all")
     before = contents(folder)
     capsys.readouterr()
     assert main(command.split()) == 2

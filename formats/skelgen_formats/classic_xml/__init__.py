@@ -1,11 +1,14 @@
 """The classic output XML (Schönauer 2007, 4.13): all results of a finished project.
 
 The thesis prints several top elements; here one root holds them, so that the file is well-formed XML. Lengths are in
-mm, times in seconds. All numbers have the digits to give back the same double, unless the file is to be compact: then
-they have ten digits, and a vector holds them as its text instead of an element for each.
+mm, times in seconds. All numbers have the digits to give back the same double, or, of frames where not all is written,
+nine digits. Where the file is to be compact, a vector holds its numbers as text, of ten digits, instead of an element
+for each.
 
 ``MotionCapture``
-    The root: ``version``, ``unit``, ``time_unit``, ``quaternion`` (order of the components), ``rate`` [Hz], ``take``.
+    The root: ``version``, ``unit``, ``time_unit``, ``quaternion`` (order of the components), ``root_track`` (what a
+    root's track refers to), ``detail`` (how much of every frame is there: ``motion``, ``joints`` or ``all``), ``rate``
+    [Hz], ``take``.
 ``MarkerNames``
     ``MarkerName`` with ``id``, ``name`` and ``bone`` (-1 = left out).
 ``StatsElements``
@@ -22,19 +25,23 @@ they have ten digits, and a vector holds them as its text instead of an element 
     world. ``SEEN="0"`` marks a frame in which the limb's pose was interpolated.
     Quaternions are x y z w and rotate actively, v' = q v q* (not Cal3D's conjugate; `cal3d` writes that).
 ``RawJointPositions``, ``FinalJointPositions``
-    Elements ``joint<parent>-<child>``; a frame whose joint is not determined carries no vector.
+    Not with the detail ``motion``. Elements ``joint<parent>-<child>``; a vector is named by its frame; a
+    frame whose joint is not determined carries no vector.
 ``MarkerPositions``
     ``MarkerOffsets``: markers relative to the centre of mass of their limb's markers, along the axes of the bone;
     ``CenterOfMass``, an addition, is that centre in the bone's frame and ``Sigma`` the marker's deviation;
     ``Noise`` and ``StandardDeviation`` (of the place, x y z) stand there where they were estimated.
-    ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
+    ``Frame``, only with the detail ``all``: an unseen marker carries no ``OrgMarkerPosition``, one that is left
+    out no ``FinalMarkerPosition``.
 """
 
 from pathlib import Path
 
+from skelgen.errors import FormatError
+from skelgen.model import Project, Trajectories
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
-from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
-from skelgen_formats.options import AXES, RATE, Format, Option, finished_project
+from skelgen_formats.classic_xml.writer import ALL, JOINTS, MOTION, ROOT, TITLE, write_classic_xml
+from skelgen_formats.options import AXES, RATE, Format, Option, Options, finished_project
 
 
 def read_classic_xml(path: Path | str) -> ClassicXml:
@@ -56,7 +63,30 @@ COMPACT = Option(
     "Write vectors as texts of ten digits, not as an element per number: less than half the size; read all the same.",
     reading=False,
 )
-"""The option of the writer."""
+"""Options of the writer."""
+
+
+def _take(path: Path) -> Trajectories:
+    content = read_classic_xml(path)
+    if content.detail != ALL:
+        raise FormatError(path, "", "the file holds no tracked markers; write it with --xml-detail all to read them")
+    return content.trajectories
+
+
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
+    if options.xml_detail == ALL:
+        return ()
+    left_out = "tracked markers" if options.xml_detail == JOINTS else "tracked markers and joints before the fit"
+    return (f"{TITLE} is written without {left_out}; the detail `all` has them.",)
+
+
+XML_DETAIL = Option(
+    "xml_detail",
+    MOTION,
+    "How much of every frame: poses of limbs, positions of joints as well, or markers and all digits as well.",
+    (MOTION, JOINTS, ALL),
+    reading=False,
+)
 
 FORMAT = Format(
     name="classic-xml",
@@ -64,12 +94,15 @@ FORMAT = Format(
     suffixes=(".xml",),
     holds="skeleton",
     sniff=lambda head, path: f"<{ROOT} ".encode() in head,
-    read=lambda path, options: read_classic_xml(path).trajectories,
-    write=lambda value, path, options, monitor: write_classic_xml(value, path, options.compact, monitor),
+    read=lambda path, options: _take(path),
+    write=lambda value, path, options, monitor: write_classic_xml(
+        value, path, options.compact, options.xml_detail, monitor
+    ),
     check=lambda value, options: finished_project(value, TITLE),
-    options=(AXES, RATE, COMPACT),
+    options=(AXES, RATE, XML_DETAIL, COMPACT),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
-    note="Everything about a finished project; as a take it gives back the tracked markers.",
+    remarks=_remarks,
+    note="What is found of a finished project; with the detail all, as a take it gives back the tracked markers.",
 )
 
 __all__ = ["FORMAT", "ClassicXml", "JointStats", "MarkerDistance", "read_classic_xml", "write_classic_xml"]

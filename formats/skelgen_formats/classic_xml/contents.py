@@ -69,8 +69,10 @@ class ClassicXml:
 
     Attributes
     ----------
+    detail : str
+        How much the file holds of every frame: ``motion``, ``joints`` or ``all``.
     trajectories : Trajectories
-        Tracked positions [mm] with the names of the markers; NaN where unseen.
+        Tracked positions [mm] with the names of the markers; NaN where unseen, and throughout without them.
     skeleton : Skeleton
         Limbs, joints and markers on the limbs.
     motion : Motion
@@ -80,7 +82,7 @@ class ClassicXml:
     bone_rotations_xyzw : ndarray, shape (n_frames, n_limbs, 4)
         Rotation of each bone relative to its parent, of a root to the world, as in the file.
     raw_joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
-        Joints before the fit of rigid limbs; NaN where not determined.
+        Joints before the fit of rigid limbs; NaN where not determined, and throughout without them.
     offsets_from_center : ndarray, shape (n_markers, 3), mm
         Each marker relative to the centre of mass of its limb's markers, along the axes of the limb's frame; NaN for
         markers that are left out.
@@ -99,6 +101,7 @@ class ClassicXml:
     offsets_from_center: Floats
     centers_of_mass: Floats
     joint_stats: tuple[JointStats, ...]
+    detail: str = "all"
 
     def __post_init__(self) -> None:
         n_frames, n_limbs = self.motion.n_frames, self.skeleton.n_limbs
@@ -146,6 +149,7 @@ class Contents:
     """Everything in the file, as it comes: flat rows of numbers by bone, joint and marker."""
 
     take: str = ""
+    detail: str = "all"
     rate: float = 0.0
     names: list[str] = field(default_factory=list)
     bone_of_marker: list[int] = field(default_factory=list)
@@ -163,6 +167,13 @@ class Contents:
     final_markers: array[float] = field(default_factory=lambda: array("d"))
     tracked_markers: array[float] = field(default_factory=lambda: array("d"))
     n_marker_frames: int = 0
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames: as many as have markers, or, without them, keys."""
+        if self.detail == "all":
+            return self.n_marker_frames
+        return max((len(seen) for seen in self.seen.values()), default=0)
 
 
 def assemble(path: Path, contents: Contents) -> ClassicXml:
@@ -197,11 +208,12 @@ def assemble(path: Path, contents: Contents) -> ClassicXml:
 
 
 def _check_complete(path: Path, contents: Contents, n_limbs: int, edges: list[tuple[int, int]]) -> None:
-    if contents.n_marker_frames:
+    if contents.n_frames:
         _check_keys(path, "TRACK", contents.tracks, list(range(n_limbs)))
-        _check_keys(path, "RawJointPositions", contents.raw_joints, edges)
-        _check_keys(path, "FinalJointPositions", contents.final_joints, edges)
-    lengths = {contents.n_marker_frames, *(len(seen) for seen in contents.seen.values())}
+        if contents.detail != "motion":
+            _check_keys(path, "RawJointPositions", contents.raw_joints, edges)
+            _check_keys(path, "FinalJointPositions", contents.final_joints, edges)
+    lengths = {contents.n_frames, *(len(seen) for seen in contents.seen.values())}
     lengths |= {len(row) // 3 for rows in (contents.raw_joints, contents.final_joints) for row in rows.values()}
     if len(lengths) > 1:
         raise FormatError(path, "", f"tracks, joints and markers have {sorted(lengths)} frames; they must agree")
@@ -215,11 +227,16 @@ def _check_keys(path: Path, tag: str, found: Mapping[_Key, object], wanted: list
 
 
 def _values(contents: Contents, parents: Ints, edges: list[tuple[int, int]]) -> ClassicXml:
-    n_frames, n_markers, n_limbs = contents.n_marker_frames, len(contents.names), len(parents)
+    n_frames, n_markers, n_limbs = contents.n_frames, len(contents.names), len(parents)
     keys = _columns(contents.tracks, list(range(n_limbs)), (n_frames, 7))
     offsets = _table(contents.offsets, n_markers)
     centers = _table(contents.centers, n_limbs)
-    tracked = np.frombuffer(contents.tracked_markers).reshape(n_frames, n_markers, 3)
+    tracked = np.full((n_frames, n_markers, 3), np.nan)
+    if contents.detail == "all":
+        tracked = np.frombuffer(contents.tracked_markers).reshape(tracked.shape)
+    raw = np.full((n_frames, len(edges), 3), np.nan)
+    if contents.detail != "motion":
+        raw = _columns(contents.raw_joints, edges, (n_frames, 3))
     skeleton = _skeleton(contents, parents, edges, offsets, centers)
     return ClassicXml(
         trajectories=Trajectories(tracked, tuple(contents.names), contents.rate, contents.take),
@@ -227,10 +244,11 @@ def _values(contents: Contents, parents: Ints, edges: list[tuple[int, int]]) -> 
         motion=_motion(contents, skeleton, keys, tracked),
         bone_translations=keys[..., :3],
         bone_rotations_xyzw=keys[..., 3:],
-        raw_joint_positions=_columns(contents.raw_joints, edges, (n_frames, 3)),
+        raw_joint_positions=raw,
         offsets_from_center=offsets,
         centers_of_mass=centers,
         joint_stats=tuple(contents.stats),
+        detail=contents.detail,
     )
 
 
@@ -284,7 +302,6 @@ def _world_from_bone(bone: Bone) -> Floats:
 
 
 def _motion(contents: Contents, skeleton: Skeleton, keys: Floats, tracked: Floats) -> Motion:
-    rebuilt = np.frombuffer(contents.final_markers).reshape(tracked.shape)
     edges = [(joint.parent, joint.child) for joint in skeleton.joints]
     seen = np.zeros((len(tracked), skeleton.n_limbs), dtype=np.bool_)
     for limb, marks in contents.seen.items():
@@ -297,14 +314,33 @@ def _motion(contents: Contents, skeleton: Skeleton, keys: Floats, tracked: Float
         poses[:, limb, :3, 3] = keys[:, limb, :3]
         if skeleton.parents[limb] >= 0:
             poses[:, limb] = poses[:, skeleton.parents[limb]] @ poses[:, limb]
+    if contents.detail == "all":
+        rebuilt = np.frombuffer(contents.final_markers).reshape(tracked.shape)
+    else:  # markers that are left out have no offset
+        rebuilt = _carried(poses[:, skeleton.limb_of_marker], skeleton.marker_offsets)
+    if contents.detail == "motion":
+        joints = _joints_on_limbs(skeleton, poses)
+    else:
+        joints = _columns(contents.final_joints, edges, (len(tracked), 3))
     return Motion(
         world_from_limb=poses,
-        joint_positions=_columns(contents.final_joints, edges, (len(tracked), 3)),
+        joint_positions=joints,
         marker_positions=rebuilt,
         residuals=np.linalg.norm(tracked - rebuilt, axis=2),
         limb_seen=seen,
         rate=contents.rate,
     )
+
+
+def _joints_on_limbs(skeleton: Skeleton, poses: Floats) -> Floats:
+    """Joints carried along by their parents [mm], shape (n_frames, n_joints, 3)."""
+    places = np.array([joint.position_in_parent for joint in skeleton.joints]).reshape(-1, 3)
+    return _carried(poses[:, [joint.parent for joint in skeleton.joints]], places)
+
+
+def _carried(poses: Floats, places: Floats) -> Floats:
+    """World positions of places on bodies, (n_frames, n, 3), from poses (n_frames, n, 4, 4) and places (n, 3)."""
+    return np.asarray(np.einsum("fnik,nk->fni", poses[..., :3, :3], places) + poses[..., :3, 3])
 
 
 def _columns(rows: Mapping[_Key, array[float]], order: list[_Key], shape: tuple[int, int]) -> Floats:

@@ -19,7 +19,7 @@ from skelgen_formats.classic_xml.contents import (
     MarkerDistance,
     assemble,
 )
-from skelgen_formats.classic_xml.writer import DEVIATIONS, ROOT, VERSION
+from skelgen_formats.classic_xml.writer import ALL, DEVIATIONS, JOINTS, MOTION, ROOT, VERSION
 from skelgen_formats.text import SAFE_XML
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
@@ -183,6 +183,10 @@ class _Reader:
     def _root(self, element: Any) -> None:
         self.contents.rate = self._float(element, "rate")
         self.contents.take = self._text(element, "take")
+        detail = element.get("detail", ALL)
+        if detail not in (MOTION, JOINTS, ALL):
+            self._fail(element, f"has the detail {detail!r:.60}; it must be one of {MOTION}, {JOINTS}, {ALL}")
+        self.contents.detail = detail
 
     def _names(self, element: Any) -> None:
         for index, marker in enumerate(element):

@@ -27,7 +27,11 @@ from skelgen_formats.options import Writable, finished_project
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"
 VERSION = "1"
+MOTION, JOINTS, ALL = "motion", "joints", "all"
+"""How much is written of every frame: poses; joints as well; markers as well, and all digits of all numbers."""
+
 _LEFT_OUT_BONE = -1
+_EXACT, _SHORT = "%r", "%.9g"  # all digits of a double; a millionth of a millimetre within ten metres
 
 DEVIATIONS = {
     "COVARIANCE": "covariance",
@@ -44,7 +48,9 @@ _TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_classic_xml(value: Writable, path: Path, compact: bool = False, monitor: Monitor = SILENT) -> list[Path]:
+def write_classic_xml(
+    value: Writable, path: Path, compact: bool = False, detail: str = ALL, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
     Parameters
@@ -55,6 +61,8 @@ def write_classic_xml(value: Writable, path: Path, compact: bool = False, monito
         The file.
     compact : bool
         Whether vectors are texts of ten digits.
+    detail : str
+        `MOTION`, `JOINTS` or `ALL`.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -69,21 +77,25 @@ def write_classic_xml(value: Writable, path: Path, compact: bool = False, monito
     counts = project.trajectories.n_frames, len(project.topology.raw_joint_positions), project.motion.n_frames
     if len(set(counts)) > 1:
         raise WriteError(f"{path}: markers, raw joints and motion have {counts} frames; they must have the same number")
-    header = _header(project, path)
-    skeleton, motion = project.skeleton, project.motion
+    header = _header(project, path, detail)
+    skeleton, motion, number = project.skeleton, project.motion, _EXACT if detail == ALL else _SHORT
+    raw, final = (
+        _joints(skeleton, at, number) for at in (project.topology.raw_joint_positions, motion.joint_positions)
+    )
+    joints: tuple[Iterable[str], ...] = (
+        *(["<RawJointPositions>\n"], raw, ["</RawJointPositions>\n"]),
+        *(["<FinalJointPositions>\n<JointPositions>\n"], final, ["</JointPositions>\n</FinalJointPositions>\n"]),
+    )
     parts: tuple[Iterable[str], ...] = (
-        *(_stats(project), _skeleton(project), _animation(project)),
-        *(
-            ["<RawJointPositions>\n"],
-            _joints(skeleton, project.topology.raw_joint_positions),
-            ["</RawJointPositions>\n"],
-        ),
-        *(["<FinalJointPositions>\n<JointPositions>\n"], _joints(skeleton, motion.joint_positions)),
-        *(["</JointPositions>\n</FinalJointPositions>\n<MarkerPositions>\n"], _offsets(skeleton), _frames(project)),
+        *(_stats(project), _skeleton(project), _animation(project, number)),
+        *(() if detail == MOTION else joints),
+        *(["<MarkerPositions>\n"], _offsets(skeleton), _frames(project) if detail == ALL else ()),
         [f"</MarkerPositions>\n</{ROOT}>\n"],
     )
     # texts of a frame: a key per limb, raw and final joints, markers limb by limb
-    n_rows = motion.n_frames * (skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1)
+    n_joint_rows = 0 if detail == MOTION else 2 * skeleton.n_joints
+    n_marker_rows = len(_bones(skeleton)) + 1 if detail == ALL else 0
+    n_rows = motion.n_frames * (skeleton.n_limbs + n_joint_rows + n_marker_rows)
     texts = with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
@@ -97,12 +109,12 @@ def _compacted(text: str) -> str:
     return numbers.replace(" </vector>", "</vector>")
 
 
-def _header(project: Project, path: Path) -> str:
+def _header(project: Project, path: Path, detail: str) -> str:
     limb_of_marker = project.skeleton.limb_of_marker.tolist()
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<{ROOT} version="{VERSION}" unit="mm" time_unit="s" quaternion="x y z w" rate="{project.motion.rate!r}"'
-        f" take={_quoted(project.name, path)}>",
+        f'<{ROOT} version="{VERSION}" unit="mm" time_unit="s" quaternion="x y z w" root_track="world"'
+        f' detail="{detail}" rate="{project.motion.rate!r}" take={_quoted(project.name, path)}>',
         "<MarkerNames>",
         *(
             f'<MarkerName id="{index}" name={_quoted(name, path)} bone="{bone}"/>'
@@ -175,10 +187,11 @@ def _bind_pose(skeleton: Skeleton, limb: int) -> str:
     )
 
 
-def _animation(project: Project) -> Iterator[str]:
+def _animation(project: Project, number: str) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
     times = motion.times.tolist()
-    key = f'<KEYFRAME FRAMEID="%d" TIME="%r"%s>\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
+    vectors = f"{_template('TRANSLATION', 3, number)}{_template('ROTATION', 4, number)}"
+    key = f'<KEYFRAME FRAMEID="%d" TIME="{number}"%s>\n{vectors}</KEYFRAME>\n'
     yield "<ANIMATION>\n"
     for limb in skeleton.outward.tolist():
         translations, rotations = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
@@ -191,13 +204,14 @@ def _animation(project: Project) -> Iterator[str]:
     yield "</ANIMATION>\n</SkeletonAndAnimation>\n"
 
 
-def _joints(skeleton: Skeleton, positions: Floats) -> Iterator[str]:
-    known = f'<JointFrame FrameIndex="%d">\n{_template("0", 3)}</JointFrame>\n'
+def _joints(skeleton: Skeleton, positions: Floats, number: str) -> Iterator[str]:
+    vector = _template("%d", 3, number)
+    known = f'<JointFrame FrameIndex="%d">\n{vector}</JointFrame>\n'
     for index, joint in enumerate(skeleton.joints):
         tag = f"joint{joint.parent}-{joint.child}"
         yield f"<{tag}>\n"
         for frame, row in _rows(positions[:, index]):
-            yield f'<JointFrame FrameIndex="{frame}"/>\n' if math.isnan(row[0]) else known % (frame, *row)
+            yield f'<JointFrame FrameIndex="{frame}"/>\n' if math.isnan(row[0]) else known % (frame, frame, *row)
         yield f"</{tag}>\n"
 
 
@@ -266,13 +280,13 @@ def _row(name: str, numbers: Floats) -> str:
 
 
 @functools.cache
-def _template(name: str, length: int) -> str:
-    return _vector(f'name="{name}"', length)
+def _template(name: str, length: int, number: str = _EXACT) -> str:
+    return _vector(f'name="{name}"', length, number)
 
 
-def _vector(marks: str, length: int) -> str:
-    """Text of a vector element with a place for each number, written with all its digits."""
-    elements = "".join(f'<vec_elem val="%r" pos="{pos}"/>' for pos in range(length))
+def _vector(marks: str, length: int, number: str = _EXACT) -> str:
+    """Text of a vector element with a place for each number."""
+    elements = "".join(f'<vec_elem val="{number}" pos="{pos}"/>' for pos in range(length))
     return f'<vector length="{length}" {marks}>{elements}</vector>\n'
 
 
@@ -283,7 +297,7 @@ def joint_stats(project: Project) -> tuple[JointStats, ...]:
         JointStats(
             first_bone=int(parent),
             second_bone=int(child),
-            alpha=topology.alpha,
+            alpha=topology.final_alpha,
             first=_marker_distances(project, int(parent), joint),
             second=_marker_distances(project, int(child), joint),
             n_iterations=int(topology.n_iterations[joint]),

@@ -82,6 +82,7 @@ def find_joints(
         values=np.array([joint.cost(parameters.alpha_final) for joint in in_order]),
         alpha=parameters.alpha,
         loops=loop_joints(tree.parents, costs),
+        final_alpha=parameters.alpha_final,
     )
     for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
         monitor.notice(notice)

@@ -4,7 +4,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Floats, check_coordinates
+from skelgen.model.arrays import Bools, Floats, check_coordinates
 from skelgen.stages.labels.parameters import LabelParameters
 
 MISSING_FRAME = 1.5
@@ -92,6 +92,23 @@ def _odd_times(cloud: PointCloud) -> tuple[str, ...]:
             f"{len(steps) - len(rising)} time stamps repeat the one before; frames are taken as evenly spaced"
         )
     return tuple(notices)
+
+
+def thin_frames(seen: Bools, least_seen: float) -> tuple[Bools, tuple[str, ...]]:
+    """Return which frames show too few of the markers (Schönauer 2007, 5.4), and a notice if there are any.
+
+    Parameters
+    ----------
+    seen : ndarray of bool, shape (n_frames, n_markers)
+        Which marker is seen where.
+    least_seen : float
+        Part of the markers that a frame must show.
+    """
+    thin = np.asarray(seen.mean(axis=1) < least_seen) if seen.shape[1] else np.zeros(len(seen), dtype=np.bool_)
+    count = int(thin.sum())
+    if not count:
+        return thin, ()
+    return thin, (f"{count} of {len(thin)} frames show less than {100 * least_seen:g} % of the markers: cleaned",)
 
 
 def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:

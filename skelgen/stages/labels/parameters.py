@@ -22,8 +22,8 @@ class LabelParameters(StageParameters):
     ----------
     assignment, prediction, smoothing, max_jump, mute, max_gap, link_evidence
         How points are followed from frame to frame.
-    min_range, trim_range, remove_distance, stand_alone
-        Which tracklets are good enough to be used.
+    min_range, trim_range, remove_distance, stand_alone, least_seen
+        Which tracklets and frames are good enough to be used.
     alignment, n_neighbours, misfit_weight, sampling
         How the classic method finds the distance between two Marker Sets.
     clustering, sigma
@@ -95,6 +95,12 @@ class LabelParameters(StageParameters):
         unit="mm",
         within=(0.0, 1e6),
         acts_with=_SETS,
+    )
+    least_seen: float = declare(
+        0.0,
+        "Frames that show a smaller part of the markers than this are cleaned: nothing in them counts.",
+        within=(0.0, 1.0),
+        acts_with="take=unlabelled/labelled",
     )
     stand_alone: float = declare(
         3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", within=(0.0, 1e6)

@@ -18,7 +18,14 @@ from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.confidence import label_quality
-from skelgen.stages.labels.input_checks import check_cloud, frame_rate, guessed_identities, too_few_wanted, with_jitter
+from skelgen.stages.labels.input_checks import (
+    check_cloud,
+    frame_rate,
+    guessed_identities,
+    thin_frames,
+    too_few_wanted,
+    with_jitter,
+)
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -113,6 +120,12 @@ def check_labels(
     repaired = repair.trajectories
     if identities is not None:
         repaired = constrain_labelled(take, repaired, identities, parameters, monitor)
+    if parameters.least_seen:
+        thin, cleaned = thin_frames(repaired.seen, parameters.least_seen)
+        positions = np.where(thin[:, np.newaxis, np.newaxis], np.nan, repaired.positions)
+        repaired = replace(repaired, positions=positions, notices=repaired.notices + cleaned)
+        for sentence in cleaned:
+            monitor.notice(sentence)
     return repaired, label_quality.labelling_of_markers(repaired, take, repair.findings)
 
 
@@ -148,6 +161,11 @@ def _labelled(
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
     at_once = tracklets.most_at_once(least_length(cloud.n_frames, rate, parameters))
     positions = point_labels.all_positions(cloud, found, len(names))
+    if parameters.least_seen:
+        thin, cleaned = thin_frames(~np.isnan(positions[:, :, 0]), parameters.least_seen)
+        found = np.where(np.repeat(thin, cloud.points_per_frame), -1, found)
+        positions = np.where(thin[:, np.newaxis, np.newaxis], np.nan, positions)
+        notices += cleaned
     notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
     notices += guessed_identities(positions, task.spacing)
     for sentence in notices:

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import write_file
+
+from skelgen.errors import MissingResultError, WriteError
+from skelgen.model import Project
+
+
+def test_cost_matrix_is_read_by_numpy(small_project, tmp_path):
+    path = write_file(small_project, tmp_path / "walk.costs.txt")[0]
+    np.testing.assert_array_equal(np.loadtxt(path), small_project.limbs.distance_deviation)
+
+
+def test_tree_is_read_by_numpy(small_project, tmp_path):
+    limb, parent, cost = np.loadtxt(write_file(small_project, tmp_path / "walk.tree.txt")[0]).T
+    topology = small_project.topology
+    np.testing.assert_array_equal(parent, topology.parents)
+    below = topology.parents >= 0
+    np.testing.assert_array_equal(cost[below], topology.joint_costs[topology.parents[below], limb[below].astype(int)])
+    assert np.isnan(cost[~below]).all()
+
+
+@pytest.mark.parametrize("name", ["a.costs.txt", "a.tree.txt"])
+def test_takes_are_refused(small_project, tmp_path, name):
+    with pytest.raises(WriteError, match="not a take"):
+        write_file(small_project.trajectories, tmp_path / name)
+    with pytest.raises(MissingResultError):
+        write_file(Project(small_project.trajectories), tmp_path / name)
