@@ -61,6 +61,12 @@ class JointParameters(DescentParameters):
     samples: int = declare(
         300, "sampled frames when `sampling` is -1", unit="frames", within=(5, 1e6), acts_with="sampling=-1"
     )
+    n_nearest: int = declare(
+        0,
+        "two limbs are tried if one is among so many nearest of the other; 0 tries all pairs",
+        unit="limbs",
+        within=(0, 1000),
+    )
     max_residual: float = declare(
         25.0,
         "local optimisation that ends above this cost is tried again from earlier frames",

@@ -67,7 +67,7 @@ class PairSearch:
 
     def guesses(self) -> dict[Pair, JointGuess]:
         """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again."""
-        pairs = list(combinations(range(len(self._segments)), 2))
+        pairs = [pair for pair in combinations(range(len(self._segments)), 2) if self._is_near(pair)]
         if self._parameters.solver != "closed-form":
             self._guess(pairs)
             return self._guesses
@@ -83,12 +83,18 @@ class PairSearch:
             self._guess([other for other in pairs if small in other and other != pair])
         return self._guesses
 
+    def _is_near(self, pair: Pair) -> bool:
+        return not self._parameters.n_nearest or self._rank(pair) < self._parameters.n_nearest
+
     def _is_worth_a_descent(self, pair: Pair) -> bool:
-        if self._remoteness is None or any(self._segments[limb].shape.has_pose for limb in pair):
-            return True
+        return any(self._segments[limb].shape.has_pose for limb in pair) or self._rank(pair) < NEAREST
+
+    def _rank(self, pair: Pair) -> int:
+        """Number of limbs that are nearer to one of two than the other is: the smaller of both numbers."""
+        if self._remoteness is None:
+            return 0
         one, other = pair
-        rows = self._remoteness[[one, other]]
-        return bool((rows < self._remoteness[one, other]).sum(axis=1).min() < NEAREST)
+        return int((self._remoteness[[one, other]] < self._remoteness[one, other]).sum(axis=1).min())
 
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""

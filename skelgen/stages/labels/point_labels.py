@@ -19,6 +19,9 @@ LONG_BLOCK_FRAMES = 20_000
 BLOCK_POINTS = 100_000
 """Points that are handled together, where frames do not matter."""
 
+UNEXPLAINED_SHARE = 0.8
+"""Part of its points that later labels leave without a marker: less, and the marker is known by another number."""
+
 _MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
 """Odd numbers that scatter the bits of coordinates over a key."""
 
@@ -218,6 +221,24 @@ def counts_together(one: Ints, other: Ints) -> Ints:
         part = slice(start, start + BLOCK_POINTS)
         counts += np.bincount((one[part] + 1) * np.intp(n_other) + (other[part] + 1), minlength=len(counts))
     return counts.reshape(n_one, n_other)
+
+
+def with_unexplained(before: Ints, after: Ints, least: float) -> Ints:
+    """Add to later labels the markers of earlier ones that were seen for long, and of which next to nothing is left.
+
+    Parameters
+    ----------
+    before, after : ndarray of intp, shape (n_points,)
+        Marker of each point by the earlier and the later labels, -1 for none.
+    least : float
+        Points without a marker that such a marker has.
+    """
+    together = counts_together(before, after)[1:]
+    left_out = together[:, 0]
+    free = (left_out >= least) & (left_out >= UNEXPLAINED_SHARE * together.sum(axis=1))
+    number = np.full(len(free) + 1, -1, dtype=np.int32)
+    number[:-1][free] = after.max(initial=-1) + 1 + np.arange(int(free.sum()))
+    return np.where(after < 0, number[before], after)
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:

@@ -38,12 +38,6 @@ from skelgen.stages.repair import repair_take
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
 
-FREE_MARKER_SHARE = 0.1
-"""Of all frames in which a marker that no limb carries must be seen."""
-
-FREE_POINTS_SHARE = 0.8
-"""A marker is unknown to the skeleton if the skeleton explains less than the rest of its points."""
-
 
 def label_markers(
     cloud: PointCloud,
@@ -214,14 +208,7 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
     by_distances = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(cloud.n_points)]
     by_distances = _most_seen(by_distances, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
     found = refine_labels(task, tracks, by_distances, monitor)
-    least = max(stand_alone_frames(cloud.n_frames, task.rate, task.parameters), FREE_MARKER_SHARE * cloud.n_frames)
-    # Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing
-    together = point_labels.counts_together(by_distances, found)[1:]
-    unexplained = together[:, 0]
-    free = (unexplained >= least) & (unexplained >= FREE_POINTS_SHARE * together.sum(axis=1))
-    number = np.full(len(free) + 1, -1, dtype=np.int32)
-    number[:-1][free] = found.max(initial=-1) + 1 + np.arange(int(free.sum()))
-    found = np.where(found < 0, number[by_distances], found)
+    found = point_labels.with_unexplained(by_distances, found, task.least_alone)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 

@@ -55,6 +55,9 @@ SEEN_ENOUGH = 4
 TRUSTED_SAMPLES = 8
 """More samples do not make a better witness, so that rigidity counts before duration."""
 
+SLOW_FREEDOM = 4.0
+"""Of Student's distribution for means that may rest on one pose each: heavy tails."""
+
 EXACT = 1e-6
 """mm; keeps the deviation of exact takes above zero."""
 
@@ -65,6 +68,15 @@ class _Deviations(NamedTuple):
     rigid: float
     loose: float
     spacing: float
+
+
+class _Compared(NamedTuple):
+    """Differences of mean distances [mm]; samples and scatters [mm^2] of both; whether poses may have been slow."""
+
+    difference: Floats
+    counts: tuple[Floats, Floats]
+    scatters: tuple[Floats, Floats]
+    is_slow: bool
 
 
 class DistanceRecord:
@@ -92,7 +104,7 @@ class DistanceRecord:
         self.mean, self.scatter = self._moments(slice(None))
         self.witness = _witness(count, self.scatter, self.deviations)
 
-    def evidence(self, one: int, counts_loose: bool = True) -> Floats:
+    def evidence(self, one: int, counts_loose: bool = True, is_slow: bool = False) -> Floats:
         """Evidence [nats] that one tracklet is the same marker as each other one, shape (n,); -inf where it cannot be.
 
         Parameters
@@ -101,6 +113,9 @@ class DistanceRecord:
             The tracklet.
         counts_loose : bool
             Whether distances that are not rigid count.
+        is_slow : bool
+            Whether a tracklet may have been seen in one slow pose alone: what its distances did not vary by may then
+            still be the error of their mean, and far distances are less surprising.
         """
         result = np.full(len(self.count), -np.inf)
         others = np.flatnonzero(~self.apart[one])
@@ -112,8 +127,9 @@ class DistanceRecord:
         rows = others[:, np.newaxis]
         first, second = (np.where(valid, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
         difference = self.mean[rows, chosen] - self.mean[one][chosen]
-        scatter = self.scatter[one][chosen] + self.scatter[rows, chosen]
-        gain, rigid = _log_ratio(difference, first, second, scatter, self.deviations, counts_loose)
+        scatters = self.scatter[one][chosen], self.scatter[rows, chosen]
+        measured = _Compared(difference, (first, second), scatters, is_slow)
+        gain, rigid = _log_ratio(measured, self.deviations, counts_loose)
         n_valid = np.where(valid, 1.0 if counts_loose else rigid, 0.0).sum(axis=1)
         known = (n_valid > LEAST_WITNESSES - 0.5) | (self.prior[one, others] != 0.0)
         result[others[known]] = self.prior[one, others[known]] + np.where(valid, gain, 0.0).sum(axis=1)[known]
@@ -225,11 +241,14 @@ def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: flo
 
 
 def _witness(count: Floats, scatter: Floats, deviations: _Deviations) -> Floats:
-    """How much each tracklet tells of another one's place: probability of being rigid with it, times samples."""
+    """How much each tracklet tells of another one's place: probability of being rigid with it, samples, steadiness."""
     freedom = np.maximum(count - 1.0, 0.0)
     rigid, loose = (_log_weight(freedom, scatter, tau, prior)[0] for tau, prior in _components(deviations))
     probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
+    after = PRIOR_SAMPLES + freedom
+    deviation = np.sqrt((PRIOR_SAMPLES * deviations.rigid**2 + scatter) / after)
     weight = np.where(count > 0.0, probability, 0.0) * np.minimum(count, TRUSTED_SAMPLES)
+    weight *= deviations.rigid / deviation
     if weight.ndim == 2:
         np.fill_diagonal(weight, 0.0)
     return np.asarray(weight)
@@ -249,17 +268,22 @@ def _log_weight(freedom: Floats, scatter: Floats, tau: float, prior: float) -> t
     return weight, after, variance
 
 
-def _log_ratio(
-    difference: Floats, first: Floats, second: Floats, scatter: Floats, deviations: _Deviations, counts_loose: bool
-) -> tuple[Floats, Floats]:
+def _log_ratio(measured: _Compared, deviations: _Deviations, counts_loose: bool) -> tuple[Floats, Floats]:
     """Evidence of each distance: log likelihood of one marker over two; and the probability that it is rigid."""
-    spread, found = 1.0 / first + 1.0 / second, []
+    (first, second), found = measured.counts, []
+    scatter = measured.scatters[0] + measured.scatters[1]
     for tau, prior in _components(deviations):
         weight, freedom, variance = _log_weight(first + second - 2.0, scatter, tau, prior)
-        narrow, wide = variance * spread, variance * spread + deviations.spacing**2
+        narrow = variance * (1.0 / first + 1.0 / second)
+        if measured.is_slow:
+            own, other = (
+                variance - part / count for part, count in zip(measured.scatters, measured.counts, strict=True)
+            )
+            narrow = np.maximum(variance / first, own) + np.maximum(variance / second, other)
+            freedom = np.minimum(freedom, SLOW_FREEDOM)
         near, far = (
-            weight + (-0.5 * np.log(width) - (freedom + 1.0) / 2 * np.log1p(difference**2 / (freedom * width)))
-            for width in (narrow, wide)
+            weight + (-0.5 * np.log(width) - (freedom + 1.0) / 2 * np.log1p(measured.difference**2 / (freedom * width)))
+            for width in (narrow, narrow + deviations.spacing**2)
         )
         found.append((weight, near, far))
     (rigid, near, far), (loose, loosely_near, loosely_far) = found

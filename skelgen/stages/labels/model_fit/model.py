@@ -24,8 +24,8 @@ from skelgen.stages.skeleton import Body, SkeletonParameters, StructuredTake, as
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
 
-JOINT_SAMPLES = 100
-"""Frames at which pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
+ROUGH_JOINTS = JointParameters(samples=100, n_nearest=4, max_iterations=10, max_fallback=0)
+"""How pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
 
 BLIND_GATE = 0.5
 """Of the typical spacing of points: a wider gate does not distinguish neighbours, and its prediction is not used."""
@@ -159,7 +159,7 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     try:
         limbs = find_limbs(chosen, seed=seed)
-        topology = find_joints(chosen, limbs, JointParameters(samples=JOINT_SAMPLES), seed=seed)
+        topology = find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed)
     except InputError:
         return None
     trees = [_tree(body, core) for body in StructuredTake(chosen, limbs, topology).bodies()]

@@ -20,10 +20,12 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.duplicates import join_duplicates
 from skelgen.stages.labels.merging.markers import merge_again
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import stand_alone_frames
 from skelgen.stages.labels.tracking.take import point_weights
 from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained_scores, markers_of_names
 
@@ -35,6 +37,9 @@ CORE_SHARE = 0.3
 
 PRIOR_SCORE = 0.3
 """Score of the marker that a point has already, where its place is not known: less than any good explanation."""
+
+FREE_MARKER_SHARE = 0.1
+"""Of all frames in which a marker that no limb carries must be seen."""
 
 UNCHANGED = 0.0005
 """Part of all points; when fewer change their marker, the turns end."""
@@ -70,6 +75,12 @@ class LabelTask:
     constraints: PointConstraints | None = None
     seed: int = 0
 
+    @property
+    def least_alone(self) -> float:
+        """Frames in which a marker that no limb carries must be seen."""
+        n_frames = self.cloud.n_frames
+        return max(stand_alone_frames(n_frames, self.rate, self.parameters), FREE_MARKER_SHARE * n_frames)
+
 
 def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, monitor: Monitor) -> Ints:
     """Improve identities by the skeleton that they imply, until nothing changes.
@@ -103,6 +114,7 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         if model is None:
             break
         better = _relabelled(task, track_of_point, merged, model, monitor)
+        better = point_labels.with_unexplained(merged, better, task.least_alone)
         # Number of points that changed their marker, whatever the markers' numbers are
         together = point_labels.counts_together(marker_of_point, better)
         kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
@@ -111,7 +123,8 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
             break
-    return merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
+    merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
+    return join_duplicates(cloud, merged, rate, spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:

@@ -1,0 +1,54 @@
+"""Markers that were found twice are joined, those that are two are not."""
+
+import numpy as np
+import pytest
+
+from skelgen.model import PointCloud
+from skelgen.simulation import simulate
+from skelgen.stages.labels.merging.duplicates import existence, join_duplicates
+
+N_FRAMES, STILL, RATE, SPACING = 900, 150, 100.0, 100.0
+TWICE = (4, 20, 33)  # markers that get another number when the body begins to move
+
+
+@pytest.fixture(scope="module")
+def still_then_moving():
+    """A human who stands still for 1.5 s and then moves; each marker is hidden now and then. Cloud and true markers."""
+    moving = simulate("human", n_frames=N_FRAMES - STILL, soft_tissue=2.0, seed=1).take.positions
+    rng = np.random.default_rng(0)
+    positions = np.concatenate([np.repeat(moving[:1], STILL, axis=0), moving])
+    positions = positions + rng.normal(0.0, 0.3, positions.shape)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    for marker in range(positions.shape[1]):
+        for start in rng.integers(0, N_FRAMES, 6):
+            seen[start : start + 20, marker] = False
+    seen[STILL - 10 : STILL + 10, list(TWICE)] = False
+    frame, marker = np.nonzero(seen)
+    starts = np.concatenate([[0], np.cumsum(seen.sum(axis=1))])
+    return PointCloud(positions[frame, marker], starts, np.arange(N_FRAMES) / RATE), marker, frame
+
+
+def test_markers_found_once_for_a_still_pose_and_once_for_the_rest_are_joined(still_then_moving):
+    cloud, true, frame = still_then_moving
+    found = true.copy()
+    for number, marker in enumerate(TWICE):
+        found[(true == marker) & (frame >= STILL)] = true.max() + 1 + number
+    assert np.array_equal(join_duplicates(cloud, found, RATE, SPACING), true)
+
+
+def test_markers_that_are_seen_together_stay_two(still_then_moving):
+    cloud, true, _ = still_then_moving
+    assert np.array_equal(join_duplicates(cloud, true, RATE, SPACING), true)
+
+
+def test_a_marker_at_another_place_stays_another_one(still_then_moving):
+    cloud, true, frame = still_then_moving
+    of_first, of_other = (true == 4) & (frame >= STILL), (true == 30) & (frame < STILL)
+    found = np.where(of_first | of_other, -1, true)
+    assert np.array_equal(join_duplicates(cloud, found, RATE, SPACING), found)
+
+
+def test_where_markers_are_hidden_for_long_another_one_is_less_unlikely(still_then_moving):
+    cloud, true, frame = still_then_moving
+    hidden = (true + frame // 100) % 2 == 0
+    assert existence(cloud, np.where(hidden, -1, true)) < existence(cloud, true)
