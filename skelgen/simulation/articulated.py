@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, check_floats, check_names
-from skelgen.model.topology import outward_order
+from skelgen.model.topology import joint_children
 
 DEGREES_OF_FREEDOM = {"free": 3, "ball": 3, "universal": 2, "hinge": 1}
 """Angles that move a limb; ``free`` is the root, which hangs on nothing."""
@@ -96,7 +96,7 @@ class Structure:
     name : str
         What it is, e.g. ``human``.
     limbs : tuple of LimbModel
-        One root; parents before their children.
+        A root, or several; parents before their children.
     """
 
     name: str
@@ -108,9 +108,11 @@ class Structure:
         if not names:
             raise InputError("a structure needs at least one limb")
         for index, limb in enumerate(self.limbs):
-            is_root = index == 0
-            if is_root != (limb.kind == "free") or is_root != (limb.parent == ""):
-                raise InputError(f"limb {limb.name!r}: the first limb, and no other, must be free and without a parent")
+            is_root = limb.parent == ""
+            if is_root != (limb.kind == "free") or (index == 0 and not is_root):
+                raise InputError(
+                    f"limb {limb.name!r}: limbs without a parent, and no others, must be free; so is the first"
+                )
             if not is_root and limb.parent not in names[:index]:
                 raise InputError(f"limb {limb.name!r}: its parent {limb.parent!r} must be listed before it")
 
@@ -138,7 +140,7 @@ class Structure:
     @property
     def children(self) -> Ints:
         """The child limb of each joint, from the root outward, shape (n_joints,)."""
-        return outward_order(self.parents)[1:]
+        return joint_children(self.parents)
 
     @property
     def limb_of_marker(self) -> Ints:

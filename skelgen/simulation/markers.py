@@ -189,6 +189,34 @@ def _standardised(curves: Floats) -> Floats:
     return np.asarray((curves - curves.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
 
 
+def pieces_lost(n_frames: int, n_markers: int, fraction: float, mean_frames: float, rng: np.random.Generator) -> Bools:
+    """Return which markers are lost in which frames, in pieces of exponential length, as are those between them.
+
+    Parameters
+    ----------
+    n_frames, n_markers : int
+        Shape of the result.
+    fraction : float
+        Part of all positions that is lost, 0 to below 1.
+    mean_frames : float
+        Mean length of a lost piece.
+    rng : numpy.random.Generator
+        Source of the times.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_frames, n_markers)
+    """
+    stay = 1.0 - 1.0 / max(mean_frames, 1.0)
+    leave = (1.0 - stay) * fraction / (1.0 - fraction)  # in the long run a part `fraction` is lost
+    draws = rng.random((n_frames, n_markers))
+    lost = np.empty((n_frames, n_markers), dtype=np.bool_)
+    lost[0] = draws[0] < fraction
+    for frame in range(1, n_frames):
+        lost[frame] = draws[frame] < np.where(lost[frame - 1], stay, leave)
+    return lost
+
+
 def dropouts(n_frames: int, n_markers: int, fraction: float, rng: np.random.Generator) -> Bools:
     """Return which markers are lost in which frames, in bursts and in single frames.
 

@@ -19,6 +19,7 @@ from skelgen.simulation.markers import (
     edge_jumps,
     ghosts,
     merged_points,
+    pieces_lost,
     seen_by_cameras,
     shuffled_points,
     soft_tissue_motion,
@@ -36,12 +37,17 @@ from skelgen.simulation.people import (
 )
 from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
+from skelgen.simulation.subjects import side_by_side, with_spacing
 from skelgen.simulation.truth import Truth
 
 # Each has its own random numbers, by its place in the list.
 _STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates", "person")
 _UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot carry one label
-_OF_RANDOM_MOTION = ("motion_range", "walk")
+_OF_RANDOM_MOTION = ("motion_range", "walk", "speed")
+_OF_STRUCTURES = ("spacing", "subjects", "apart")
+_NEXT_SUBJECT = 1_000_003
+"""Step of the seeds of further bodies, which no user counts up to."""
+
 _OF_PEOPLE = ("motion", "marker_set", "height")
 _REALISTIC, _NONE = "realistic", "none"
 _SLIDE = Declaration("soft_tissue", float, 0.0, "", unit="mm", low=0.0, high=1000.0)
@@ -62,6 +68,13 @@ class SimulationParameters(StageParameters):
         "slide on its limb, per coordinate, in mm.",
     )
     dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
+    dropout_seconds: float = declare(
+        0.0,
+        "Mean length of the pieces that are lost, which varies as waiting times do; 0: bursts of 5 to 40 frames, and "
+        "single ones.",
+        unit="s",
+        within=(0.0, 100.0),
+    )
     n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", within=(0, 64))
     ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", within=(0.0, 1000.0))
     merged: float = declare(
@@ -83,6 +96,15 @@ class SimulationParameters(StageParameters):
     labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
     motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", within=(0.0, 3.0))
     walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", within=(0.0, 1e5))
+    speed: float = declare(1.0, "How many times as fast as usual limbs and root move at random.", within=(0.01, 100.0))
+    spacing: float = declare(
+        0.0,
+        "Median distance of markers from the nearest one on their limb, which are drawn together; 0: as they are worn.",
+        unit="mm",
+        within=(0.0, 1000.0),
+    )
+    subjects: int = declare(1, "How many bodies there are, each with a motion of its own.", within=(1, 20))
+    apart: float = declare(3000.0, "How far neighbouring bodies are apart.", unit="mm", within=(0.0, 1e5))
     motion: str = declare("random", "How a human moves.", choices=("random", *MOTIONS))
     marker_set: str = declare(
         _NONE,
@@ -183,9 +205,12 @@ def simulate(
         scene = _played(structure, _settings(parameters or recorded, options), seed)
     else:
         settings = _settings(parameters or SimulationParameters(), options)
-        scene = (_living if settings.is_of_person else _moved)(structure, settings, seed)
-    displaced = _displaced(scene)
-    return _delivered(scene, _observed(scene, displaced), displaced)
+        make = _living if settings.is_of_person else _moved
+        bodies = [make(structure, settings, seed + number * _NEXT_SUBJECT) for number in range(settings.subjects)]
+        if len(bodies) > 1:
+            return _delivered(*_together(bodies))
+        scene = bodies[0]
+    return _delivered(scene, _displaced(scene))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +231,7 @@ def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -
     """Move a body as recorded; the seed is that of the faults alone."""
     _refuse(settings, _OF_RANDOM_MOTION, "random motion; a recorded one is played as it is")
     _refuse(settings, _OF_PEOPLE, "the simulated human; bones of a recorded motion get markers_per_limb")
+    _refuse(settings, _OF_STRUCTURES, "simulated bodies; a recorded motion is that of one")
     n_frames, recorded_frames = settings.n_frames, len(recorded.world_from_limb)
     if n_frames > recorded_frames:
         raise ParameterError(f"n_frames is {n_frames}; the motion has {recorded_frames} at {recorded.rate:g} Hz")
@@ -233,6 +259,7 @@ def _living(structure: Structure | str, settings: SimulationParameters, seed: in
     if structure != "human":
         name = structure.name if isinstance(structure, Structure) else structure
         _refuse(settings, _OF_PEOPLE, f"the structure human, not to {name}")
+    _refuse(settings, ("spacing",), "structures without a marker set")
     streams, n_frames, rate = _streams(seed), settings.n_frames, settings.rate
     marker_set = MARKER_SETS[0] if settings.marker_set == _NONE else settings.marker_set
     someone, rng = person(marker_set, settings.height, streams["person"]), streams["motion"]
@@ -242,8 +269,8 @@ def _living(structure: Structure | str, settings: SimulationParameters, seed: in
             raise ParameterError(f"rate is {rate:g} Hz; motion {settings.motion} needs at least {SLOWEST:g} Hz")
         angles, poses = natural_motion(someone, settings.motion, n_frames, rate, rng)
     else:
-        angles = random_angles(someone.body, n_frames, rate, rng, settings.motion_range)
-        walked = random_walk(someone.body, n_frames, rate, rng, settings.walk)
+        angles = random_angles(someone.body, n_frames, rate / settings.speed, rng, settings.motion_range)
+        walked = random_walk(someone.body, n_frames, rate / settings.speed, rng, settings.walk)
         poses = world_from_limbs(someone.body, angles, walked)
     angles, poses = [angles[limb] for limb in someone.limbs], poses[:, someone.limbs]
     name = f"{marker_set}-{settings.motion}-{seed}"
@@ -253,12 +280,30 @@ def _living(structure: Structure | str, settings: SimulationParameters, seed: in
 
 def _moved(structure: Structure | str, settings: SimulationParameters, seed: int) -> _Scene:
     body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
+    body = with_spacing(body, settings.spacing) if settings.spacing else body
     streams = _streams(seed)
-    n_frames, rate, rng = settings.n_frames, settings.rate, streams["motion"]
+    n_frames, rate, rng = settings.n_frames, settings.rate / settings.speed, streams["motion"]
     angles = random_angles(body, n_frames, rate, rng, settings.motion_range)
     poses = world_from_limbs(body, angles, random_walk(body, n_frames, rate, rng, settings.walk))
     name = f"{body.name.replace(':', '-')}-{seed}"
     return _Scene(body, settings, streams, name, angles, poses, carried_markers(body, poses))
+
+
+def _together(bodies: list[_Scene]) -> tuple[_Scene, Floats]:
+    """Put bodies side by side into one scene, and say what soft tissue does to the markers of all [mm]."""
+    first, displaced = bodies[0], np.concatenate([_displaced(body) for body in bodies], axis=1)
+    apart = first.settings.apart
+    everybody = side_by_side([body.body for body in bodies], apart)
+    poses, rigid = (np.concatenate([getattr(body, what) for body in bodies], axis=1) for what in ("poses", "rigid"))
+    subject_of_limb, subject_of_marker = (
+        np.repeat(np.arange(len(bodies)), [getattr(body.body, count) for body in bodies])
+        for count in ("n_limbs", "n_markers")
+    )
+    poses[:, :, 1, 3] += apart * subject_of_limb
+    rigid[:, :, 1] += apart * subject_of_marker
+    angles = [angle for body in bodies for angle in body.angles]
+    scene = _Scene(everybody, first.settings, first.streams, f"{len(bodies)}-{first.name}", angles, poses, rigid)
+    return scene, displaced
 
 
 def _settings(parameters: SimulationParameters, options: dict[str, object]) -> SimulationParameters:
@@ -293,14 +338,19 @@ def _observed(scene: _Scene, displaced: Floats) -> Floats:
         observed[~seen_by_cameras(body, scene.poses, positions, cameras)] = np.nan
     if settings.dropouts > 0:
         n_frames, n_markers = positions.shape[:2]
-        observed[dropouts(n_frames, n_markers, settings.dropouts, streams["dropouts"])] = np.nan
+        rng, mean_frames = streams["dropouts"], settings.dropout_seconds * settings.rate
+        if mean_frames > 0:
+            lost = pieces_lost(n_frames, n_markers, settings.dropouts, mean_frames, rng)
+        else:
+            lost = dropouts(n_frames, n_markers, settings.dropouts, rng)
+        observed[lost] = np.nan
     if settings.edge_jumps > 0:
         observed = edge_jumps(observed, settings.edge_jumps, streams["edges"])
     return observed
 
 
-def _delivered(scene: _Scene, observed: Floats, displaced: Floats) -> SimulatedTake:
-    settings = scene.settings
+def _delivered(scene: _Scene, displaced: Floats) -> SimulatedTake:
+    settings, observed = scene.settings, _observed(scene, displaced)
     if settings.labelled:
         take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
         return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp), displaced))
