@@ -217,7 +217,7 @@ def _sampled_clearance(structure: Structure, truth: Truth, camera: np.ndarray) -
         {"n_cameras": 1},
         {"merged": 5.0},
         {"duplicates": 1.0},
-        {"speed": 3},
+        {"velocity": 3},
     ],
 )
 def test_bad_options_are_parameter_errors(options: dict[str, float]) -> None:

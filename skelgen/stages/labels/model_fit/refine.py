@@ -24,6 +24,7 @@ from skelgen.stages.labels.merging.duplicates import join_duplicates
 from skelgen.stages.labels.merging.markers import merge_again
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
+from skelgen.stages.labels.model_fit.symmetry import turned_limbs
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import stand_alone_frames
 from skelgen.stages.labels.tracking.take import point_weights
@@ -113,6 +114,7 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         model = fit_model(sample, core_markers(merged, task.n_markers), BLIND_GATE * spacing, task.seed)
         if model is None:
             break
+        merged = turned_limbs(cloud, merged, model, rate)
         better = _relabelled(task, track_of_point, merged, model, monitor)
         better = point_labels.with_unexplained(merged, better, task.least_alone)
         # Number of points that changed their marker, whatever the markers' numbers are
