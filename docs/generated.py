@@ -88,17 +88,23 @@ public repositories have, made by the tests. What is not named was not tried.
 | --- | --- | --- |
 | C3D, among them of EVa and OptiTrack | Intel words | recorded, against ezc3d |
 | C3D | DEC and SGI words, and the oddities of the changelog | layout |
-| Cortex, OpenSim, Pyomeca TRC | tabs, commas, doubled tabs; virtual markers | recorded; layout |
-| Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | one recorded; layout |
-| OptiTrack Motive CSV | format versions 1.2, 1.23, 1.25: markers, rigid bodies, bones | layout |
+| C3D of Nexus 2 with ProCalc | muscle signals and angles as points | recorded, against the CSV of the same take |
+| Cortex, OpenSim, Pyomeca TRC | tabs, commas, blanks, doubled tabs; virtual markers | recorded; layout |
+| OpenCap, Pose2Sim, Sports2D TRC | keypoints | layout |
+| Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | two recorded; layout |
+| Vicon Workstation, Nexus 1 CSV | TRAJECTORIES, Field # | layout of public readers |
+| OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones | layout |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
+| Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
-| anipose, FreeMoCap, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
+| BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
+| anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
+| FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0 | written by NumPy |
 
-Not read: Qualisys .mat, Cortex .trb, BTS .tdf, MVNX of sensors alone, Motive with Euler angles or local coordinates.
-The error says what to export instead.
+Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
+sensors alone, Motive with Euler angles or local coordinates. The error says what to export instead.
 """
 KEPT = """## What a written file keeps
 

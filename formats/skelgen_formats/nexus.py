@@ -11,7 +11,8 @@ Layout, comma-separated text (or tab-separated, as .txt), blocks one after the o
     1,0,44.1628,-276.862,675.697,...             empty cells are unseen; rows may end before them
     (an empty line)
 
-Only Trajectories is read. Frames that the file leaves out are unseen.
+Only Trajectories is read. Frames that the file leaves out are unseen. Workstation and early versions of Nexus write
+``TRAJECTORIES``, ``100,Hz``, ``,LASI,,,RASI,,,`` and ``Field #,X,Y,Z,X,Y,Z,...`` without sub-frames and units.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +33,7 @@ BLOCKS = ("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Eve
 
 _DELIMITERS = ",\t;"
 _AXES = ("X", "Y", "Z")
-_LEADING_CELLS = 2  # frame and sub-frame
+_LEADING_TITLES = ("Frame", "Field #")  # of the first column; the second may be that of sub-frames
 _MOST_TIMES = 4  # frames in the take for one in the file, at most
 
 
@@ -67,7 +68,8 @@ def read_nexus(path: Path) -> Trajectories | PointCloud:
     if len(head) < 3:
         raise FormatError(path, len(lines), "the header of the block Trajectories is cut off")
     delimiter = _delimiter(path, *head[2])
-    rate = rate_in(path, head[0][0], head[0][1].strip(_DELIMITERS + " "), "the rate of the trajectories")
+    stated = head[0][1].strip(_DELIMITERS + " ").removesuffix("Hz").strip(_DELIMITERS + " ")
+    rate = rate_in(path, head[0][0], stated, "the rate of the trajectories")
     names, titles = (split_cells(path, line, number, delimiter) for number, line in head[1:3])
     columns = _columns(path, head[2][0], names, titles)
     notices = [f"blocks left out: {', '.join(block.title for block in blocks if block.title != BLOCKS[0])}"]
@@ -83,14 +85,21 @@ def read_nexus(path: Path) -> Trajectories | PointCloud:
 
 def _blocks(lines: Lines) -> Iterator[_Block]:
     for number, line in lines.numbered():
-        title = line.strip(_DELIMITERS + ' "')
+        title = _title(line)
         if title in BLOCKS:
             yield _Block(title, number)
 
 
+def _title(line: str) -> str:
+    """The title of a block as it stands in `BLOCKS`, if the line is one."""
+    text = line.strip(_DELIMITERS + ' "')
+    return text.title() if text.isupper() else text
+
+
 def _delimiter(path: Path, number: int, titles: str) -> str:
-    rest = titles.strip().lstrip('"').removeprefix("Frame").lstrip('"')
-    if not titles.strip().lstrip('"').startswith("Frame") or rest[:1] not in tuple(_DELIMITERS):
+    first = titles.strip().lstrip('"')
+    rest = first.removeprefix("Frame").removeprefix("Field #").lstrip('"')
+    if not first.startswith(_LEADING_TITLES) or rest[:1] not in tuple(_DELIMITERS):
         raise FormatError(path, number, "the line Frame,Sub Frame,X,Y,Z belongs here")
     return rest[0]
 
@@ -98,7 +107,7 @@ def _delimiter(path: Path, number: int, titles: str) -> str:
 def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str]) -> dict[int, list[int]]:
     """Return the x, y, z columns of each marker by the column under its name."""
     columns = {}
-    for first in range(_LEADING_CELLS, min(len(names), len(titles))):
+    for first in range(1, min(len(names), len(titles))):
         if names[first] and tuple(titles[first : first + 3]) == _AXES:
             columns[first] = [first, first + 1, first + 2]
     if not columns:
@@ -155,8 +164,9 @@ def _every_frame(rows: Floats, notices: list[str]) -> Floats:
 
 def _is_nexus(head: bytes, path: Path) -> bool:
     lines = [line for line in decoded_head(head).splitlines() if line.strip(_DELIMITERS + ' "')][:2]
-    titled = bool(lines) and lines[0].strip(_DELIMITERS + ' "') in BLOCKS
-    return titled and (len(lines) < 2 or lines[1].strip(_DELIMITERS + ' "').replace(".", "", 1).isdigit())
+    titled = bool(lines) and _title(lines[0]) in BLOCKS
+    rate = lines[1].replace("Hz", "").strip(_DELIMITERS + ' "') if titled and len(lines) > 1 else "0"
+    return titled and rate.replace(".", "", 1).isdigit()
 
 
 FORMAT = Format(

@@ -11,7 +11,7 @@ and the matrix that takes its axes to the world's, column by column (Rot[0] to R
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
+_LOOSE_KEYS = ("DESCRIPTION", "TIME_STAMP")  # of which nothing is read, and that scripts part from values by blanks
 _LEADING_TITLES = ("frame", "time")
 _MAX_LEADING = len(_LEADING_TITLES)
 _MM = 1.0  # the format has no unit: Track Manager exports mm
@@ -54,16 +55,23 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
     if "2D" in included:
         line = header["DATA_INCLUDED"][0]
         raise FormatError(path, line, "holds 2D data; export the 3D data of the markers from Track Manager instead")
-    _, names = _entry(path, header, "BODY_NAMES" if of_bodies else "MARKER_NAMES")
+    notices: list[str] = []
+    if of_bodies:
+        _, names = _entry(path, header, "BODY_NAMES")
+        _check_count(path, header, len(names), "BOD")
+    else:
+        names = _markers(path, lines, header, first, notices)
     rate_line, rate_text = _entry(path, header, "FREQUENCY")
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
-    _check_count(path, header, len(names), "BOD" if of_bodies else "MARKER")
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names))
-    rows = parse_rows(path, lines.numbered(first), leading + width * len(names), "\t", leading=leading)
-    notices: list[str] = []
+    n_cells = leading + width * len(names)
+    rows = parse_rows(path, _rows(lines, first, n_cells, notices), n_cells, "\t", leading=leading)
     frames_line, frames = _entry(path, header, _FIRST_KEY)
-    check_frames(path, frames_line, count_in(path, frames_line, frames[0], _FIRST_KEY), len(rows), notices)
+    announced = count_in(path, frames_line, frames[0], _FIRST_KEY)
+    if announced > len(rows):
+        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
+    check_frames(path, frames_line, min(announced, len(rows)), len(rows), notices)
     numbers = rows.reshape(len(rows), len(names), width)
     if not of_bodies:
         return take_from_markers(path, scaled(path, zeros_unseen(numbers), _MM), names, rate, notices)
@@ -94,6 +102,8 @@ def _header(lines: Lines) -> tuple[_Header, int]:
     header: _Header = {}
     for number, line in lines.numbered():
         cells = [cell.strip() for cell in line.split("\t")]
+        if cells[0].startswith(_LOOSE_KEYS):
+            continue
         if not _KEY.fullmatch(cells[0]):
             return header, number - 1
         if cells[0] not in header:
@@ -105,6 +115,34 @@ def _entry(path: Path, header: _Header, key: str) -> tuple[int, list[str]]:
     if key not in header or not header[key][1]:
         raise FormatError(path, header.get(key, ("", []))[0], f"the header line {key} is missing or empty")
     return header[key]
+
+
+def _markers(path: Path, lines: Lines, header: _Header, first: int, notices: list[str]) -> list[str]:
+    """Return the names of markers; where NO_OF_MARKERS says another number, the columns decide."""
+    if "NO_OF_MARKERS" not in header or "MARKER_NAMES" not in header:
+        return _entry(path, header, "MARKER_NAMES")[1]
+    line, values = _entry(path, header, "NO_OF_MARKERS")
+    announced, names = count_in(path, line, values[0], "NO_OF_MARKERS"), header["MARKER_NAMES"][1]
+    if announced == len(names):
+        return names
+    row = lines[min(first + 1, len(lines) - 1)]  # the first line may hold titles
+    widths = {row.count("\t") + 1, row.count("\t") + 1 - row.endswith("\t")}
+    fitting = [
+        count for count in (len(names), announced) if any(0 <= width - 3 * count <= _MAX_LEADING for width in widths)
+    ]
+    if not fitting or not fitting[0]:
+        raise FormatError(path, line, f"NO_OF_MARKERS says {announced} and the line of names lists {len(names)}")
+    notices.append(f"NO_OF_MARKERS says {announced}, {len(names)} are named, and {fitting[0]} have columns")
+    return [*names, *(f"unlabelled {n + 1}" for n in range(len(names), fitting[0]))][: fitting[0]]
+
+
+def _rows(lines: Lines, first: int, n_cells: int, notices: list[str]) -> Iterator[tuple[int, str]]:
+    """Yield the lines with numbers; the last line of a file that is cut off is left out."""
+    for number, line in lines.numbered(first):
+        if number == len(lines) and line.count("\t") < n_cells - 1:
+            notices.append(f"line {number}, the last, is cut off and left out")
+            return
+        yield number, line
 
 
 def _check_count(path: Path, header: _Header, n_names: int, what: str) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import read_content
 from skelgen.geometry.frame_rate import with_rate
+from skelgen.geometry.keypoints import keypoint_evidence
 from skelgen.geometry.up_axis import with_up_axis
-from skelgen.kinematics.keypoints import keypoint_evidence
 from skelgen.model import Take, Trajectories
 from skelgen.model.arrays import check_rate
 from skelgen.model.takes import BoneMotion
@@ -37,8 +37,11 @@ from skelgen_formats import (
     opensim,
     poses_csv,
     qualisys,
+    qualisys_mat,
     summary_json,
     tables,
+    tdf,
+    tidy,
     trc,
     urdf,
     usd,
@@ -57,9 +60,10 @@ _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which
 
 FORMATS: tuple[Format, ...] = (
     *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT, arrays.FORMAT),
+    *(qualisys_mat.FORMAT, tdf.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
-    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, wide.CSV, wide.PARQUET, mfml.FORMAT),
+    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, mfml.FORMAT),
     *(classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""

@@ -13,7 +13,8 @@ Layout, tab-separated text::
 Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 
-Commas may stand for the tabs, and doubled tabs for single ones. NumMarkers may differ from the names: what Cortex names
+Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of coordinate names may be missing,
+and names stand over each column (``knee_x``). NumMarkers may differ from the names: what Cortex names
 beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if none has one.
 """
 
@@ -50,9 +51,11 @@ _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE = "PathFileType"
 _LEADING_TITLES = ("frame", "frame#", "time")
+_BY_AXIS = re.compile(r"(.{1,200})[ _.:-]([xyzXYZ])")
 _DOUBLED = re.compile(r"\t[\t ]*")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
+_ORIGINAL = 3  # of the keys are about the recording that the file was made of, which nobody reads
 _KEYS = (
     *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
     *("OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"),
@@ -97,13 +100,15 @@ def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     """
     lines = read_lines(path)
     start = _header_start(path, lines)
-    delimiter = "," if lines[start].strip().removeprefix(_FIRST_LINE)[:1] == "," else "\t"
+    delimiter = _delimiter(lines, start)
     header = _header(path, lines, start, delimiter)
     announced = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
     rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
     notices: list[str] = []
     table = _table(path, lines, start, delimiter, announced, notices)
+    if not table.names:
+        raise FormatError(path, start + 4, "no marker is named and none has columns: nothing can be read from it")
     rows = parse_rows(path, _rows(lines, start, table), table.n_cells, delimiter, leading=_LEADING_CELLS)
     n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, n_frames, rows, notices)
@@ -112,11 +117,22 @@ def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
 
 
+def _delimiter(lines: Lines, start: int) -> str:
+    """Return what parts cells: a tab, a comma, or blanks in a file without any tab in its titles."""
+    if lines[start].strip().removeprefix(_FIRST_LINE)[:1] == ",":
+        return ","
+    return "\t" if "\t" in lines[start + 1] + lines[start + 3] else " "
+
+
 def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int, notices: list[str]) -> _Table:
     """Return the columns that names, NumMarkers and the rows agree on; say so where they do not."""
-    titles = [cell.strip() for cell in lines[start + 3].split(delimiter)]
+    titles = [
+        cell.strip() for cell in (lines[start + 3].split() if delimiter == " " else lines[start + 3].split(delimiter))
+    ]
     places = [at for at, title in enumerate(titles) if title and title.lower() not in _LEADING_TITLES]
     names = [titles[at] for at in places]
+    if (points := _named_by_axis(names)) and announced != len(names):
+        names, places = points, places[::3]
     table = _Table(delimiter, names, len(names))
     _, first = next(_rows(lines, start, table), (0, ""))
     if _filled(first, delimiter) > table.n_cells == len(first.replace(delimiter, " ").split()):
@@ -137,6 +153,14 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     )
 
 
+def _named_by_axis(names: Sequence[str]) -> list[str]:
+    """Return the points of titles such as knee_x, knee_y, knee_z; empty if they are not so."""
+    found = [_BY_AXIS.fullmatch(name) for name in names]
+    parts = [(match[1], match[2].lower()) for match in found if match]
+    points = [part[0] for part in parts[::3]]
+    return points if parts and parts == [(point, axis) for point in points for axis in "xyz"][: len(names)] else []
+
+
 def _count(path: Path, lines: Lines, start: int, table: _Table, announced: int) -> int:
     """Return for how many markers there are columns: as many as are named, or announced, or as the longest row has."""
     filled = array("q", (_filled(line, table.delimiter) for _, line in _rows(lines, start, table)))
@@ -155,11 +179,14 @@ def _filled(line: str, delimiter: str) -> int:
 
 
 def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers as `parse_rows` wants them."""
-    for number, line in lines.numbered(start + _HEADER_LINES):
+    """Yield the lines with numbers as `parse_rows` wants them; the line of coordinate names may be left out."""
+    axes = lines[start + _HEADER_LINES - 1].split()
+    has_axes = not axes or not axes[0].replace(".", "", 1).isdigit()
+    for number, line in lines.numbered(start + _HEADER_LINES - (not has_axes)):
         if line.startswith("#") or not line.strip(table.delimiter + " "):
             continue
         cells = _DOUBLED.sub(table.delimiter, line) if table.doubled else line
+        cells = " ".join(line.split()) if table.delimiter == " " else cells
         missing = table.n_cells - 1 - cells.count(table.delimiter) if table.padded else 0
         yield number, cells + table.delimiter * missing
 
@@ -213,10 +240,13 @@ def _header_start(path: Path, lines: Lines) -> int:
 
 def _header(path: Path, lines: Sequence[str], start: int, delimiter: str) -> dict[str, str]:
     keys, values = ([cell.strip() for cell in lines[start + row].split(delimiter)] for row in (1, 2))
+    if len([*filter(None, values)]) < len([*filter(None, keys)]):  # some write blanks between a few of them
+        values = lines[start + 2].replace(delimiter, " ").split()
     named, filled = [key for key in keys if key], [value for value in values if value]
     if len(named) == len(filled):  # doubled tabs need not stand in the same places
         keys, values = named, filled
-    if len(without_trailing_empty(keys)) > len(values):
+    needed = len(_KEYS) - _ORIGINAL
+    if len(without_trailing_empty(keys)) > len(values) and not needed <= len(filled) <= len(_KEYS):
         raise FormatError(path, start + 3, f"{len(values)} values where the line above names {len(keys)}")
     return {key.lower(): value for key, value in zip(keys, values, strict=False) if key}
 

@@ -29,7 +29,11 @@ from skelgen_formats.text import Lines, decoded_head, parse_rows, read_lines
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
 
+QUOTED = re.compile(r'"([^"]*)"')
+"""A cell in quotes, which may hold what parts cells."""
+
 _TITLE = re.compile(r"(.{1,200}?)[ _.:-]?([xyzXYZ])(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?")
+_TURNED = re.compile(r"([xyzXYZ])[ _.:-]?(.{1,200})")  # the axis first: x_nose, X1
 _AXES = "xyz"
 _TIMES = ("time", "times", "timestamp", "timestamps", "t", "seconds", "time_s", "time (s)", "time [s]", "time(s)")
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
@@ -128,6 +132,8 @@ def _columns_of(head: Sequence[str]) -> tuple[str, _Columns | None]:
 
 def _in_one_line(rows: list[list[str]]) -> _Columns | None:
     titles = rows[0]
+    if not any(_TITLE.fullmatch(title) for title in titles):
+        titles = [f"{turned[2]}_{turned[1]}" if (turned := _TURNED.fullmatch(title)) else title for title in titles]
     found = _Columns(n_cells=len(titles))
     for first in range(len(titles) - 2):
         parts = [_TITLE.fullmatch(title) for title in titles[first : first + 3]]
@@ -169,13 +175,13 @@ def _deeplabcut(rows: list[list[str]]) -> _Columns | None:
 
 
 def _padded(lines: Lines, columns: _Columns, delimiter: str) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers, those without any cell left out."""
+    """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
     titles = columns.n_titles
     for number, line in lines.numbered():
         if titles:
             titles -= 1
         elif line.strip(delimiter + " "):
-            yield number, line
+            yield number, QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
 
 
 def _is_wide(head: bytes, path: Path) -> bool:

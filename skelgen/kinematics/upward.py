@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.keypoints import joint_of_name
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
-from skelgen.kinematics.keypoints import joint_of_name
 from skelgen.model import PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, spread_frames
 from skelgen.model.filled import Filled

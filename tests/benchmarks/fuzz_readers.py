@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import struct
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas
+from scipy.io import savemat
 from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
@@ -92,10 +94,10 @@ def _settings(path: Path, turn: int) -> None:
     read_settings(path) if turn % 2 else read_capture_settings(path)
 
 
-_TEXTS = ("trc", "csm", "qualisys", "motive", "nexus", "mvnx", "wide-csv", "poses-csv", "classic-xml")
+_TEXTS = ("trc", "csm", "qualisys", "motive", "nexus", "mvnx", "wide-csv", "poses-csv", "classic-xml", "tidy-csv")
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 
-MORE_SEEDS = {"c3d": ("c3d-integers.c3d", "c3d-dec.c3d"), "numpy": ("numpy.npz",)}
+MORE_SEEDS = {"c3d": ("c3d-integers.c3d", "c3d-dec.c3d"), "numpy": ("numpy.npz",), "qualisys-mat": ("packed.mat",)}
 """Further sound files of a format."""
 
 READERS = (
@@ -164,6 +166,28 @@ def _tables(folder: Path, take: Trajectories) -> None:
     for column, title in enumerate(f"{name}_{axis}" for name in take.names for axis in "xyz"):
         table[title] = take.positions.reshape(take.n_frames, -1)[:, column]
     table.to_parquet(folder / "wide-parquet.parquet")
+    data = np.concatenate([take.positions, np.ones((take.n_frames, take.n_markers, 1))], axis=2).transpose(1, 2, 0)
+    labeled = {"Labels": np.array(take.names, dtype=object), "Data": data}
+    held = {"Frames": take.n_frames, "FrameRate": take.rate, "Trajectories": {"Labeled": labeled}}
+    savemat(folder / "qualisys-mat.mat", {"walk": held})
+    savemat(folder / "packed.mat", {"walk": held}, do_compression=True)
+    for name in ("qualisys-mat.mat", "packed.mat"):  # the header holds the time
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
+    rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
+    tidy = pandas.DataFrame(rows, columns=["frame", "keypoint", "x", "y", "z"])
+    tidy.to_csv(folder / "tidy-csv.csv", index=False)
+    _tdf(folder / "tdf.tdf", take)
+
+
+def _tdf(path: Path, take: Trajectories) -> None:
+    """Tracks of BTS, each in one segment."""
+    block = struct.pack("<iifI", take.n_frames, int(take.rate), 0.0, take.n_markers) + bytes(64)
+    for name, track in zip(take.names, take.positions.swapaxes(0, 1), strict=True):
+        block += name.encode().ljust(256, b"\0") + struct.pack("<iiii", 1, 0, 0, take.n_frames)
+        block += np.nan_to_num(track / 1000.0).astype("<f4").tobytes()
+    header = bytes.fromhex("824b6041d31184ca6000b6ac16680c08") + struct.pack("<Ii", 1, 1) + bytes(40)
+    path.write_bytes(header + struct.pack("<IIii", 5, 2, 64 + 288, len(block)) + bytes(272) + block)
 
 
 def _still(project: Project) -> Project:

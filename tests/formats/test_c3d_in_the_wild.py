@@ -157,6 +157,19 @@ def test_outputs_that_groups_name_are_left_out(put):
     np.testing.assert_array_equal(every.positions[:, :3], take.positions)
 
 
+@pytest.mark.parametrize(
+    "groups",
+    [
+        {("POINT", "USERMOS"): ["USERMO0"], ("POINT", "MODELED_MARKERS"): ["RHJC"]},
+        {("POINT", "TYPE_GROUPS"): ["MINE", "OTHERS"], ("POINT", "MINE"): ["USERMO0"], ("POINT", "OTHERS"): ["RHJC"]},
+    ],
+)
+def test_values_of_vicons_own_groups_are_no_coordinates(put, groups):
+    """Nexus writes muscle signals of ProCalc as points: three volts would be three coordinates."""
+    odd = OddC3d(points(0.0, 5), ("LASI", "RASI", "SACR", "USERMO0", "RHJC"), texts=groups)
+    assert read_take(put("procalc.c3d", odd.content)).names == ("LASI", "RASI", "SACR")
+
+
 @pytest.mark.parametrize("name", ["LHipAngles", "RKneeForce", "CentreOfMass", "LGroundReactionForce", "RAnklePower"])
 def test_outputs_without_residuals_are_known_by_their_names(put, name):
     residuals = np.array([0.0, 0.0, 0.0])  # of all points, as some programs write them

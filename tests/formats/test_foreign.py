@@ -14,7 +14,7 @@ import pytest
         ("walk.bvh", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.bvh"),
         ("walk.txt", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.txt"),
         ("walk.mot", b"Coordinates\nversion=1\n", "give the .trc"),
-        ("walk.mat", b"MATLAB 5.0 MAT-file, Platform: PCWIN64", "TSV from Track Manager"),
+        ("walk.mat", b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "TSV or C3D from Track Manager"),
         ("walk.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
     ],
 )

@@ -80,3 +80,14 @@ def test_last_line_that_is_cut_off_is_left_out(put):
 
 def test_header_that_is_cut_off_is_an_error(refused, put):
     assert "cut off" in refused(put("cut.csv", "Trajectories\n100\n"))
+
+
+def test_export_of_workstation_without_sub_frames_is_read(put):
+    """Titles in capitals, the rate with its unit, one leading column, and millimetres that nobody states."""
+    text = "TRAJECTORIES\n120.00,Hz\n,Ann:LASI,,,Ann:RASI\nField #,X,Y,Z,X,Y,Z\n1, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5\n"
+    text += "2,1.6,2.6,3.6,,,\n\nANALOG\n600.00,Hz\nSample #,Fx1\nunits:,N\n1,0.5\n"
+    path = put("walk.csv", text)
+    take = read_take(path)
+    assert recognise(path).name == "nexus"
+    assert (take.names, take.rate, take.n_frames) == (("LASI", "RASI"), 120.0, 2)
+    np.testing.assert_array_equal(take.positions[0], FIRST)

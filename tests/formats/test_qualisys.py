@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
-from skelgen.model import Poses, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 
 FIRST = [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
 
@@ -72,9 +72,38 @@ def test_label_that_stands_twice_gets_a_number(edited, qualisys_text):
     assert read_take(edited("two.tsv", qualisys_text, "\tknee\r\n", "\thip\r\n")).names == ("hip", "hip_2")
 
 
-def test_missing_frames_are_an_error(refused, put, qualisys_text):
-    cut = qualisys_text[: qualisys_text.index("3\t0.02")]
-    assert ":1: 3 frames are announced and 2" in refused(put("cut.tsv", cut))
+def test_file_that_is_cut_off_is_read_so_far(put, qualisys_text):
+    for end in ("3\t0.02", "3\t0.02\t"):
+        take = read_take(put("cut.tsv", qualisys_text[: qualisys_text.index("3\t0.02")] + end[7:]))
+        assert take.n_frames == 2
+        assert any("3 frames are announced and 2 are there" in notice for notice in take.notices)
+
+
+ODD = (
+    "NO_OF_FRAMES\t2\nNO_OF_MARKERS\t2\nFREQUENCY\t100.000 \nDESCRIPTION\t--\nTIME_STAMP\t2022-06-03, 10:47:36\n"
+    "DATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n1.5\t2\t3\t4\t5\t6\n1.6\t2\t3\t4\t5\t6\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        ("DESCRIPTION\t--", "DESCRIPTION -- ", ("hip", "knee")),
+        ("NO_OF_MARKERS\t2", "NO_OF_MARKERS\t3", ("hip", "knee")),
+        ("hip\tknee", "hip\tknee\tankle", ("hip", "knee")),
+        ("hip\tknee", "hip", ("hip",)),
+    ],
+)
+def test_header_that_scripts_changed_is_decided_by_the_columns(put, old, new, names):
+    take = read_take(put("odd.tsv", ODD.replace(old, new)))
+    assert take.names == names
+    assert take.positions[0, 0].tolist() == [1.5, 2.0, 3.0]
+
+
+def test_trajectories_without_a_name_are_a_cloud(put):
+    cloud = read_take(put("cloud.tsv", ODD.replace("\thip\tknee", "\t")))
+    assert isinstance(cloud, PointCloud)
+    assert cloud.n_points == 4
 
 
 def test_latin1_names_read(put, qualisys_text):

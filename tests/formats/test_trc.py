@@ -149,3 +149,46 @@ def test_cell_of_an_unseen_marker_at_the_end_of_a_line_is_blank_but_there(walk, 
     line = path.read_text().split("\n")[6 + 2]
     assert line.endswith("\t\t\t ")  # OpenSim drops cells at the end that hold nothing
     assert np.isnan(read_take(path).positions[2, -1]).all()
+
+
+KEYS = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n"
+ODD = (
+    f"PathFileType\t4\t(X/Y/Z)\todd.trc\n{KEYS}50.0\t50.0\t2\t2\tm\t50.0\t1\t2\nFrame#\tTime\tknee\t\t\tankle\t\t\n"
+    "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.00\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n2\t0.02\t0.2\t0.3\t0.4\t0.5\t0.6\t0.7\n"
+)
+PER_AXIS = "Frame#\tTime\tknee_x\tknee_y\tknee_z\tankle_x\tankle_y\tankle_z"
+
+
+def test_file_without_names_and_rows_is_refused(refused, put):
+    head = ODD[: ODD.index("Frame#")].replace("\t2\tm", "\t0\tm")
+    assert "no marker is named" in refused(put("empty.trc", head + "Frame#\tTime\n\t\n\n"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        ODD,
+        ODD.replace("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n", ""),
+        ODD.replace("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n", "").replace("Frame#\tTime\tknee\t\t\tankle\t\t", PER_AXIS),
+        ODD.replace("Frame#\tTime\tknee\t\t\tankle\t\t", PER_AXIS),
+        ODD.replace("\t", "  "),
+        ODD.replace("m\t50.0\t1\t2", "m   50.0  1  2"),
+        "# made by hand\n" + ODD,
+        ODD.replace("\t50.0\t1\t2\n", "\t50.0\t1\n"),
+    ],
+    ids=(
+        "plain",
+        "no axes",
+        "names over every column alone",
+        "and axes",
+        "blanks",
+        "blanks in values",
+        "comment",
+        "a value less",
+    ),
+)
+def test_titles_that_scripts_write_in_other_ways_name_the_same_points(put, content):
+    """Two frames of two points in metres, whatever the titles."""
+    take = read_take(put("odd.trc", content))
+    assert (take.names, take.n_frames, take.rate) == (("knee", "ankle"), 2, 50.0)
+    np.testing.assert_allclose(take.positions[0], [[100, 200, 300], [400, 500, 600]], rtol=1e-12)

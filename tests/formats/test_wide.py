@@ -70,4 +70,22 @@ def test_damaged_parquet_is_refused(refused, put):
 
 
 def test_some_other_table_is_refused_with_the_formats(refused, put):
-    assert "known are motive (.csv), nexus (.csv), wide-csv (.csv)" in refused(put("a.csv", "name,age\nAnn,42\n"))
+    assert "known are motive (.csv), nexus (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
+        put("a.csv", "name,age\nAnn,42\n")
+    )
+
+
+def test_quoted_cells_may_hold_commas(put):
+    """FreeMoCap writes the times of all cameras into one cell of its files by trajectory."""
+    rows = "".join(f"0.0{f},\"{{'a': 1, 'b': 2}}\",{f + 100},200,300,400,500,\"600\"\n" for f in range(3))
+    titles = "timestamp,timestamp_by_camera,body_nose_x,body_nose_y,body_nose_z,toe_x,toe_y,toe_z\n"
+    take = read_take(put("by_trajectory.csv", titles + rows))
+    assert (take.names, take.rate) == (("body_nose", "toe"), 100.0)
+    np.testing.assert_array_equal(take.positions[2], [[102, 200, 300], [400, 500, 600]])
+
+
+@pytest.mark.parametrize("titles", ["x_nose,y_nose,z_nose,x_toe,y_toe,z_toe", "Xnose,Ynose,Znose,Xtoe,Ytoe,Ztoe"])
+def test_axis_may_stand_before_the_name(put, titles):
+    take = read_take(put("before.csv", f"{titles}\n" + "100,200,300,400,500,600\n" * 3))
+    assert take.names == ("nose", "toe")
+    np.testing.assert_array_equal(take.positions[0], [[100, 200, 300], [400, 500, 600]])

@@ -29,7 +29,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.options import ALL_POINTS, MARKERS
 
-_OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
+_OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS", "USERMOS")
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
 _BONE = re.compile(r"(PEL|HED|TRX|SPI|[LR](?:FE|TI|FO|TO|HU|RA|HN|CL))([OALP])")  # origin and axes of a segment
 
@@ -87,7 +87,8 @@ def read_c3d(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
 def _are_outputs(layout: C3dLayout, names: Sequence[str], read: _Points) -> Bools:
     """Return which points a model computed, shape (n_points,)."""
     short = [name.rpartition(":")[2] for name in names]
-    listed = {text.rpartition(":")[2] for group in _OUTPUT_GROUPS for text in layout.texts("POINT", group)} - {""}
+    groups = {*_OUTPUT_GROUPS, *layout.texts("POINT", "TYPE_GROUPS")} - {"LABELS"}  # the latter names further ones
+    listed = {text.rpartition(":")[2] for group in groups for text in layout.texts("POINT", group)} - {""}
     unmeasured = (read.measured == 0) & (read.computed > 0)
     bones = Counter(match[1] for name in set(short) if (match := _BONE.fullmatch(name)))
     named = [

@@ -13,7 +13,7 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from skelgen.kinematics.keypoints import distance_table, is_pelvis, joint_of_name, named_bones
+from skelgen.geometry.keypoints import distance_table, is_pelvis, joint_of_name, named_bones
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import spanning_forest

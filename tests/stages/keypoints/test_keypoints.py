@@ -12,8 +12,8 @@ import pytest
 
 import skelgen
 from skelgen.errors import InputError
+from skelgen.geometry.keypoints import joint_of_name, keypoint_evidence
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.keypoints import joint_of_name, keypoint_evidence
 from skelgen.model import Trajectories
 from skelgen.simulation.people.tables import MARKER_SETS
 from skelgen.stages.keypoints import find_keypoint_limbs

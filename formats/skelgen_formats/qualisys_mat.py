@@ -1,0 +1,183 @@
+"""Qualisys MAT: trajectories as Qualisys Track Manager exports them for MATLAB.
+
+One variable of any name holds a struct: ``Frames``, ``FrameRate`` [Hz] and ``Trajectories``, in that ``Labeled`` and
+``Unidentified``, each with ``Count``, ``Labels`` (a cell array of texts) and ``Data``, shape (markers, 4, frames): x,
+y, z [mm] and the residual; NaN is unseen. Newer exports have ``Type`` beside it. All else (force, analogue data,
+bodies) is left out.
+
+The file is of MATLAB's level 5: a header of 128 bytes, then elements of a type, a number of bytes, and these, padded to
+eight; see the MathWorks' *MAT-File Format*. Only what is wanted is read, so that damage elsewhere does not matter.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import FormatError
+from skelgen.files import read_content
+from skelgen.model import PointCloud, Trajectories
+from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.options import POINTS, Format
+
+_MAGIC = b"MATLAB 5.0 MAT-file"
+_HEADER_BYTES, _ENDIAN_AT = 128, 126
+_COMPRESSED, _MATRIX = 15, 14
+_CELL, _STRUCT, _CHARACTERS, _NUMBERS = 1, 2, 4, range(6, 16)  # classes of arrays
+_TYPES = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+    16: "S1",
+    17: "u2",
+}
+_MOST_TIMES, _FREE_BYTES, _DEEPEST = 100, 1 << 20, 16  # what may be packed in a file, in its size; structs in structs
+_MM = 1.0  # Track Manager exports mm
+
+_Value = NDArray[np.generic] | str | Mapping[str, "_Value"] | Sequence["_Value"] | None
+
+
+class _DamageError(ValueError):
+    """The bytes are not those of a MATLAB file."""
+
+
+def read_qualisys_mat(path: Path) -> Trajectories | PointCloud:
+    """Read the trajectories of an export for MATLAB.
+
+    Returns
+    -------
+    Trajectories
+        Positions in mm; a `PointCloud` if no trajectory has a label.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, or is none of Track Manager.
+    """
+    content = read_content(path)
+    if not content.startswith(_MAGIC):
+        what = f"a file of MATLAB's level 5 begins with {_MAGIC.decode()!r}; save one of 7.3 with -v7"
+        raise FormatError(path, "byte 0", f"{what}, or export TSV or C3D from Track Manager")
+    order = ">" if content[_ENDIAN_AT:_HEADER_BYTES] == b"MI" else "<"
+    try:
+        variables = [_value(data, order) for data in _variables(path, content[_HEADER_BYTES:], order)]
+    except (_DamageError, struct.error, zlib.error, ValueError, UnicodeDecodeError) as error:
+        raise FormatError(path, "", f"no MATLAB file, or a damaged one: {str(error)[:100]}") from error
+    found = [one for one in variables if isinstance(one, Mapping) and isinstance(one.get("Trajectories"), Mapping)]
+    if not found:
+        what = "a MATLAB file, but not of Qualisys: no struct with Trajectories; export markers as C3D or TRC"
+        raise FormatError(path, "", f"{what}, or save the positions as .npy (frames, points, 3)")
+    rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
+    if rate is None or not 0 < rate < np.inf:
+        raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
+    positions, names = _trajectories(path, found[0]["Trajectories"])
+    notices: list[str] = []
+    if frames is not None and 0 <= frames < 1e9:
+        check_frames(path, "Frames", int(frames), len(positions), notices)
+    return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), names, rate, notices)
+
+
+def _trajectories(path: Path, held: _Value) -> tuple[NDArray[np.float64], list[str]]:
+    """Return positions in mm, shape (n_frames, n_markers, 3), and names: of labelled ones, then of all others."""
+    blocks, names = [], []
+    for kind in ("Labeled", "Unidentified"):
+        one = held.get(kind) if isinstance(held, Mapping) else None
+        data = one.get("Data") if isinstance(one, Mapping) else None
+        if not isinstance(one, Mapping) or not isinstance(data, np.ndarray) or data.size == 0:
+            continue
+        data = data[:, :, np.newaxis] if data.ndim == 2 else data  # MATLAB drops a last dimension of one
+        if data.ndim != 3 or data.shape[1] not in (3, 4):
+            raise FormatError(path, f"{kind}.Data", f"has the shape {data.shape}; (markers, 4, frames) belongs there")
+        labels = one.get("Labels")
+        labels = [labels] if isinstance(labels, str) else labels if isinstance(labels, list) else []
+        texts = [label if isinstance(label, str) else "" for label in labels]
+        if kind == "Labeled" and len(texts) != len(data):
+            raise FormatError(path, "Labeled.Labels", f"{len(texts)} names for {len(data)} trajectories")
+        names += texts if kind == "Labeled" else [f"unlabelled {n + 1}" for n in range(len(data))]
+        blocks.append(data[:, :3].astype(np.float64).transpose(2, 0, 1))
+    if not blocks or len({len(block) for block in blocks}) > 1:
+        raise FormatError(path, "Trajectories", "holds no trajectories; export the 3D data from Track Manager")
+    return np.concatenate(blocks, axis=1), names
+
+
+def _variables(path: Path, content: bytes, order: str) -> Iterator[bytes]:
+    """Yield the arrays of a file, unpacked."""
+    left = _MOST_TIMES * len(content) + _FREE_BYTES
+    for kind, data in _elements(content, order):
+        if kind == _COMPRESSED:
+            unpacker = zlib.decompressobj()
+            unpacked = unpacker.decompress(data, left)
+            left -= len(unpacked)
+            if unpacker.unconsumed_tail or left <= 0:
+                raise FormatError(path, "", "announces far more numbers than such a file holds")
+            yield from (inner for inner_kind, inner in _elements(unpacked, order) if inner_kind == _MATRIX)
+        elif kind == _MATRIX:
+            yield data
+
+
+def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        if kind >> 16:  # up to four bytes stand in the place of their number
+            kind, size, at = kind & 0xFFFF, kind >> 16, at - 4
+        if at + 8 + size > len(content):
+            raise _DamageError("an element is longer than the file")
+        yield kind, content[at + 8 : at + 8 + size]
+        at += 8 + size
+        at += -at % 8 if kind != _COMPRESSED else 0
+
+
+def _value(content: bytes, order: str, depth: int = 0) -> _Value:
+    """Return an array: numbers, a text, the fields of a struct, or the list of a cell array; None if it is another."""
+    parts = _elements(content, order)
+    flags, dims, _ = (next(parts, (0, b""))[1] for _ in range(3))
+    if depth > _DEEPEST or len(flags) < 4 or len(dims) < 8 or len(dims) % 4:
+        raise _DamageError("an array has no dimensions")
+    kind = struct.unpack_from(f"{order}I", flags)[0] & 0xFF
+    shape = struct.unpack(f"{order}{len(dims) // 4}i", dims)
+    if kind == _STRUCT:
+        length = struct.unpack(f"{order}i", next(parts, (0, b""))[1])[0]
+        titles = next(parts, (0, b""))[1]
+        if length <= 0 or length > len(titles) + 1:
+            raise _DamageError("a struct has no names")
+        names = [titles[at : at + length].split(b"\0")[0].decode("latin-1") for at in range(0, len(titles), length)]
+        values = [_value(data, order, depth + 1) for _, data in zip(names, (data for _, data in parts), strict=False)]
+        return dict(zip(names, values, strict=False))
+    if kind == _CELL:
+        return [_value(data, order, depth + 1) for _, data in parts]
+    if kind not in _NUMBERS and kind != _CHARACTERS:
+        return None
+    stored, data = next(parts, (9, b""))
+    if stored not in _TYPES or len(data) % np.dtype(_TYPES[stored]).itemsize:
+        raise _DamageError("numbers of an unknown type")
+    if kind == _CHARACTERS:
+        wide = np.dtype(_TYPES[stored]).itemsize == 2
+        return data.decode(("utf-16-be" if order == ">" else "utf-16-le") if wide else "utf-8", "replace").strip(" \0")
+    return np.frombuffer(data, f"{order}{_TYPES[stored]}").reshape(shape, order="F")
+
+
+def _number(value: _Value) -> float | None:
+    return float(value.ravel()[0]) if isinstance(value, np.ndarray) and value.size == 1 else None
+
+
+FORMAT = Format(
+    name="qualisys-mat",
+    title="Qualisys MAT",
+    suffixes=(".mat",),
+    holds="markers",
+    sniff=lambda head, path: head.startswith(_MAGIC),
+    read=lambda path, options: read_qualisys_mat(path),
+    options=(POINTS,),
+    note="MATLAB export of Qualisys Track Manager, in mm; force, analogue data and bodies are left out.",
+)

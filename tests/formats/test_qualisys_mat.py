@@ -1,0 +1,78 @@
+"""MAT files as Track Manager writes them, made with scipy: two trajectories of five frames in mm."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from skelgen_formats.registry import read_take, recognise
+
+from skelgen.model import PointCloud, Trajectories
+
+DATA = np.random.default_rng(0).uniform(-2000, 2000, (2, 4, 5))  # markers; x, y, z, residual; frames
+LABELS = np.array(["knee", "ankle"], dtype=object)
+
+
+def content(compressed: bool = False, **changes: object) -> bytes:
+    trajectories = {"Labeled": {"Count": 2, "Labels": LABELS, "Data": DATA, "Type": np.ones((2, 5), dtype=np.uint8)}}
+    force = [{"ForcePlateName": "plate", "Force": np.zeros((3, 50))}]
+    held = {"File": "walk.qtm", "StartFrame": 1, "Frames": 5, "FrameRate": 200.0, "Trajectories": trajectories}
+    stream = io.BytesIO()
+    savemat(stream, {"qtm_walk": held | {"Force": force} | changes}, do_compression=compressed)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_labelled_trajectories_are_read(put, compressed):
+    path = put("walk.mat", content(compressed))
+    take = read_take(path)
+    assert recognise(path).name == "qualisys-mat"
+    assert isinstance(take, Trajectories)
+    assert (take.names, take.rate) == (("knee", "ankle"), 200.0)
+    np.testing.assert_array_equal(take.positions, DATA[:, :3].transpose(2, 0, 1))
+
+
+def test_nan_is_unseen_and_single_precision_is_understood(put):
+    data = DATA.astype(np.float32)
+    data[1, :, 2:] = np.nan
+    take = read_take(put("gap.mat", content(Trajectories={"Labeled": {"Labels": LABELS, "Data": data}})))
+    assert take.seen[:, 1].tolist() == [True, True, False, False, False]
+
+
+def test_one_label_and_one_frame_are_understood(put):
+    one = {"Labeled": {"Labels": np.array(["knee"], dtype=object), "Data": DATA[:1, :, 0]}}
+    take = read_take(put("one.mat", content(Trajectories=one, Frames=1)))
+    assert (take.names, take.n_frames) == (("knee",), 1)
+
+
+def test_unidentified_trajectories_are_left_out_or_alone_a_cloud(put):
+    both = {"Labeled": {"Labels": LABELS, "Data": DATA}, "Unidentified": {"Data": DATA + 1.0}}
+    assert read_take(put("both.mat", content(Trajectories=both))).names == ("knee", "ankle")
+    alone = {"Labeled": {"Labels": np.zeros((1, 0)), "Data": np.zeros((0, 0))}, "Unidentified": {"Data": DATA}}
+    assert isinstance(read_take(put("alone.mat", content(Trajectories=alone))), PointCloud)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"FrameRate": 0.0}, "frame rate"),
+        ({"Frames": 9}, "cut off"),
+        ({"Trajectories": {"Labeled": {"Labels": LABELS, "Data": DATA[:, :2]}}}, "markers, 4, frames"),
+        ({"Trajectories": {"Labeled": {"Labels": LABELS[:1], "Data": DATA}}}, "1 names for 2"),
+        ({"Trajectories": 3}, "not of Qualisys"),
+    ],
+)
+def test_what_is_wrong_is_told(refused, put, changes, sentence):
+    assert sentence in refused(put("odd.mat", content(**changes)))
+
+
+@pytest.mark.parametrize("size", [100, 130, 200, 900])
+def test_file_that_is_cut_off_is_refused(refused, put, size):
+    refused(put("cut.mat", content()[:size]))
+
+
+def test_numbers_that_unpack_to_far_more_than_the_file_are_refused(refused, put):
+    zeros = {"Labeled": {"Labels": LABELS, "Data": np.zeros((2, 4, 500_000))}}
+    assert "far more numbers" in refused(put("bomb.mat", content(compressed=True, Trajectories=zeros)))

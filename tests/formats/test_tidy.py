@@ -1,0 +1,62 @@
+"""Tidy tables, a row per frame and point: three frames of two points in mm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take, recognise
+
+ROWS = [(f, name, f + 100.0, 10.0 * k, -5.5) for f in range(3) for k, name in enumerate(("knee", "ankle"))]
+
+
+def table(titles: str, row: str, rows: list[tuple[object, ...]]) -> str:
+    return titles + "\n" + "".join(row.format(*cells) + "\n" for cells in rows)
+
+
+FREEMOCAP = table(
+    "frame,timestamp,timestamp_by_camera,model,keypoint,x,y,z,reprojection_error",
+    "{0},0.0{0},\"{{'Camera_0': 0.1, 'Camera_1': 0.2}}\",mediapipe_body,{1},{2},{3},{4},0.5",
+    ROWS,
+)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        table("frame,keypoint,x,y,z", "{0},{1},{2},{3},{4}", ROWS),
+        table("Marker;Z;Y;X;Frame", "{1};{4};{3};{2};{0}", ROWS[::-1]),
+        table("bodypart\ttime\tx\ty\tz", "{1}\t0.0{0}\t{2}\t{3}\t{4}", ROWS),
+        FREEMOCAP,
+        FREEMOCAP.replace("\n", "\r\n"),
+    ],
+    ids=("plain", "any order", "times alone", "freemocap", "of windows"),
+)
+def test_points_are_sorted_into_frames(put, content):
+    path = put("points.csv", content)
+    take = read_take(path)
+    assert recognise(path).name == "tidy-csv"
+    assert sorted(take.names) == ["ankle", "knee"]
+    knee = take.positions[:, take.names.index("knee")]
+    np.testing.assert_array_equal(knee, [[100.0, 0.0, -5.5], [101.0, 0.0, -5.5], [102.0, 0.0, -5.5]])
+
+
+def test_times_tell_the_rate(put):
+    assert read_take(put("points.csv", FREEMOCAP)).rate == 100.0
+
+
+def test_point_without_a_row_or_a_number_is_unseen(put):
+    content = table("frame,keypoint,x,y,z", "{0},{1},{2},{3},{4}", ROWS[:-1]).replace("100.0,0.0,-5.5", ",,nan")
+    assert read_take(put("gaps.csv", content)).seen.tolist() == [[False, True], [True, True], [True, False]]
+
+
+def test_points_of_one_name_are_told_apart_by_their_model(put):
+    twice = [(f, model, f + 100.0) for f in range(3) for model in ("body", "hand")]
+    content = table("frame,model,keypoint,x,y,z", "{0},{1},right_wrist,{2},0,900", twice)
+    assert read_take(put("twice.csv", content)).names == ("body_right_wrist", "hand_right_wrist")
+
+
+@pytest.mark.parametrize(
+    ("row", "sentence"), [("1,knee,5", "cut off"), ("1,knee,5,oops,7", "oops"), (",knee,5,6,7", "without a frame")]
+)
+def test_rows_that_cannot_be_read_are_told(refused, put, row, sentence):
+    assert sentence in refused(put("odd.csv", f"frame,keypoint,x,y,z\n0,knee,1,2,3\n{row}\n"))
