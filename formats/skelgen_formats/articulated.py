@@ -7,6 +7,7 @@ the types.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from xml.etree.ElementTree import Comment, Element
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from skelgen.geometry.rotations import (
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import bone_names, parent_from_child, plain_names
-from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
+from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options, choices_in
 
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
 ANGLE_MARGIN, PLACE_MARGIN = float(np.deg2rad(5.0)), 0.1
@@ -109,6 +110,20 @@ def posed(links: Sequence[Link]) -> Floats:
         own = transform_from(_turned(link.axes, link.angles), link.translations)
         poses[:, link.limb] = own if link.parent < 0 else poses[:, link.parent] @ own
     return poses
+
+
+def add_choices(document: Element, project: Project) -> None:
+    """Say in a comment which joints are drawn where the motion does not determine them.
+
+    Parameters
+    ----------
+    document : Element
+        Root of the file.
+    project : Project
+        Finished.
+    """
+    for sentence in choices_in(project):
+        document.append(Comment(sentence.replace("--", "-")))
 
 
 def markers_on(project: Project, limb: int) -> list[tuple[int, Floats]]:

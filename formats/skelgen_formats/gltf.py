@@ -173,6 +173,7 @@ def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int])
             joint, axis, second, std = facts[limb]
             axes = {"axis_in_parent": axis, "second_axis_in_child": second}
             stated: dict[str, object] = {"kind": joint.kind, "std_mm": std.tolist()}
+            stated["determined"] = joint.is_determined
             node["extras"] = stated | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
         yield node
 

@@ -20,6 +20,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
     Link,
+    add_choices,
     bones_of,
     links_of,
     markers_on,
@@ -68,6 +69,7 @@ def write_mjcf(
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
         document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
+        add_choices(document, project)
         order = [links[name] for name in _add_bodies(document, project, links, density)]
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))

@@ -23,6 +23,7 @@ from skelgen_formats.articulated import (
     ANGLE_MARGIN,
     PLACE_MARGIN,
     Link,
+    add_choices,
     frame_along,
     links_of,
     markers_on,
@@ -97,6 +98,7 @@ def _files(path: Path) -> tuple[Path, ...]:
 
 def _document(project: Project, links: Sequence[Link], density: float) -> Element:
     document = Element("OpenSimDocument", Version=_VERSION)
+    add_choices(document, project)
     model = SubElement(document, "Model")
     _add(model, "gravity", number_text(gravity(project, _UP)))
     _add(model, "length_units", "meters")

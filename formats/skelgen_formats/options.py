@@ -266,6 +266,19 @@ def parts_in(project: Project) -> tuple[Part, ...]:
     return tuple(part for part in PARTS if part.is_in(project))
 
 
+def choices_in(project: Project) -> tuple[str, ...]:
+    """Say in a sentence which joints are drawn where the motion does not determine them; nothing if there are none."""
+    if not project.has("skeleton"):
+        return ()
+    named = zip(project.skeleton.joint_names, project.skeleton.joints, strict=True)
+    chosen = ", ".join(name for name, joint in named if not joint.is_determined)
+    return (
+        (f"The motion does not determine where these joints are; their places are a choice: {chosen}.",)
+        if chosen
+        else ()
+    )
+
+
 def finished_project(value: Writable, title: str) -> Project:
     """Return a project that has its skeleton and its motion.
 

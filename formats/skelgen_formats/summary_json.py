@@ -16,7 +16,7 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Project, Skeleton
+from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
@@ -139,7 +139,18 @@ def _marker(project: Project, marker: int) -> dict[str, object]:
         "name": project.trajectories.names[marker],
         "seen": float(project.trajectories.seen[:, marker].mean()) if project.trajectories.n_frames else None,
         "residual_mean": _residual(project, [marker]),
+        **_membership(project.limbs, marker),
         **{key: None if of_markers is None else of_markers[marker] for key, of_markers in values.items()},
+    }
+
+
+def _membership(limbs: Limbs, marker: int) -> dict[str, object]:
+    """How likely the marker is on its limb, and on which other it is most likely otherwise, -1 for one of its own."""
+    rivals, shares = limbs.rivals
+    return {
+        "probability": limbs.probability[marker],
+        "rival_limb": rivals[marker],
+        "rival_probability": shares[marker],
     }
 
 
@@ -149,7 +160,7 @@ def _names(project: Project, markers: Any) -> list[str]:
 
 def _tree(project: Project) -> dict[str, object]:
     topology = project.topology
-    facts = _fields(topology, "parents", "roots", "edges")
+    facts = _fields(topology, "parents", "roots", "edges", "edge_probability", "rivals", "rival_probability")
     return {**facts, "joint_costs": topology.values, "n_iterations": topology.n_iterations}
 
 
@@ -169,6 +180,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
             "range_of_motion": _turns(observed[index].motion),
             "not_determined": observed[index].sentence or None,
+            **_fields(joint, "is_determined", "open_directions"),
         }
         for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))
     ]

@@ -22,6 +22,7 @@ from skelgen_formats.articulated import (
     ANGLE_MARGIN,
     PLACE_MARGIN,
     Link,
+    add_choices,
     bones_of,
     frame_along,
     links_of,
@@ -98,6 +99,7 @@ def _files(path: Path) -> tuple[Path, Path]:
 
 def _robot(project: Project, links: Sequence[Link], name: str, density: float) -> Element:
     robot = Element("robot", name=plain_names([name])[0])
+    add_choices(robot, project)
     SubElement(robot, "link", name="world")
     marker_names = plain_names(project.trajectories.names)
     turns = {-1: np.eye(3)} | {link.limb: link.turn for link in links}

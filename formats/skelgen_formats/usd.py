@@ -176,6 +176,10 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
     _state(prim, "jointKinds", types.TokenArray, kinds)
     _state(prim, "jointAxesInParents", types.Float3Array, _vectors(axes))
     _state(prim, "jointStdInMillimetres", types.Float3Array, _vectors(deviations))
+    determined = {joint.child: joint.is_determined for joint in skeleton.joints}
+    _state(
+        prim, "jointIsDetermined", types.BoolArray, [determined.get(limb, True) for limb in skeleton.outward.tolist()]
+    )
     return prim
 
 

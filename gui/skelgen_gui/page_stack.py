@@ -6,16 +6,19 @@ and pages are built ahead.
 
 import importlib
 import threading
+from enum import Enum
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QPointF, QRectF, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPolygonF
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
 from skelgen.app.configuration import parameters_class
+from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
 from skelgen_gui.pages import HOME, Context, PageEntry
 from skelgen_gui.widgets.layouts import column
 from skelgen_gui.widgets.painting import drawn_pixmap
+from skelgen_gui.widgets.theme import doubt_colour
 
 WIDTH = 400  # px
 _LINE = 22  # px, the least height of a line of the list
@@ -26,9 +29,18 @@ SIZE = 16.0
 _RATIO = 3.0  # pixels per point: sharp on any screen
 _RING = QRectF(2.5, 2.5, 11.0, 11.0)
 _TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
+_EXCLAMATION = (((8.0, 4.6), (8.0, 8.4)), ((8.0, 11.3), (8.0, 11.4)))
 _DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
 _THIN, _THICK = 1.2, 1.8
 _Role = QPalette.ColorRole
+
+
+class _State(Enum):
+    """Of the result of a step."""
+
+    OPEN = "open"
+    DONE = "done"
+    DOUBTFUL = "doubtful"
 
 
 class PageStack(QWidget):
@@ -108,14 +120,21 @@ class PageStack(QWidget):
             self._mark_done()
 
     def _mark_done(self) -> None:
-        """Tick the steps whose results are there."""
+        """Tick the steps whose results are there; doubtful ones get another sign."""
         project = self._context.session.project
         for row, entry in enumerate(self.entries):
             is_step = bool(entry.stage)
             is_done = is_step and project is not None and project.has(entry.stage)
             item = self.list.item(row)
-            item.setIcon(_step_icon(is_step=is_step, is_done=is_done, palette=self.palette()))
-            words = self.tr("{0}: done") if is_done else self.tr("{0}: not done yet") if is_step else "{0}"
+            is_sure = not (is_done and project is not None and has_doubts(project, entry.stage))
+            state = None if not is_step else _State.OPEN if not is_done else _State.DONE if is_sure else _State.DOUBTFUL
+            item.setIcon(_step_icon(state, self.palette()))
+            words = {
+                None: "{0}",
+                _State.OPEN: self.tr("{0}: not done yet"),
+                _State.DONE: self.tr("{0}: done"),
+                _State.DOUBTFUL: self.tr("{0}: done, with doubtful results"),
+            }[state]
             item.setData(Qt.ItemDataRole.AccessibleTextRole, words.format(item.text()))
 
     def _show(self, row: int) -> None:
@@ -130,35 +149,37 @@ class PageStack(QWidget):
         self._stack.addWidget(self._pages[entry.key])
 
 
-def _step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
+def _step_icon(state: _State | None, palette: QPalette) -> QIcon:
     """Return the sign of a page; it is blank for pages that no step belongs to.
 
     Parameters
     ----------
-    is_step : bool
-        Whether the page shows the result of a step.
-    is_done : bool
-        Whether that result is there.
+    state : _State or None
+        Of the result that the page shows; None for pages of no step.
     palette : QPalette
         Of the list.
     """
-    pixmap = drawn_pixmap(SIZE, _RATIO, lambda painter: _paint(painter, is_done, palette) if is_step else None)
+    pixmap = drawn_pixmap(SIZE, _RATIO, lambda painter: None if state is None else _paint(painter, state, palette))
     icon = QIcon()
     for mode in (QIcon.Mode.Normal, QIcon.Mode.Selected):  # Qt would tint it where the line is chosen
         icon.addPixmap(pixmap, mode)
     return icon
 
 
-def _paint(painter: QPainter, is_done: bool, palette: QPalette) -> None:
-    if is_done:
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(QColor(_DONE))
-        painter.drawEllipse(_RING)
-        painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
-        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
-    else:
+def _paint(painter: QPainter, state: _State, palette: QPalette) -> None:
+    if state is _State.OPEN:
         painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
         painter.drawEllipse(_RING)
+        return
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(QColor(_DONE) if state is _State.DONE else doubt_colour(palette))
+    painter.drawEllipse(_RING)
+    painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+    if state is _State.DONE:
+        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
+    else:
+        for start, end in _EXCLAMATION:
+            painter.drawLine(QPointF(*start), QPointF(*end))
 
 
 _INTERVAL = 50  # ms between two looks, and between two pages

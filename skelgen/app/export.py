@@ -6,7 +6,7 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.markers import trajectories_of
-from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, parts_in
+from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.app.replacing import check_outputs, recording_of
@@ -150,7 +150,8 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     marking = (registry.marking_sentence(entry, path) + ".",) if options.filled else ()
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
-    return (*losses, *entry.remarks(project, options), *marking)
+    choices = choices_in(project) if "joints" in entry.keeps else ()
+    return (*losses, *entry.remarks(project, options), *choices, *marking)
 
 
 def export_project(

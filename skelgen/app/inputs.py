@@ -156,7 +156,9 @@ def limbs_with_parts(
     deviation[np.ix_(kept, kept)] = found.distance_deviation
     for marker in np.flatnonzero(part_of != np.arange(trajectories.n_markers)):
         deviation[marker] = deviation[:, marker] = _deviations(trajectories.positions, int(marker))
-    return Limbs(found.limb_of_marker[np.searchsorted(kept, part_of)], deviation)
+    whole = np.searchsorted(kept, part_of)
+    membership = None if found.membership is None else found.membership[whole]
+    return Limbs(found.limb_of_marker[whole], deviation, membership=membership)
 
 
 def _representatives(trajectories: Trajectories, split: tuple[tuple[str, ...], ...]) -> Ints:

@@ -1,14 +1,14 @@
 """Stage summaries: what a stage has found in two or three sentences, and its warnings with the place to look at."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted
-from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.model import Limbs, PointCloud, Poses, Project, Take
 
 _MOST_POINTERS = 200
 """Warnings that are listed; nobody reads more."""
@@ -81,12 +81,44 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
     report = project.reports.get(stage)
     for sentence in report.notices if report is not None else ():
         limbs = _limbs_in(project, sentence)
+        first, _, rest = sentence.partition(" is on limb ")
+        if rest and first in names:
+            found.append(Pointer(sentence, None, (names[first],)))
+            continue
         if limbs:
             found.append(_limb_pointer(project, sentence, limbs))
             continue
         words = {word.strip(",.:;()'\"") for word in sentence.split()}
         found.append(Pointer(sentence, None, tuple(sorted(names[word] for word in words & names.keys()))))
     return tuple(found[:_MOST_POINTERS])
+
+
+def has_doubts(project: Project, stage: str) -> bool:
+    """Whether something that a stage has found is doubtful.
+
+    Parameters
+    ----------
+    project : Project
+        With or without results.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+    """
+    if not project.has(stage):
+        return False
+    if stage == "labels":
+        return project.has_labelling and bool(project.labelling.doubts)
+    if stage == "skeleton":
+        return not all(joint.is_determined for joint in project.skeleton.joints)
+    return len(project.limbs.doubtful if stage == "limbs" else project.topology.doubtful) > 0
+
+
+def _least_sure(limbs: Limbs, names: Sequence[str]) -> str:
+    """The marker that is least sure to be on its limb, with the alternative."""
+    marker = int(limbs.doubtful[0])
+    rivals, shares = limbs.rivals
+    other = f"limb {rivals[marker]}" if rivals[marker] >= 0 else "alone"
+    own = f"limb {limbs.limb_of_marker[marker]} {100 * limbs.probability[marker]:.0f} %"
+    return f"{names[marker]}, {own}, {other} {100 * shares[marker]:.0f} %"
 
 
 def _limbs_in(project: Project, sentence: str) -> list[int]:
@@ -141,6 +173,9 @@ def _about_limbs(project: Project) -> Iterator[str]:
         yield f"{counted(limbs.n_limbs, 'limb')} with {markers}."
     else:
         yield "No limbs."
+    if len(limbs.doubtful):
+        least_sure = _least_sure(limbs, project.trajectories.names)
+        yield f"{counted(len(limbs.doubtful), 'marker')} may be on another limb, least sure {least_sure}."
     if len(limbs.left_out):
         names = ", ".join(project.trajectories.names[marker] for marker in limbs.left_out)
         yield f"Left out: {names}."
@@ -150,12 +185,11 @@ def _about_joints(project: Project) -> Iterator[str]:
     topology = project.topology
     n_trees = len(topology.roots)
     yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}."
-    margins = topology.margins
-    if np.isfinite(margins).any():
-        worst = int(np.nanargmin(margins))
+    if topology.edge_probability is not None and len(topology.edge_probability):
+        worst = int(topology.edge_probability.argmin())
         parent, child = topology.edges[worst].tolist()
-        less_sure = f"The least certain joint is that of limbs {parent} and {child}"
-        yield f"{less_sure}: another would cost {margins[worst]:.1f} mm² more."
+        sure, n_doubtful = f"{100 * topology.edge_probability[worst]:.0f} %", len(topology.doubtful)
+        yield f"{n_doubtful} of them are doubtful; least sure is that of limbs {parent} and {child}, {sure}."
     if len(topology.loops):
         pairs = ", ".join(f"{first} and {second}" for first, second in topology.loops)
         yield f"Loops would be closed by joints between the limbs {pairs}."
@@ -165,6 +199,9 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     types = [joint.kind for joint in project.skeleton.joints]
     listed_types = ", ".join(f"{types.count(kind)} {kind}" for kind in dict.fromkeys(types))
     yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
+    n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
+    if n_open:
+        yield f"Where {counted(n_open, 'joint')} lie is a choice: the motion does not determine it."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

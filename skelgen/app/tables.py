@@ -60,6 +60,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):
         tables["limbs"] = _limb_rows(project)
+        tables["membership"] = _membership_rows(project)
     if project.has("joints"):
         tables["joints"] = _joint_rows(project)
         names = project.limbs.names
@@ -95,12 +96,31 @@ def _limb_rows(project: Project) -> list[Row]:
         markers = project.limbs.markers_of(limb)
         on_limb = [project.trajectories.names[marker] for marker in markers]
         row: Row = {"limb": limb, "name": project.limbs.names[limb], "parent": None, "markers": on_limb}
+        doubtful = [int(marker) for marker in project.limbs.doubtful if marker in markers]
+        row["doubtful"] = [project.trajectories.names[marker] for marker in doubtful]
         if project.has("joints"):
             row["parent"] = int(project.topology.parents[limb])
         if project.has("skeleton"):
             row |= _spread(project.motion.residuals[:, markers])
         rows.append(row)
     return rows
+
+
+def _membership_rows(project: Project) -> list[Row]:
+    """One row per marker on a limb: how likely it is there, and where it is most likely otherwise, None for alone."""
+    limbs, (rivals, shares) = project.limbs, project.limbs.rivals
+    if limbs.membership is None:
+        return []
+    return [
+        {
+            "marker": project.trajectories.names[marker],
+            "limb": int(limbs.limb_of_marker[marker]),
+            "probability": float(limbs.probability[marker]),
+            "rival": int(rivals[marker]) if rivals[marker] >= 0 else None,
+            "rival_probability": float(shares[marker]),
+        }
+        for marker in np.flatnonzero(~np.isnan(limbs.probability)).tolist()
+    ]
 
 
 def _joint_rows(project: Project) -> list[Row]:
@@ -116,6 +136,10 @@ def _joint_rows(project: Project) -> list[Row]:
             "cost_mm2": float(topology.values[index]),
             "margin_mm2": None if np.isnan(margins[index]) else float(margins[index]),
             "rival": None if rivals[index, 0] < 0 else joint_between(*(names[limb] for limb in rivals[index])),
+            "probability": None if topology.edge_probability is None else float(topology.edge_probability[index]),
+            "rival_probability": None
+            if topology.rival_probability is None
+            else float(topology.rival_probability[index]),
         }
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]
@@ -126,6 +150,7 @@ def _joint_rows(project: Project) -> list[Row]:
             row["axis"] = joint.axis.tolist() if joint.axis is not None else None
             row["axis_std_deg"] = None if joint.axis_std is None else float(np.rad2deg(np.linalg.norm(joint.axis_std)))
             row["turns_deg"] = [round(float(turn), 1) for turn in np.rad2deg(observed[index].motion.ranges)]
+            row["is_determined"] = joint.is_determined
             row["not_determined"] = observed[index].sentence or None
         rows.append(row)
     return rows

@@ -7,10 +7,11 @@ May change with every version; scripts import what they need from `skelgen`.
 
 from skelgen.model.corrections import Identities, Identity
 from skelgen.model.labelling import Labelling
+from skelgen.model.limbs import Limbs
 from skelgen.model.project import Project, StageReport
 from skelgen.model.skeleton import Joint, JointAngles, Motion, Skeleton
 from skelgen.model.takes import PointCloud, Poses, Take, Trajectories
-from skelgen.model.topology import Limbs, Topology
+from skelgen.model.topology import Topology
 
 __all__ = [
     "Identities",

@@ -63,6 +63,29 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
     return array
 
 
+def check_probabilities(values: ArrayLike, shape: Sequence[int | None], what: str) -> Floats:
+    """Return a read-only float64 copy of the stated shape, whose numbers are 0 to 1 or NaN.
+
+    Parameters
+    ----------
+    values : array_like
+        The probabilities.
+    shape : sequence of int or None
+        Expected shape; None leaves an axis free.
+    what : str
+        Name of the value in errors.
+
+    Raises
+    ------
+    InputError
+        If the shape or a number is wrong.
+    """
+    array = check_floats(values, shape, what)
+    if ((array < 0) | (array > 1)).any():
+        raise InputError(f"{what} holds values that are no probabilities from 0 to 1")
+    return array
+
+
 def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Ints:
     """Return a read-only intp copy of the stated shape.
 

@@ -11,9 +11,10 @@ from skelgen.model import tables
 from skelgen.model.arrays import check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
+from skelgen.model.limbs import Limbs
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
-from skelgen.model.topology import Limbs, Topology
+from skelgen.model.topology import Topology
 
 if TYPE_CHECKING:
     from pandas import DataFrame

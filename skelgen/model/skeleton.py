@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
-from skelgen.model.topology import check_limb_names, joint_children, outward_order
+from skelgen.model.limbs import check_limb_names
+from skelgen.model.topology import joint_children, outward_order
 
 _JOINTS = {
     ("chest", "head"): "neck",
@@ -82,6 +83,9 @@ class Joint:
     turn_covariance : ndarray, shape (3, 3), rad^2, or None
         Of the child's rotation against the parent, in the parent's axes, by errors of the skeleton: it adds to the
         covariance by the noise of a frame.
+    open_directions : int
+        In how many of three directions the motion does not determine the position in the parent: where it is drawn
+        along them is a choice, and the deviation is as large as the limb. A hinge has one, its axis.
 
     Notes
     -----
@@ -101,10 +105,13 @@ class Joint:
     axis_std: Floats | None = None
     second_axis_std: Floats | None = None
     turn_covariance: Floats | None = None
+    open_directions: int = 0
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_TYPES:
             raise InputError(f"a joint of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
+        if self.open_directions not in range(4):
+            raise InputError(f"a joint whose place is open in {self.open_directions} of 3 directions")
         for name in ("position_in_parent", "position_in_child", "std"):
             object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
         vectors = dict.fromkeys(("axis", "second_axis", "axis_std", "second_axis_std"), (3,))
@@ -112,6 +119,11 @@ class Joint:
         for name, shape in (vectors | squares).items():
             if getattr(self, name) is not None:
                 set_fields(self, **{name: check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)})
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether motion determines the position, but for the place of a hinge along its axis."""
+        return self.open_directions <= (self.kind == "hinge")
 
     @property
     def std_in_child(self) -> Floats | None:

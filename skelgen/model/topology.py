@@ -1,92 +1,22 @@
-"""Which marker sits on which rigid limb, and how the limbs are joined: a graph of limbs with its spanning tree.
+"""How limbs are joined: a graph of limbs with its spanning tree.
 
 networkx takes a fifth of a second to import: it is imported where a graph is asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, set_fields
+from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_probabilities, set_fields
+from skelgen.model.limbs import DOUBTFUL
 
 if TYPE_CHECKING:
     from networkx import Graph
-
-
-@dataclass(frozen=True, eq=False)
-class Limbs:
-    """The result of clustering markers into rigid limbs.
-
-    Attributes
-    ----------
-    limb_of_marker : ndarray of intp, shape (n_markers,)
-        Limb index of each marker, -1 = left out. Limbs are numbered 0 .. n_limbs - 1 without holes.
-    distance_deviation : ndarray, shape (n_markers, n_markers), mm
-        Standard deviation over the sampled frames of the distance between each two markers, which the clustering
-        rests on; NaN where two markers are never seen together.
-    names : tuple of str, length n_limbs
-        What the limbs are called, each otherwise; ``limb0``, ``limb1`` and so on if nobody says.
-    """
-
-    limb_of_marker: Ints
-    distance_deviation: Floats
-    names: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
-        n_markers = len(limb_of_marker)
-        used = np.unique(limb_of_marker[limb_of_marker >= 0])
-        if (limb_of_marker < -1).any() or not np.array_equal(used, np.arange(len(used))):
-            raise InputError("limbs must be numbered from 0 without holes; -1 marks what is left out")
-        deviation = check_floats(self.distance_deviation, (n_markers, n_markers), "distance_deviation")
-        set_fields(self, limb_of_marker=limb_of_marker, distance_deviation=deviation)
-        set_fields(self, names=check_limb_names(self.names, self.n_limbs))
-
-    @property
-    def n_limbs(self) -> int:
-        """Number of limbs."""
-        return int(self.limb_of_marker.max(initial=-1)) + 1
-
-    @property
-    def n_markers(self) -> int:
-        """Number of markers, those left out included."""
-        return len(self.limb_of_marker)
-
-    @property
-    def left_out(self) -> Ints:
-        """Indices of the markers that belong to no limb."""
-        return np.flatnonzero(self.limb_of_marker < 0)
-
-    def markers_of(self, limb: int) -> Ints:
-        """Indices of the markers on one limb, rising."""
-        return np.flatnonzero(self.limb_of_marker == limb)
-
-    def called(self, limb: int) -> str:
-        """Return what sentences call a limb: its name, or ``limb 7`` if it has none."""
-        return f"limb {limb}" if self.names[limb] == f"limb{limb}" else self.names[limb]
-
-
-def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:
-    """Return what limbs are called, ``limb0``, ``limb1`` and so on if `names` is empty.
-
-    Parameters
-    ----------
-    names : sequence of str
-        One for each limb, or none.
-    n_limbs : int
-        Number of limbs.
-
-    Raises
-    ------
-    InputError
-        If a name is missing, empty or used twice.
-    """
-    return check_names(names or tuple(f"limb{limb}" for limb in range(n_limbs)), n_limbs, "limb")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +43,9 @@ class Topology:
         Pairs of limbs that seem joined although the tree does not join them: they close kinematic loops.
     final_alpha : float
         Weight of the mean marker-joint distance in `values`, with which joints are placed.
+    edge_probability, rival_probability : ndarray, shape (n_joints,), or None
+        Probability that the two limbs of each joint are neighbours, and that those of its rival are instead; 1 and 0
+        where the user states the joint; None where it was not estimated.
     """
 
     parents: Ints
@@ -123,6 +56,8 @@ class Topology:
     alpha: float
     loops: tuple[tuple[int, int], ...] = ()
     final_alpha: float = 0.0
+    edge_probability: Floats | None = None
+    rival_probability: Floats | None = None
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -135,6 +70,9 @@ class Topology:
         values = check_floats(self.values, (n_joints,), "values")
         set_fields(self, parents=parents, joint_costs=costs, raw_joint_positions=raw)
         set_fields(self, n_iterations=n_iterations, values=values, alpha=float(self.alpha))
+        for name in ("edge_probability", "rival_probability"):
+            if getattr(self, name) is not None:
+                set_fields(self, **{name: check_probabilities(getattr(self, name), (n_joints,), name)})
         for pair in self.loops:
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
@@ -211,6 +149,14 @@ class Topology:
         """
         found = cheapest_rivals(self.parents, self.joint_costs)
         return np.array([found[int(child)][0] for child in self.children], dtype=np.intp).reshape(-1, 2)
+
+    @property
+    def doubtful(self) -> Ints:
+        """Indices of the joints whose limbs are perhaps no neighbours, the least sure first."""
+        if self.edge_probability is None:
+            return np.zeros(0, dtype=np.intp)
+        order = np.argsort(self.edge_probability, kind="stable")
+        return order[self.edge_probability[order] < DOUBTFUL]
 
     @property
     def margins(self) -> Floats:

@@ -10,7 +10,7 @@ import pytest
 
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.checks import with_saved
-from skelgen.app.stage_summary import stage_pointers, stage_sentences, take_sentences
+from skelgen.app.stage_summary import has_doubts, stage_pointers, stage_sentences, take_sentences
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project
 from skelgen.model.project import STAGES
@@ -26,7 +26,7 @@ def done():
 def test_every_stage_tells_what_it_found(done):
     assert "points without labels" in take_sentences(done.take)[0]
     for stage in STAGES:
-        assert 1 <= len(stage_sentences(done, stage)) <= 3
+        assert 1 <= len(stage_sentences(done, stage)) <= 4
         assert stage_sentences(Project(done.take), stage) == ()
     assert stage_sentences(done, "limbs")[0] == f"{done.limbs.n_limbs} limbs with 3 markers each."
 
@@ -36,6 +36,33 @@ def test_limbs_of_two_sizes_are_told_in_two_numbers(done):
     limbs[np.flatnonzero(limbs == 0)[0]] = 1
     other = replace(done.limbs, limb_of_marker=limbs)
     assert stage_sentences(replace(done, _limbs=other), "limbs")[0].endswith(" limbs with 2 to 4 markers.")
+
+
+def test_doubts_of_limbs_and_tree_are_told(done):
+    membership = np.eye(done.limbs.n_limbs)[done.limbs.limb_of_marker]
+    sure = replace(done, _limbs=replace(done.limbs, membership=membership))
+    limb, other = int(done.limbs.limb_of_marker[4]), (int(done.limbs.limb_of_marker[4]) + 1) % done.limbs.n_limbs
+    membership[4, [limb, other]] = 0.55, 0.45
+    doubtful = replace(done, _limbs=replace(done.limbs, membership=membership))
+    assert not has_doubts(sure, "limbs")
+    assert has_doubts(doubtful, "limbs")
+    said = f"least sure {done.trajectories.names[4]}, limb {limb} 55 %, limb {other} 45 %."
+    assert said in " ".join(stage_sentences(doubtful, "limbs"))
+    certain = np.ones(done.topology.n_joints)
+    topology = replace(done.topology, edge_probability=certain)
+    assert not has_doubts(replace(done, _topology=topology), "joints")
+    topology = replace(topology, edge_probability=[0.6, *certain[1:]])
+    assert has_doubts(replace(done, _topology=topology), "joints")
+
+
+def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done):
+    free = tuple(replace(joint, kind="ball", axis=None, open_directions=0) for joint in done.skeleton.joints)
+    skeleton = replace(done.skeleton, joints=free)
+    assert not has_doubts(replace(done, _skeleton=skeleton), "skeleton")
+    skeleton = replace(skeleton, joints=(replace(free[0], open_directions=1), *free[1:]))
+    assert has_doubts(replace(done, _skeleton=skeleton), "skeleton")
+    hinge = replace(free[0], kind="hinge", axis=np.array([1.0, 0.0, 0.0]), open_directions=1)
+    assert hinge.is_determined  # along its axis nothing is
 
 
 def test_one_tree_is_told_in_the_singular():

@@ -126,6 +126,7 @@ class JointFacts:
     """The file's ``JOINT``; numbers as in `skelgen.model.Joint`."""
 
     kind: str
+    open_directions: int
     position_in_parent: list[float]
     position_in_child: list[float]
     std: list[float]
@@ -284,6 +285,7 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         axis=axis,
         std=np.array(facts.std),
         second_axis=second,
+        open_directions=facts.open_directions,
         **{name: np.reshape(values, (3, 3) if len(values) == 9 else 3) for name, values in facts.deviations.items()},
     )
 

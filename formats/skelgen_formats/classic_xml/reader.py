@@ -233,6 +233,7 @@ class _Reader:
         names = {vector.get("name") for vector in element}
         return JointFacts(
             kind=self._text(element, "KIND"),
+            open_directions=self._int(element, "OPENDIRECTIONS") if "OPENDIRECTIONS" in element.attrib else 0,
             position_in_parent=self._vector(element, "POSITIONINPARENT", 3),
             position_in_child=self._vector(element, "POSITIONINBONE", 3),
             std=self._vector(element, "STANDARDDEVIATION", 3),

@@ -159,7 +159,7 @@ def _skeleton(project: Project) -> Iterator[str]:
         yield _bind_pose(skeleton, limb)
         if limb in joint_of_child:
             joint = joint_of_child[limb]
-            yield f'<JOINT KIND="{joint.kind}">\n'
+            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}">\n'
             yield _row("POSITIONINPARENT", joint.position_in_parent)
             yield _row("POSITIONINBONE", joint.position_in_child)
             yield _row("STANDARDDEVIATION", joint.std)

@@ -100,7 +100,7 @@ class GraphPainting:
             self._painter.drawPath(_sign_path(joint.kind, middle, _SIGN))
 
     def margins(self) -> None:
-        """Write beside each joint how much dearer the next best would be."""
+        """Write beside each joint how sure it is."""
         joints = self._graph.joints
         edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
         lines, height = self._places[edges], self._metrics.height()

@@ -33,8 +33,8 @@ _STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1,
 class GraphView(QWidget):
     """Shows limbs, every joint that was tried between them, and the tree that was found.
 
-    Hover tells cost, margin, best rival, kind and range of motion; click or arrow keys select a limb, a click on a line
-    or J the joint; the wheel zooms, dragging pans, a double click or 0 shows all.
+    Hover tells cost, margin, best rival, probability, kind and range of motion; click or arrow keys select a limb, a
+    click on a line or J the joint; the wheel zooms, dragging pans, a double click or 0 shows all.
 
     Parameters
     ----------
@@ -103,7 +103,9 @@ class GraphView(QWidget):
             return joint_sentences(self._graph.joints[joint])
         if pair is not None and self._graph is not None:
             return pair_sentences(self._graph, *pair)
-        return self.tr("Strong lines: the tree · faint lines: joints that were tried · × : cost of the next best joint")
+        return self.tr(
+            "Strong lines: the tree · faint lines: joints that were tried · % : how likely the joint is there"
+        )
 
     def event(self, event: QEvent) -> bool:
         """Describe what lies under the pointer."""
@@ -174,7 +176,7 @@ class GraphView(QWidget):
                 painting.signs()
                 painting.limbs(self._selected_limbs(), self._pointed_limb)
                 painting.margins()
-                words = self.tr("2× : the next best joint costs twice as much")
+                words = self.tr("% : how likely the joint is there; dashed: doubtful")
                 painting.legend([(kind, translate("Graph", kind)) for kind in _KINDS], words, QRectF(self.rect()))
 
     def _follow_project(self) -> None:

@@ -30,7 +30,9 @@ _ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
 
 
 def margin_label(joint: JointCost) -> str:
-    """Say how many times dearer the best other joint is; empty where there is none."""
+    """Say how likely the joint's limbs are neighbours, or how many times dearer the best other joint is."""
+    if np.isfinite(joint.probability):
+        return f"{100 * joint.probability:.0f} %"
     return f"{digits(joint.ratio, 2)}×" if np.isfinite(joint.ratio) else ""
 
 
@@ -43,8 +45,10 @@ def joint_sentences(joint: JointCost) -> str:
     else:
         best = translate("Graph", "best other joint: {0}, {1} mm²")
         lines.append(best.format(_pair(*joint.rival), digits(joint.cost + joint.margin)))
-        doubtful, sure = translate("Graph", "margin {0} mm²: hardly any"), translate("Graph", "margin {0} mm²")
-        lines.append((doubtful if joint.is_doubtful else sure).format(digits(joint.margin)))
+        lines.append(translate("Graph", "margin {0} mm²").format(digits(joint.margin)))
+    if np.isfinite(joint.probability):
+        sure = translate("Graph", "probability {0:.0f} %, of the other {1:.0f} %")
+        lines.append(sure.format(100 * joint.probability, 100 * joint.rival_probability))
     for angle in joint.ranges:
         low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
         lines.append(f"{angle.name}: {low}° … {high}°")

@@ -42,7 +42,7 @@ class State(IntEnum):
 
     SEEN = 0
     DOUBTFUL = 1
-    """Seen, but perhaps another marker."""
+    """Seen, but perhaps another marker, or perhaps on another limb."""
     FILLED = 2
     """Unseen; the skeleton places it."""
     ABSENT = 3
@@ -115,6 +115,12 @@ class Scene:
         """Which lines make the bones; before the joints stage each limb is a star about its middle."""
         edges = self.project.topology.edges if self.project.has("joints") else np.zeros((0, 2), dtype=np.intp)
         return find_bones(edges, self.limb_of_marker)
+
+    @cached_property
+    def open_joints(self) -> frozenset[int]:
+        """Joints whose place the motion does not determine."""
+        joints = self.project.skeleton.joints if self.project.has("skeleton") else ()
+        return frozenset(index for index, joint in enumerate(joints) if not joint.is_determined)
 
     @cached_property
     def sample(self) -> Floats:
@@ -268,6 +274,8 @@ class Scene:
         state = np.where(unseen, State.ABSENT, State.SEEN)
         if self.project.has("labels") and self.project.has_labelling:
             state[self.project.labelling.confidence[frame] < _SURE] = State.DOUBTFUL
+        if self.project.has("limbs"):
+            state[self.project.limbs.doubtful] = np.maximum(state, State.DOUBTFUL)[self.project.limbs.doubtful]
         if not self.project.has("skeleton"):
             return measured, state
         placed = self.project.motion.marker_positions[frame]

@@ -36,7 +36,7 @@ def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
     limb = int(scene.limb_of_marker[marker])
     lines = [scene.names[marker]]
     if limb >= 0:
-        lines.append(limb_words(scene.project, limb))
+        lines += [limb_words(scene.project, limb), *_membership(marker, scene.project)]
     elif scene.project.has("limbs"):
         lines.append(_tr("on no limb"))
     lines.append(_place(snapshot.markers[marker]))
@@ -51,12 +51,28 @@ def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
     return lines
 
 
+def _membership(marker: int, project: Project) -> list[str]:
+    """How likely the marker is on its limb, and where it is otherwise."""
+    limbs = project.limbs
+    if limbs.membership is None:
+        return []
+    (rivals, shares), own = limbs.rivals, 100 * limbs.probability[marker]
+    other = limb_words(project, int(rivals[marker])) if rivals[marker] >= 0 else _tr("a limb of its own")
+    words = _tr("there with {own:.0f} %, on {other} with {share:.0f} %")
+    return [words.format(own=own, other=other, share=100 * shares[marker])]
+
+
 def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     parent, child = (int(limb) for limb in project.topology.edges[joint])
     first, second = (limb_words(project, limb) for limb in (parent, child))
     lines = [_tr("joint {joint}: {parent} and {child}").format(joint=joint, parent=first, child=second)]
+    if project.topology.edge_probability is not None:
+        words = _tr("these limbs are neighbours with {own:.0f} %")
+        lines.append(words.format(own=100 * project.topology.edge_probability[joint]))
     if project.has("skeleton"):
         lines.append(_kind(project.skeleton.joints[joint].kind))
+        if not project.skeleton.joints[joint].is_determined:
+            lines.append(_tr("its place is a choice: the motion does not determine it"))
     lines.append(_place(snapshot.joints[joint]))
     if len(snapshot.covariances):
         std = float(np.sqrt(np.linalg.eigvalsh(snapshot.covariances[joint])[-1]))

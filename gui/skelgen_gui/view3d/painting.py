@@ -272,6 +272,7 @@ def paint_items(painter: QPainter, figure: Figure, faint: Bools, limb: int) -> N
             )
         elif item < n_markers + n_joints:
             edge, inside = brushes.inks.joint(fog)
+            edge = brushes.inks.colours.doubt if item - n_markers in scene.open_joints else edge
             brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, Style.JOINT, inside, edge)
         else:
             bone = item - n_markers - n_joints

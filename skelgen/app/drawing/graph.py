@@ -8,7 +8,7 @@ import numpy as np
 from skelgen.kinematics.inverse.motion import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.joints import SMALL_MARGIN
+from skelgen.model.limbs import DOUBTFUL
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,8 @@ class JointCost:
         Its cost, and how much worse the best tree without it is; NaN where there is no other.
     rival : tuple of int or None
         The limbs that the cheapest other joint would connect.
+    probability, rival_probability : float
+        That the limbs of this joint are neighbours, and that those of the rival are instead; NaN where not estimated.
     kind : str
         Type of the joint; empty before the skeleton.
     ranges : tuple of AngleRange
@@ -34,6 +36,8 @@ class JointCost:
     cost: float
     margin: float
     rival: tuple[int, int] | None
+    probability: float
+    rival_probability: float
     kind: str
     ranges: tuple[AngleRange, ...]
 
@@ -46,8 +50,8 @@ class JointCost:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether another joint would do nearly as well."""
-        return self.ratio < SMALL_MARGIN
+        """Whether its limbs are perhaps no neighbours."""
+        return self.probability < DOUBTFUL
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,9 @@ def find_cost_graph(project: Project) -> CostGraph:
     """Return the graph of a project with joints; types and ranges of joints are known with its skeleton."""
     topology = project.topology
     margins, rivals = topology.margins, topology.rivals
+    unknown = np.full(topology.n_joints, np.nan)
+    own = unknown if topology.edge_probability is None else topology.edge_probability
+    others = unknown if topology.rival_probability is None else topology.rival_probability
     ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
     if project.has("skeleton"):
         ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
@@ -86,6 +93,8 @@ def find_cost_graph(project: Project) -> CostGraph:
             float(topology.joint_costs[parent, child]),
             float(margins[joint]),
             None if rivals[joint, 0] < 0 else (int(rivals[joint, 0]), int(rivals[joint, 1])),
+            float(own[joint]),
+            float(others[joint]),
             project.skeleton.joints[joint].kind if project.has("skeleton") else "",
             ranges[joint],
         )

@@ -26,7 +26,7 @@ from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_gaps
-from skelgen.model import PointCloud, Poses, Project, StageReport
+from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import SILENT, Monitor
@@ -97,7 +97,8 @@ def _sentences(project: Project) -> list[str]:
         limbs = project.limbs
         left_out = f", {counted(len(limbs.left_out), 'marker')} left out" if len(limbs.left_out) else ""
         on_limbs = counted(limbs.n_markers - len(limbs.left_out), "marker")
-        sentences.append(f"{on_limbs} sit on {counted(limbs.n_limbs, 'rigid limb')}{left_out}.")
+        doubtful = f"; {len(limbs.doubtful)} of them may be on another" if len(limbs.doubtful) else ""
+        sentences.append(f"{on_limbs} sit on {counted(limbs.n_limbs, 'rigid limb')}{left_out}{doubtful}.")
     if project.has("joints"):
         sentences.append(_tree_sentence(project))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
@@ -130,8 +131,13 @@ def _tree_sentence(project: Project) -> str:
     types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
     named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
+    n_doubtful, n_open = len(topology.doubtful), 0
+    if project.has("skeleton"):
+        n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
+    doubts = f" {counted(n_doubtful, 'edge')} of the tree may be another." if n_doubtful else ""
+    doubts += f" The motion does not determine where {counted(n_open, 'joint')} lie." if n_open else ""
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
-    return f"{joints} connect them to {shape} with {roots} as root."
+    return f"{joints} connect them to {shape} with {roots} as root.{doubts}"
 
 
 def _fit_sentence(project: Project) -> str:
@@ -220,14 +226,14 @@ def _notices(project: Project) -> list[tuple[str, str]]:
 
 def _limbs(project: Project) -> Content:
     names, parents = project.trajectories.names, project.topology.parents if project.has("joints") else None
-    rows = []
+    rows, doubts = [], _doubts(project.limbs)
     for limb in measures.limb_order(project):
         markers = project.limbs.markers_of(limb)
         parent = "" if parents is None else "root" if parents[limb] < 0 else str(parents[limb])
         inside = project.limbs.distance_deviation[np.ix_(markers, markers)][np.triu_indices(len(markers), 1)]
         inside = inside[~np.isnan(inside)]
         mean = digits(float(inside.mean())) if len(inside) else "–"
-        on_limb = [names[marker] for marker in markers]
+        on_limb = [(names[marker], doubts.get(int(marker), "")) for marker in markers]
         called = project.limbs.names[limb].removeprefix(f"limb{limb}")
         rows.append({"limb": limb, "called": called, "parent": parent, "names": on_limb, "inside": mean})
     return {
@@ -235,6 +241,16 @@ def _limbs(project: Project) -> Content:
         "has_parents": parents is not None,
         "left_out": [names[marker] for marker in project.limbs.left_out],
         "figure": deviation_figure(project),
+    }
+
+
+def _doubts(limbs: Limbs) -> dict[int, str]:
+    """For each marker that may be on another limb: how likely it is on its own, and on the next."""
+    rivals, shares = limbs.rivals
+    others = [f"limb {limb}" if limb >= 0 else "alone" for limb in rivals.tolist()]
+    return {
+        marker: f"{100 * limbs.probability[marker]:.0f} %, {others[marker]} {100 * shares[marker]:.0f} %"
+        for marker in limbs.doubtful.tolist()
     }
 
 

@@ -57,9 +57,20 @@ def _joints(project: Project, graph: CostGraph) -> Content:
     for index, joint in enumerate(graph.joints):
         row: Content = {"joint": index, "parent": joint.parent, "child": joint.child, "cost": digits(joint.cost)}
         row |= {"value": digits(topology.values[index]), "iterations": int(topology.n_iterations[index])}
-        row |= {"rival": _rival(joint)} | (_fitted(fitted[index]) if fitted else {})
+        row |= {"rival": _rival(joint), "sure": _sure(joint), "is_doubtful": joint.is_doubtful}
+        row |= _fitted(fitted[index]) if fitted else {}
         rows.append(row)
     return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
+
+
+def _sure(joint: JointCost) -> str:
+    """How likely it is that the two limbs are neighbours, and that those of the rival are instead."""
+    if np.isnan(joint.probability):
+        return "–"
+    own = f"{100 * joint.probability:.0f} %"
+    if joint.rival is None or not joint.is_doubtful:
+        return own
+    return f"{own}, {joint.rival[0]}–{joint.rival[1]} {100 * joint.rival_probability:.0f} %"
 
 
 def _rival(joint: JointCost) -> str:
@@ -74,7 +85,7 @@ def _fitted(joint: Joint) -> Content:
     axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
     covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
     stds = {"std": _place_std(joint, covariance), "child_std": _place_std(joint, joint.covariance_in_child)}
-    return {"kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+    return {"is_determined": joint.is_determined, "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
 
 
 def _place_std(joint: Joint, covariance: Floats | None) -> str:

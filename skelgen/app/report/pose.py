@@ -12,7 +12,7 @@ from skelgen.app.drawing.colours import limb_colour
 from skelgen.app.drawing.poses import Bones, View, find_bones, find_views, reference_joints, reference_markers
 from skelgen.app.drawing.scales import round_below
 from skelgen.app.drawing.wording import plain
-from skelgen.model import Project
+from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
 
 _SIDE = 560.0  # px, of the longer side of a view
@@ -112,12 +112,19 @@ def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
     limbs = range(project.skeleton.n_limbs)
     parts = [
         *[_limb(project, limb, body) for limb in limbs],
-        *[svg.circle(x, y, 3.5, "joint", f"joint J{index}") for index, (x, y) in enumerate(body.joints.tolist())],
+        *[_joint(project.skeleton.joints[index], index, x, y) for index, (x, y) in enumerate(body.joints.tolist())],
         *[_limb_number(limb, body.lines[body.bones.limb == limb]) for limb in limbs],
         _triad(view, _TRIAD + 14, height - 12),
         _scale_bar(scale, width, height - 8),
     ]
     return svg.drawing(width, height, view.title, *parts, least=width)
+
+
+def _joint(joint: Joint, index: int, x: float, y: float) -> Markup:
+    """A ring; dashed where the motion does not determine the place."""
+    if joint.is_determined:
+        return svg.circle(x, y, 3.5, "joint", f"joint J{index}")
+    return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: its place is a choice")
 
 
 def _limb(project: Project, limb: int, body: _Body) -> Markup:

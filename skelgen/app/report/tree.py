@@ -110,10 +110,18 @@ def _edge(project: Project, lengths: list[measures.Length], places: list[_Place]
     length = measures.bone_length(lengths, project.topology, joint)
     kind = project.skeleton.joints[joint].kind if project.has("skeleton") else ""
     words = [f"J{joint}", kind, "" if np.isnan(length) else f"{digits(length)} mm"]
+    is_doubtful = joint in project.topology.doubtful
+    if is_doubtful and project.topology.edge_probability is not None:
+        words.append(f"{100 * project.topology.edge_probability[joint]:.0f} %")
     parts = [
-        svg.tag("path", d=curve, cls="edge"),
+        svg.tag("path", d=curve, cls="edge doubtful" if is_doubtful else "edge"),
         sign_figure(kind, end.x - 12, end.y),
-        svg.text(places[child].x + 2, places[child].y - 6, " · ".join(filter(None, words)), "small"),
+        svg.text(
+            places[child].x + 2,
+            places[child].y - 6,
+            " · ".join(filter(None, words)),
+            "small doubtful" if is_doubtful else "small",
+        ),
     ]
     return svg.group(*parts)
 
@@ -140,7 +148,10 @@ def graph_figure(project: Project, graph: CostGraph) -> Markup:
     order = measures.limb_order(project)
     places = {limb: _on_circle(index, len(order)) for index, limb in enumerate(order)}
     nodes = [_node(limb, *place) for limb, place in places.items()]
-    tree = [svg.line(*places[joint.parent], *places[joint.child], "tree") for joint in graph.joints]
+    tree = [
+        svg.line(*places[joint.parent], *places[joint.child], "tree doubtful" if joint.is_doubtful else "tree")
+        for joint in graph.joints
+    ]
     labels = [_cost_label(joint, places[joint.parent], places[joint.child]) for joint in graph.joints]
     label = "Joint costs between limbs with the spanning tree"
     return svg.drawing(_SIDE, _SIDE, label, *_candidates(graph, places), *tree, *nodes, *labels, least=300)

@@ -71,6 +71,8 @@ class Observed:
         Unit vector in the parent along which its position is known least.
     open_std : float, mm
         Standard deviation of the position along it.
+    n_open : int
+        In how many directions the position is not determined.
     sentence : str
         What is not determined, in words; empty if all is.
     """
@@ -78,6 +80,7 @@ class Observed:
     motion: RangeOfMotion
     open_direction: Floats
     open_std: float
+    n_open: int
     sentence: str
 
 
@@ -105,7 +108,8 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         if joint.kind == "undetermined":
             unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its type"
             sentence = f"{unknown}; {sentence}" if sentence else unknown
-        found.append(Observed(turned, vectors[:, -1], worst, sentence))
+        n_open = int((values > (DETERMINED_PART * size) ** 2).sum())
+        found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence))
     return tuple(found)
 
 

@@ -6,6 +6,5 @@
 
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, limb_pairs
 from skelgen.stages.joints.stage import find_joints
-from skelgen.stages.joints.tree import SMALL_MARGIN
 
-__all__ = ["SMALL_MARGIN", "JointConstraints", "JointParameters", "find_joints", "limb_pairs"]
+__all__ = ["JointConstraints", "JointParameters", "find_joints", "limb_pairs"]

@@ -11,6 +11,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs
+from skelgen.stages.joints.edge_certainty import with_certainty
 from skelgen.stages.joints.nearness import remoteness
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
@@ -84,6 +85,7 @@ def find_joints(
         loops=loop_joints(tree.parents, costs),
         final_alpha=parameters.alpha_final,
     )
+    topology = with_certainty(topology, costs.turns, stated)
     for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
         monitor.notice(notice)
     if parameters.solver == "conjugate-gradient":

@@ -46,9 +46,6 @@ ENOUGH_TURN = 0.2
 STUCK = 10.0
 """Times the usual variance of the distances to a joint, and times noise: conjugate gradients have not found it."""
 
-SMALL_MARGIN = 3.0
-"""Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Tree:
@@ -260,17 +257,19 @@ def stuck_joint_notices(joints: Mapping[int, JointGuess], parents: Ints) -> Iter
 
 
 def _doubtful_edges(topology: Topology) -> Iterator[str]:
-    for (parent, child), (outer, inner), margin in zip(
-        topology.edges.tolist(), topology.rivals.tolist(), topology.margins.tolist(), strict=True
-    ):
-        if np.isnan(margin) or margin > (SMALL_MARGIN - 1) * topology.joint_costs[parent, child]:
-            continue
-        if inner == child:
-            yield f"limb {child} hangs on limb {parent}, but could as well hang on limb {outer}"
+    if topology.edge_probability is None or topology.rival_probability is None:
+        return
+    for joint in topology.doubtful.tolist():
+        (parent, child), (outer, inner) = topology.edges[joint].tolist(), topology.rivals[joint].tolist()
+        own, other = 100 * topology.edge_probability[joint], 100 * topology.rival_probability[joint]
+        if outer < 0:
+            yield f"limb {child} hangs on limb {parent} ({own:.0f} %), or on nothing that is seen"
+        elif inner == child:
+            yield f"limb {child} hangs on limb {parent} ({own:.0f} %), but could hang on limb {outer} ({other:.0f} %)"
         else:
             yield (
-                f"the joint between limb {parent} and limb {child} could as well be one between limb {outer} and "
-                f"limb {inner}"
+                f"limb {child} hangs on limb {parent} ({own:.0f} %), but the joint could be one between limb {outer} "
+                f"and limb {inner} ({other:.0f} %)"
             )
 
 

@@ -15,6 +15,7 @@ from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_cl
 from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
+from skelgen.stages.limbs.membership import doubt_notices, memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
@@ -70,10 +71,10 @@ def find_limbs(
     """
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
-    stated = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
+    named = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
     frames = pair_distances.sample_frames(trajectories.n_frames, parameters, seed)
     every = pair_distances.distance_deviations(trajectories.positions, frames)
-    usable = _usable(every.plain, stated)
+    usable = _usable(every.plain, named)
     if len(usable) < 2:
         raise InputError(
             f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
@@ -82,7 +83,7 @@ def find_limbs(
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
-    deviations, stated = every.of(usable), stated.of(usable)
+    deviations, stated = every.of(usable), named.of(usable)
     grouping = _Grouping(trajectories.positions[:, usable], stated, parameters, n_limbs, seed)
     groups = grouping.voted(frames, deviations)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
@@ -102,8 +103,16 @@ def find_limbs(
     limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
     for notice in limb_notices(trajectories, limb_of_marker, frames):
         monitor.notice(notice)
+    on_limb = np.flatnonzero(limb_of_marker >= 0)
+    membership = np.full((len(limb_of_marker), limb_of_marker.max() + 1), np.nan)
+    if len(on_limb):
+        sampled = trajectories.positions[frames][:, on_limb]
+        membership[on_limb] = memberships(sampled, limb_of_marker[on_limb], named.of(on_limb))
+    limbs = Limbs(limb_of_marker, every.plain, membership=membership)
+    for notice in doubt_notices(limbs, trajectories.names):
+        monitor.notice(notice)
     monitor.advance(1, 1)
-    return Limbs(limb_of_marker, every.plain)
+    return limbs
 
 
 class _Grouping:

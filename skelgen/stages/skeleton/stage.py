@@ -74,6 +74,8 @@ def fit_skeleton(
     skeleton = _make_skeleton(fitted, limbs, some.topology)
     motion = _make_motion(fitted, some.trajectories, skeleton)
     observed = observed_joints(skeleton, motion)
+    pairs = zip(skeleton.joints, observed, strict=True)
+    skeleton = replace(skeleton, joints=tuple(replace(joint, open_directions=seen.n_open) for joint, seen in pairs))
     n_outliers = np.zeros(trajectories.n_markers, dtype=np.intp)
     for one in fitted:
         n_outliers[one.body.markers] += one.outliers.sum(axis=0)

@@ -86,13 +86,20 @@ def test_hover_over_a_joint_tells_cost_margin_rival_kind_and_range(view, topolog
     assert "mm²" in told
 
 
-def test_the_margin_of_a_doubtful_joint_is_told_as_such(ringed):
-    joints = find_cost_graph(ringed).joints
+def test_a_doubtful_joint_is_told_with_its_probability_and_the_best_other(ringed, ring):
+    known = replace(ring, edge_probability=[0.9, 0.7, 0.6], rival_probability=[0.1, 0.2, 0.3])
+    joints = find_cost_graph(replace(ringed, _topology=known)).joints
     assert [joint.is_doubtful for joint in joints] == [False, True, True]
     assert joints[2].rival == (0, 3)
     assert joints[2].ratio == pytest.approx(3.2 / 3)
+    assert margin_label(joints[2]) == "60 %"
+    assert "probability 60 %, of the other 30 %" in joint_sentences(joints[2])
+
+
+def test_without_probabilities_the_margin_is_told(ringed):
+    joints = find_cost_graph(ringed).joints
+    assert not any(joint.is_doubtful for joint in joints)
     assert margin_label(joints[2]) == "1.1×"
-    assert "hardly any" in joint_sentences(joints[2])
 
 
 def test_a_pair_that_is_not_joined_says_which_way_the_tree_takes(ringed):
@@ -163,7 +170,8 @@ def test_every_limb_has_its_colour(view, walked, has_colour, is_dark):
 
 def test_a_doubtful_joint_stands_out(shown, ringed, has_colour):
     session = Session()
-    session.open(ringed)
+    known = replace(ringed.topology, edge_probability=[0.9, 0.7, 0.6], rival_probability=[0.1, 0.2, 0.3])
+    session.open(replace(ringed, _topology=known))
     view = shown(GraphView(session))
     assert has_colour(view, doubt_colour(view.palette()), 20)
 

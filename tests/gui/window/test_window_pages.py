@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QScrollArea
 from skelgen_gui.page_stack import SIZE
@@ -42,6 +44,19 @@ def test_a_tick_is_seen(window, person, rods):
     places = ((x, y) for x in range(icon().width()) for y in range(icon().height()))
     colours = [icon().pixelColor(x, y) for x, y in places]
     assert any(colour.green() > colour.red() + 50 for colour in colours)  # the green disc
+
+
+def test_a_step_with_doubtful_results_has_no_plain_tick(window, person, rods):
+    person.opens(rods)
+    person.runs_all()
+    project = window.session.project
+    row = [entry.key for entry in window.pages.entries].index("joints")
+    plain = window.pages.list.item(row).icon().pixmap(round(SIZE)).toImage()
+    window.session.open(replace(project, _topology=replace(project.topology, edge_probability=[0.99, 0.6])))
+    item = window.pages.list.item(row)
+    assert item.data(Qt.ItemDataRole.AccessibleTextRole).endswith(": done, with doubtful results")
+    assert item.icon().pixmap(round(SIZE)).toImage() != plain
+    assert "joints" not in done(window)
 
 
 def test_the_views_keep_their_place_when_another_page_is_shown(window, person, rods):

@@ -99,7 +99,7 @@ def test_edge_that_could_as_well_be_another_is_told(notices):
         *as_take([rigid(np.tile(np.eye(4), (300, 1, 1))), rigid(first, seed=1), rigid(second, seed=2)]),
         monitor=notices,
     )
-    assert "could as well" in " ".join(notices.sentences)
+    assert "but could" in " ".join(notices.sentences)
 
 
 def test_closed_chain_of_four_limbs_is_a_tree_and_a_loop(notices):

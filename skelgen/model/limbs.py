@@ -1,0 +1,124 @@
+"""Which marker sits on which rigid limb, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_probabilities, set_fields
+
+DOUBTFUL = 0.8
+"""Probability of a marker's limb, or of an edge of the tree, below which it is called doubtful."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limbs:
+    """The result of clustering markers into rigid limbs.
+
+    Attributes
+    ----------
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb index of each marker, -1 = left out. Limbs are numbered 0 .. n_limbs - 1 without holes.
+    distance_deviation : ndarray, shape (n_markers, n_markers), mm
+        Standard deviation over the sampled frames of the distance between each two markers, which the clustering
+        rests on; NaN where two markers are never seen together.
+    membership : ndarray, shape (n_markers, n_limbs), or None
+        Probability that each marker is on each limb; what lacks to 1 is that it is on none of them. 1 and 0 where the
+        user states it; NaN for markers that are left out. None where it was not estimated.
+    names : tuple of str, length n_limbs
+        What the limbs are called, each otherwise; ``limb0``, ``limb1`` and so on if nobody says.
+    """
+
+    limb_of_marker: Ints
+    distance_deviation: Floats
+    names: tuple[str, ...] = ()
+    membership: Floats | None = None
+
+    def __post_init__(self) -> None:
+        limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
+        n_markers = len(limb_of_marker)
+        used = np.unique(limb_of_marker[limb_of_marker >= 0])
+        if (limb_of_marker < -1).any() or not np.array_equal(used, np.arange(len(used))):
+            raise InputError("limbs must be numbered from 0 without holes; -1 marks what is left out")
+        deviation = check_floats(self.distance_deviation, (n_markers, n_markers), "distance_deviation")
+        set_fields(self, limb_of_marker=limb_of_marker, distance_deviation=deviation)
+        set_fields(self, names=check_limb_names(self.names, self.n_limbs))
+        if self.membership is not None:
+            membership = check_probabilities(self.membership, (n_markers, len(used)), "membership")
+            set_fields(self, membership=membership)
+
+    @property
+    def n_limbs(self) -> int:
+        """Number of limbs."""
+        return int(self.limb_of_marker.max(initial=-1)) + 1
+
+    @property
+    def n_markers(self) -> int:
+        """Number of markers, those left out included."""
+        return len(self.limb_of_marker)
+
+    @property
+    def left_out(self) -> Ints:
+        """Indices of the markers that belong to no limb."""
+        return np.flatnonzero(self.limb_of_marker < 0)
+
+    @property
+    def probability(self) -> Floats:
+        """Probability that each marker is on its limb, shape (n_markers,); NaN where it was not estimated."""
+        if self.membership is None or not self.n_limbs:
+            return np.full(self.n_markers, np.nan)
+        own = self.membership[np.arange(self.n_markers), self.limb_of_marker]
+        return np.where(self.limb_of_marker < 0, np.nan, own)
+
+    @property
+    def rivals(self) -> tuple[Ints, Floats]:
+        """The limb on which each marker is otherwise most likely and its probability, shapes (n_markers,); -1 = none.
+
+        None is a limb of the marker's own, or where nothing was estimated.
+        """
+        nothing = np.full(self.n_markers, -1, dtype=np.intp), np.full(self.n_markers, np.nan)
+        if self.membership is None or not self.n_limbs:
+            return nothing
+        others, every = np.nan_to_num(self.membership), np.arange(self.n_markers)
+        others[every, self.limb_of_marker] = -1.0
+        rival, alone = others.argmax(axis=1), 1.0 - np.nansum(self.membership, axis=1)
+        found = others[every, rival]
+        is_limb = found >= np.maximum(alone, np.finfo(np.float64).tiny)
+        rival, found = np.where(is_limb, rival, -1), np.where(is_limb, found, np.maximum(alone, 0.0))
+        is_known = ~np.isnan(self.probability)
+        return np.where(is_known, rival, -1), np.where(is_known, found, np.nan)
+
+    @property
+    def doubtful(self) -> Ints:
+        """Indices of the markers whose limb is doubtful, the least sure first."""
+        order = np.argsort(self.probability, kind="stable")
+        return order[self.probability[order] < DOUBTFUL]
+
+    def markers_of(self, limb: int) -> Ints:
+        """Indices of the markers on one limb, rising."""
+        return np.flatnonzero(self.limb_of_marker == limb)
+
+    def called(self, limb: int) -> str:
+        """Return what sentences call a limb: its name, or ``limb 7`` if it has none."""
+        return f"limb {limb}" if self.names[limb] == f"limb{limb}" else self.names[limb]
+
+
+def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:
+    """Return what limbs are called, ``limb0``, ``limb1`` and so on if `names` is empty.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One for each limb, or none.
+    n_limbs : int
+        Number of limbs.
+
+    Raises
+    ------
+    InputError
+        If a name is missing, empty or used twice.
+    """
+    return check_names(names or tuple(f"limb{limb}" for limb in range(n_limbs)), n_limbs, "limb")

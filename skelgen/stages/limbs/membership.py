@@ -1,0 +1,139 @@
+"""How sure it is that a marker is on its limb: probabilities from what all pairs of markers say.
+
+The mean log odds of a marker's pairs with its limb are compared with those of the limb that suits it next best, or with
+0 for a limb of its own. How often such a marker is on its limb is learned from simulated takes, whose truth is known;
+the other limbs share the rest by their odds.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from skelgen.model import Limbs
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.stages.limbs.constraints import MarkerConstraints
+from skelgen.stages.limbs.pair_evidence import log_odds
+
+LARGEST = 6.0
+"""Log odds of one pair: more would let it speak for all others."""
+
+MOST_DISTANCES = 5_000_000
+"""Distances that are looked at: takes of very many markers are looked at in fewer frames."""
+
+LEAST_FRAMES = 20
+
+MOST_NAMED = 8
+"""Doubtful markers that notices name; nobody reads more."""
+
+# Learned by tests/benchmarks/doubt.py
+BIAS, OF_LEAD, OF_SIZE = 3.01, 0.56, -1.86
+"""Of markers with mates: constant, lead over the next best limb, logarithm of the limb's size over the median size."""
+
+BIAS_ALONE, OF_LEAD_ALONE = -2.18, 1.22
+"""Of the only marker of a limb."""
+
+
+def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints) -> Floats:
+    """Return the probability that each marker is on each limb, shape (n_markers, n_limbs).
+
+    What lacks to 1 is the probability that the marker is on none of them.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    groups : ndarray of intp, shape (n_markers,)
+        Limb of each marker, numbered without holes.
+    constraints : MarkerConstraints
+        Which markers share a limb and which do not.
+    """
+    is_member = groups[:, np.newaxis] == np.arange(groups.max() + 1)
+    suits = limb_odds(positions, is_member)
+    own = own_probability(suits, is_member)
+    refused = (constraints.apart @ is_member) | is_member
+    others = np.where(refused, 0.0, np.exp(suits))  # 1 being a limb of its own
+    rest = others.sum(axis=1) + ~is_alone(is_member)
+    probability = others * ((1 - own) / np.maximum(rest, np.finfo(np.float64).tiny))[:, np.newaxis]
+    probability[is_member] = np.where(rest > 0, own, 1.0)
+    for block in constraints.blocks:
+        if len(block) > 1:
+            probability[list(block)] = is_member[list(block)]
+    return np.asarray(probability)
+
+
+def doubt_notices(limbs: Limbs, names: Sequence[str]) -> Iterator[str]:
+    """Say which markers are perhaps on another limb, the least sure first.
+
+    Parameters
+    ----------
+    limbs : Limbs
+        With probabilities.
+    names : sequence of str
+        All markers.
+    """
+    rivals, shares = limbs.rivals
+    for marker in limbs.doubtful[:MOST_NAMED].tolist():
+        own, share = 100 * limbs.probability[marker], 100 * shares[marker]
+        other = f"limb {rivals[marker]}" if rivals[marker] >= 0 else "a limb of its own"
+        limb = limbs.limb_of_marker[marker]
+        yield f"{names[marker]} is on limb {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %)"
+    if len(limbs.doubtful) > MOST_NAMED:
+        yield f"{len(limbs.doubtful) - MOST_NAMED} more markers are perhaps on another limb"
+
+
+def limb_odds(positions: Floats, is_member: Bools) -> Floats:
+    """Return the mean log odds of each marker's pairs with each limb, shape (n_markers, n_limbs); 0 where it has none.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    is_member : ndarray of bool, shape (n_markers, n_limbs)
+        Which marker is on which limb.
+    """
+    n_frames = int(np.clip(MOST_DISTANCES // len(is_member) ** 2, LEAST_FRAMES, max(len(positions), LEAST_FRAMES)))
+    odds = np.clip(log_odds(positions[spread_frames(len(positions), n_frames)]), -LARGEST, LARGEST)
+    np.fill_diagonal(odds, 0.0)
+    n_pairs = is_member.sum(axis=0) - is_member
+    return np.asarray(odds @ is_member / np.maximum(n_pairs, 1))
+
+
+def is_alone(is_member: Bools) -> Bools:
+    """Whether a marker is the only one of its limb, shape (n_markers,); `is_member` as above."""
+    return np.asarray((is_member & (is_member.sum(axis=0) == 1)).any(axis=1))
+
+
+def leads(suits: Floats, is_member: Bools) -> Floats:
+    """Return by how much the limb of each marker suits it better than the next best or none, shape (n_markers,).
+
+    Parameters
+    ----------
+    suits : ndarray, shape (n_markers, n_limbs)
+        Mean log odds.
+    is_member : ndarray of bool, shape (n_markers, n_limbs)
+        Which marker is on which limb.
+    """
+    next_best = np.where(is_member, -LARGEST, suits).max(axis=1)
+    return np.asarray(np.where(is_alone(is_member), -next_best, suits[is_member] - np.maximum(next_best, 0.0)))
+
+
+def relative_sizes(is_member: Bools) -> Floats:
+    """Return the logarithm of the size of each marker's limb over the median size, shape (n_markers,); see above."""
+    sizes = is_member.sum(axis=0)
+    return np.asarray(np.log((is_member @ sizes) / np.median(sizes)))
+
+
+def own_probability(suits: Floats, is_member: Bools) -> Floats:
+    """Return the probability that each marker is on its limb, shape (n_markers,).
+
+    Parameters
+    ----------
+    suits : ndarray, shape (n_markers, n_limbs)
+        Mean log odds.
+    is_member : ndarray of bool, shape (n_markers, n_limbs)
+        Which marker is on which limb.
+    """
+    lead = leads(suits, is_member)
+    with_mates = BIAS + OF_LEAD * lead + OF_SIZE * relative_sizes(is_member)
+    odds = np.where(is_alone(is_member), BIAS_ALONE + OF_LEAD_ALONE * lead, with_mates)
+    return np.asarray(1 / (1 + np.exp(-odds)))

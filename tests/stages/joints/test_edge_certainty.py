@@ -1,0 +1,55 @@
+"""How sure edges of the tree are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model import Topology
+from skelgen.stages.joints import JointConstraints
+from skelgen.stages.joints.edge_certainty import with_certainty
+
+
+def chain(rival_cost):
+    """Three limbs in a row, and what the joint between the outer two costs."""
+    costs = np.array([[0.0, 1.0, rival_cost], [1.0, 0.0, 1.0], [rival_cost, 1.0, 0.0]])
+    return Topology([-1, 0, 1], costs, np.zeros((4, 2, 3)), [0, 0], [1.0, 1.0], 0.1)
+
+
+TURNS = np.full((3, 3), 0.3)  # rad
+
+
+def certain(rival_cost, turns=TURNS, constraints=None):
+    return with_certainty(chain(rival_cost), turns, constraints or JointConstraints())
+
+
+def test_an_edge_is_surer_the_dearer_the_next_one_is():
+    dearer = [certain(cost).edge_probability.min() for cost in (1.0, 1.5, 4.0, 50.0)]
+    assert np.all(np.diff(dearer) > 0)
+    assert dearer[0] < 0.5
+    assert dearer[-1] > 0.98
+
+
+def test_of_two_equal_edges_neither_is_likelier():
+    tied = certain(1.0)
+    assert tied.doubtful.tolist() == [0, 1]
+    np.testing.assert_allclose(tied.rival_probability, tied.edge_probability, atol=0.02)
+
+
+def test_limbs_that_hardly_turn_are_less_sure_neighbours():
+    assert (certain(2.0, turns=0.1 * TURNS).edge_probability < certain(2.0).edge_probability).all()
+
+
+def test_what_the_user_states_is_sure():
+    joined = certain(1.0, constraints=JointConstraints(joined=((1, 2),)))
+    assert joined.edge_probability[1] == 1.0
+    assert joined.rival_probability[1] == 0.0
+    assert joined.doubtful.tolist() == [0]
+    given = certain(1.0, constraints=JointConstraints(parents=np.array([-1, 0, 1])))
+    assert given.edge_probability.tolist() == [1.0, 1.0]
+
+
+def test_joint_without_another_has_no_rival():
+    alone = Topology([-1, 0], [[0, 3.0], [3.0, 0]], np.zeros((4, 1, 3)), [0], [1.0], 0.1)
+    found = with_certainty(alone, np.full((2, 2), np.nan), JointConstraints())
+    assert found.rival_probability.tolist() == [0.0]
+    assert found.edge_probability[0] > 0.9

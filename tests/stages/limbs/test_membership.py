@@ -1,0 +1,55 @@
+"""How sure it is that markers are on their limbs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.errors import InputError
+from skelgen.model import Limbs, Trajectories
+from skelgen.stages.limbs import LimbConstraints, find_limbs
+
+
+def test_markers_of_rigid_limbs_are_sure_and_shares_are_probabilities(simulated):
+    limbs = find_limbs(simulated("human", n_frames=300, noise=0.3).take)
+    assert np.median(limbs.probability) > 0.95
+    assert not len(limbs.doubtful)
+    assert (limbs.membership.sum(axis=1) < 1 + 1e-9).all()
+
+
+def test_a_marker_between_two_limbs_is_the_least_sure_and_named_with_both(simulated, notices):
+    case = simulated("human", n_frames=300, noise=0.3)
+    first, second = case.truth.edges[0]
+    on_first, on_second = (np.flatnonzero(case.truth.limb_of_marker == limb) for limb in (first, second))
+    positions = case.take.positions.copy()
+    positions[:, on_first[0]] = (positions[:, on_first[1:]].mean(axis=1) + positions[:, on_second].mean(axis=1)) / 2
+    take = Trajectories(positions, case.take.names, case.take.rate)
+    limbs = find_limbs(take, monitor=notices)
+    assert np.nanargmin(limbs.probability) == on_first[0]
+    assert limbs.doubtful[0] == on_first[0]
+    said = [sentence for sentence in notices.sentences if sentence.startswith(case.take.names[on_first[0]])]
+    assert "could be on" in said[0]
+
+
+def test_what_the_user_states_is_sure(simulated):
+    case = simulated("human", n_frames=300, noise=0.3)
+    pair = (case.take.names[0], case.take.names[-1])
+    limbs = find_limbs(case.take, constraints=LimbConstraints(together=(pair,)))
+    assert limbs.probability[[0, -1]].tolist() == [1.0, 1.0]
+    apart = find_limbs(case.take, constraints=LimbConstraints(apart=(case.take.names[:2],)))
+    assert apart.membership[0, apart.limb_of_marker[1]] == 0.0
+
+
+def test_the_next_limb_is_the_most_likely_other_one_or_none():
+    membership = [[0.55, 0.45, 0.0], [0.1, 0.6, 0.05], [0.0, 0.0, 1.0], [np.nan] * 3]
+    limbs = Limbs([0, 1, 2, -1], np.zeros((4, 4)), membership=membership)
+    rivals, shares = limbs.rivals
+    assert rivals.tolist() == [1, -1, -1, -1]
+    np.testing.assert_allclose(shares, [0.45, 0.25, 0.0, np.nan])
+    assert limbs.doubtful.tolist() == [0, 1]
+    assert not len(Limbs([0, 0], np.zeros((2, 2))).doubtful)
+
+
+def test_more_than_certain_is_refused():
+    with pytest.raises(InputError, match="no probabilities"):
+        Limbs([0, 0], np.zeros((2, 2)), membership=[[1.5], [0.5]])
