@@ -1,8 +1,9 @@
 """Several takes of one body calibrated together: one skeleton from the frames of all, and the motion of each take.
 
-The longest take is reconstructed by itself. Its skeleton labels the others, by names or by rigidity, so that markers
-are the same in all takes. Limbs, joints and lengths are then found from all frames at once, and
-each take is posed by the result. A marker that moved between takes counts as two markers.
+Labelled takes with the same names are put one after the other. Otherwise the longest take is reconstructed by itself,
+and its skeleton labels the others, by names or by rigidity, so that markers are the same in all takes. Limbs, tree,
+joints and lengths are then found from all frames at once, and each take is posed by the result. A marker that moved
+between takes counts as two markers.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.app.configuration import Settings
+from skelgen.app.named_takes import are_named_alike, moved_markers
 from skelgen.app.pipeline import run_stages
 from skelgen.app.subject import check_subject
 from skelgen.errors import InputError
@@ -61,13 +63,8 @@ def calibrate_together(
     """
     settings = settings or Settings()
     checked = _checked(takes)
-    first = max(range(len(checked)), key=lambda index: checked[index].n_frames)
-    monitor.notice(f"markers are those of the longest take, {checked[first].name or f'take {first + 1}'}")
-    base = check_subject(
-        run_stages(Project(checked[first], seed), settings=settings, monitor=monitor), "the longest take"
-    )
-    fits = {index: _fit(take, base, settings, monitor) for index, take in enumerate(checked) if index != first}
-    parts = [base.trajectories if index == first else _own_names(fits[index], base) for index in range(len(checked))]
+    labelled = _by_names(checked, settings, seed, monitor) or _by_skeleton(checked, settings, seed, monitor)
+    parts = [one.trajectories for one in labelled]
     together = _one_after_the_other(parts)
     titles = ", ".join(take.name or f"take {number}" for number, take in enumerate(checked, start=1))
     report = StageReport({}, 0.0, (f"frames of {len(parts)} takes: {titles}",))
@@ -78,11 +75,62 @@ def calibrate_together(
     for index, (take, part) in enumerate(zip(checked, parts, strict=True)):
         frames = slice(int(ends[index]), int(ends[index + 1]))
         own = replace(together, positions=together.positions[frames], rate=part.rate, name=part.name)
-        report = base.reports["labels"]
-        if index != first:
-            report = StageReport(settings.labels.as_mapping(), 0.0, fits[index].notices)
-        posed.append(_posed(Project(take, seed).with_trajectories(own, report), shared, frames))
+        posed.append(_posed(Project(take, seed).with_trajectories(own, labelled[index].report), shared, frames))
     return SharedSkeleton(shared, tuple(posed))
+
+
+@dataclass(frozen=True, eq=False)
+class _Labelled:
+    """A take whose markers are those of all takes, and how they were found."""
+
+    trajectories: Trajectories
+    report: StageReport
+
+
+def _by_names(
+    takes: Sequence[PointCloud | Trajectories], settings: Settings, seed: int, monitor: Monitor
+) -> list[_Labelled] | None:
+    """Labelled takes by the names of their markers; None where these do not say which marker is which."""
+    named = [take for take in takes if isinstance(take, Trajectories)]
+    if len(named) < len(takes) or not are_named_alike(named):
+        return None
+    reference = max(named, key=lambda take: take.n_frames)
+    moved = [() if take is reference else moved_markers(reference, take) for take in named]
+    if any(names is None for names in moved):
+        return None
+    monitor.notice("markers are known by their names, which are the same in all takes")
+    found = []
+    for take, names in zip(named, moved, strict=True):
+        checked = run_stages(Project(take, seed), None, "labels", settings=settings, monitor=monitor)
+        markers, report = checked.trajectories, checked.reports["labels"]
+        if names:
+            sentence = f"{take.name}: {', '.join(names)} sit elsewhere than in {reference.name}: other markers here"
+            monitor.notice(sentence)
+            report = replace(report, notices=(*report.notices, sentence))
+            other = take.name or "another take"
+            renamed = tuple(f"{name} in {other}" if name in names else name for name in markers.names)
+            markers = replace(markers, names=renamed)
+        found.append(_Labelled(markers, report))
+    return found
+
+
+def _by_skeleton(
+    takes: Sequence[PointCloud | Trajectories], settings: Settings, seed: int, monitor: Monitor
+) -> list[_Labelled]:
+    """Takes whose markers are recognised by the skeleton of the longest."""
+    first = max(range(len(takes)), key=lambda index: takes[index].n_frames)
+    monitor.notice(f"markers are those of the longest take, {takes[first].name or f'take {first + 1}'}")
+    base = check_subject(
+        run_stages(Project(takes[first], seed), settings=settings, monitor=monitor), "the longest take"
+    )
+    found = []
+    for index, take in enumerate(takes):
+        if index == first:
+            found.append(_Labelled(base.trajectories, base.reports["labels"]))
+            continue
+        fit = _fit(take, base, settings, monitor)
+        found.append(_Labelled(_own_names(fit, base), StageReport(settings.labels.as_mapping(), 0.0, fit.notices)))
+    return found
 
 
 def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:

@@ -7,7 +7,7 @@ import numpy as np
 from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph, tree_path
 from skelgen.app.drawing.measures import tidy_places
 from skelgen.app.drawing.poses import find_views, reference_markers
-from skelgen.app.drawing.wording import digits, fixed, listed
+from skelgen.app.drawing.wording import digits, fixed, listed, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen_gui.model import translate
@@ -32,7 +32,7 @@ _ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
 def margin_label(joint: JointCost) -> str:
     """Say how likely the joint's limbs are neighbours, or how many times dearer the best other joint is."""
     if np.isfinite(joint.probability):
-        return f"{100 * joint.probability:.0f} %"
+        return whole_percent(joint.probability)
     return f"{digits(joint.ratio, 2)}×" if np.isfinite(joint.ratio) else ""
 
 

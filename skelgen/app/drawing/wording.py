@@ -115,6 +115,17 @@ def counted(count: int, singular: str, plural: str = "") -> str:
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
 
 
+def whole_percent(probability: float) -> str:
+    """Return a probability as whole percent; what is not quite sure or impossible does not read so.
+
+    Examples
+    --------
+    >>> [whole_percent(probability) for probability in (1.0, 0.999, 0.55, 0.001)]
+    ['100 %', '99 %', '55 %', '1 %']
+    """
+    return f"{100 * probability if probability in (0.0, 1.0) else min(max(100 * probability, 1), 99):.0f} %"
+
+
 def listed(parts: Iterable[str]) -> str:
     """Join parts as a sentence does: ``a, b and c``."""
     words = list(parts)

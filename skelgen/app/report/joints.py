@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen.app.drawing import measures
 from skelgen.app.drawing.graph import CostGraph, JointCost
-from skelgen.app.drawing.wording import digits, fixed, plain
+from skelgen.app.drawing.wording import digits, fixed, plain, whole_percent
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
 from skelgen.kinematics.inverse.motion import MOST_FRAMES, AngleRange
@@ -67,10 +67,10 @@ def _sure(joint: JointCost) -> str:
     """How likely it is that the two limbs are neighbours, and that those of the rival are instead."""
     if np.isnan(joint.probability):
         return "–"
-    own = f"{100 * joint.probability:.0f} %"
+    own = whole_percent(joint.probability)
     if joint.rival is None or not joint.is_doubtful:
         return own
-    return f"{own}, {joint.rival[0]}–{joint.rival[1]} {100 * joint.rival_probability:.0f} %"
+    return f"{own}, {joint.rival[0]}–{joint.rival[1]} {whole_percent(joint.rival_probability)}"
 
 
 def _rival(joint: JointCost) -> str:

@@ -26,10 +26,11 @@ MOST_NAMED = 8
 """Doubtful markers that notices name; nobody reads more."""
 
 # Learned by tests/benchmarks/doubt.py
-BIAS, OF_LEAD, OF_SIZE = 3.01, 0.56, -1.86
-"""Of markers with mates: constant, lead over the next best limb, logarithm of the limb's size over the median size."""
+BIAS, OF_LEAD, OF_SIZE = 2.27, 0.61, -1.49
+"""Of markers with mates: constant, lead over the next best limb, logarithm of the limb's size over the usual
+size."""
 
-BIAS_ALONE, OF_LEAD_ALONE = -2.18, 1.22
+BIAS_ALONE, OF_LEAD_ALONE = -1.84, 0.95
 """Of the only marker of a limb."""
 
 
@@ -118,9 +119,9 @@ def leads(suits: Floats, is_member: Bools) -> Floats:
 
 
 def relative_sizes(is_member: Bools) -> Floats:
-    """Return the logarithm of the size of each marker's limb over the median size, shape (n_markers,); see above."""
-    sizes = is_member.sum(axis=0)
-    return np.asarray(np.log((is_member @ sizes) / np.median(sizes)))
+    """Return the logarithm of the size of each marker's limb over its median, shape (n_markers,); see above."""
+    sizes = is_member @ is_member.sum(axis=0)
+    return np.asarray(np.log(sizes / np.median(sizes)))
 
 
 def own_probability(suits: Floats, is_member: Bools) -> Floats:
