@@ -81,7 +81,7 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
     report = project.reports.get(stage)
     for sentence in report.notices if report is not None else ():
         limbs = _limbs_in(project, sentence)
-        first, _, rest = sentence.partition(" is on limb ")
+        first, _, rest = sentence.partition(" is on ")
         if rest and first in names:
             found.append(Pointer(sentence, None, (names[first],)))
             continue
@@ -116,16 +116,18 @@ def _least_sure(limbs: Limbs, names: Sequence[str]) -> str:
     """The marker that is least sure to be on its limb, with the alternative."""
     marker = int(limbs.doubtful[0])
     rivals, shares = limbs.rivals
-    other = f"limb {rivals[marker]}" if rivals[marker] >= 0 else "alone"
-    own = f"limb {limbs.limb_of_marker[marker]} {100 * limbs.probability[marker]:.0f} %"
+    other = limbs.called(int(rivals[marker])) if rivals[marker] >= 0 else "alone"
+    own = f"{limbs.called(int(limbs.limb_of_marker[marker]))} {100 * limbs.probability[marker]:.0f} %"
     return f"{names[marker]}, {own}, {other} {100 * shares[marker]:.0f} %"
 
 
 def _limbs_in(project: Project, sentence: str) -> list[int]:
-    """The limbs that a sentence names by their numbers."""
+    """The limbs that a sentence names, by their numbers or by what they are called."""
     if not project.has("limbs"):
         return []
     named = {int(number) for pair in _LIMBS.findall(sentence) for number in pair if number}
+    called = enumerate(project.limbs.names)
+    named |= {limb for limb, name in called if re.search(rf"(?<!\w){re.escape(name)}(?!\w)", sentence)}
     return sorted(limb for limb in named if limb < project.limbs.n_limbs)
 
 

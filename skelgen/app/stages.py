@@ -172,7 +172,7 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     check_trajectories(project.trajectories)
     if project.trajectories.are_keypoints:
         return _limbs_of_keypoints(project, options, monitor)
-    from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.limbs import doubt_notices, find_limbs  # noqa: PLC0415 - see the module's docstring
 
     n_limbs = options.n_limbs or stated_number(project, "n_limbs")
     find = partial(
@@ -186,7 +186,10 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
-    return LimbResult(named_limbs(project, limbs, settings.limbs.marker_set, monitor))
+    limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
+    for notice in doubt_notices(limbs, project.trajectories.names):
+        monitor.notice(notice)
+    return LimbResult(limbs)
 
 
 def run_joints(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> JointResult:

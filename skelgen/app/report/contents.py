@@ -247,7 +247,7 @@ def _limbs(project: Project) -> Content:
 def _doubts(limbs: Limbs) -> dict[int, str]:
     """For each marker that may be on another limb: how likely it is on its own, and on the next."""
     rivals, shares = limbs.rivals
-    others = [f"limb {limb}" if limb >= 0 else "alone" for limb in rivals.tolist()]
+    others = [limbs.called(limb) if limb >= 0 else "alone" for limb in rivals.tolist()]
     return {
         marker: f"{100 * limbs.probability[marker]:.0f} %, {others[marker]} {100 * shares[marker]:.0f} %"
         for marker in limbs.doubtful.tolist()

@@ -6,7 +6,8 @@ markers into clusters that are rigid as far as noise can tell, `merging` joins t
 
 from skelgen.stages.limbs.constraints import LimbConstraints
 from skelgen.stages.limbs.distances import rigid_groups
+from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
 
-__all__ = ["LimbConstraints", "LimbParameters", "find_limbs", "rigid_groups"]
+__all__ = ["LimbConstraints", "LimbParameters", "doubt_notices", "find_limbs", "rigid_groups"]

@@ -75,9 +75,9 @@ def doubt_notices(limbs: Limbs, names: Sequence[str]) -> Iterator[str]:
     rivals, shares = limbs.rivals
     for marker in limbs.doubtful[:MOST_NAMED].tolist():
         own, share = 100 * limbs.probability[marker], 100 * shares[marker]
-        other = f"limb {rivals[marker]}" if rivals[marker] >= 0 else "a limb of its own"
-        limb = limbs.limb_of_marker[marker]
-        yield f"{names[marker]} is on limb {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %)"
+        other = limbs.called(int(rivals[marker])) if rivals[marker] >= 0 else "a limb of its own"
+        limb = limbs.called(int(limbs.limb_of_marker[marker]))
+        yield f"{names[marker]} is on {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %)"
     if len(limbs.doubtful) > MOST_NAMED:
         yield f"{len(limbs.doubtful) - MOST_NAMED} more markers are perhaps on another limb"
 

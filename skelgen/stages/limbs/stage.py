@@ -15,7 +15,7 @@ from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_cl
 from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
-from skelgen.stages.limbs.membership import doubt_notices, memberships
+from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
@@ -108,11 +108,8 @@ def find_limbs(
     if len(on_limb):
         sampled = trajectories.positions[frames][:, on_limb]
         membership[on_limb] = memberships(sampled, limb_of_marker[on_limb], named.of(on_limb))
-    limbs = Limbs(limb_of_marker, every.plain, membership=membership)
-    for notice in doubt_notices(limbs, trajectories.names):
-        monitor.notice(notice)
     monitor.advance(1, 1)
-    return limbs
+    return Limbs(limb_of_marker, every.plain, membership=membership)
 
 
 class _Grouping:
