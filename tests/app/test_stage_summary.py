@@ -81,7 +81,8 @@ def test_notices_about_limbs_point_to_their_markers_and_where_they_are_unknown()
     project = run_stages(Project(simulate("human", n_frames=300, noise=0.5, dropouts=0.05).take))
     pointers = {pointer.sentence: pointer for pointer in stage_pointers(project, "skeleton")}
     (turning, *_) = (pointer for sentence, pointer in pointers.items() if "turns about one axis only" in sentence)
-    first, second = map(int, re.search(r"limb (\d+) and (\d+)", turning.sentence).groups())
+    called = re.search(r"between (.+) and (.+?) turns", turning.sentence).groups()
+    first, second = (project.limbs.names.index(name) for name in called)
     limbs = project.limbs.limb_of_marker
     assert turning.markers == tuple(np.flatnonzero((limbs == first) | (limbs == second)))
     assert turning.frame is None
