@@ -137,6 +137,9 @@ def _stated(unit: str) -> float:
     return scale
 
 
+COLON = ":"
+"""Between space of names and name, as in `mixamorig:Hips`."""
+
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]")
 _LARGEST = float(np.finfo(np.float32).max)
 _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
@@ -159,9 +162,18 @@ def check_single_precision(project: Project, title: str) -> None:
         raise WriteError(f"a coordinate is beyond what {title}'s single precision can hold")
 
 
-def bone_names(skeleton: Skeleton) -> tuple[str, ...]:
-    """Return the names of the limbs' bones, as all formats have them: letters, digits and ``_``, each otherwise."""
-    return plain_names([re.sub(r"[.-]", "_", name) for name in skeleton.limb_names])
+def bone_names(skeleton: Skeleton, also: str = "") -> tuple[str, ...]:
+    """Return the names of the limbs' bones: letters, digits and ``_``, each otherwise.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    also : str
+        Characters that the format takes beside these.
+    """
+    wanted = [re.sub(rf"[^A-Za-z0-9_{also}]", "_", name) for name in skeleton.limb_names]
+    return tuple(wanted) if len(set(wanted)) == len(wanted) else plain_names(wanted)
 
 
 def plain_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -179,9 +191,9 @@ def plain_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(distinct)
 
 
-def end_names(skeleton: Skeleton) -> tuple[str, ...]:
-    """Return the names of the joints that end the bones of limbs which carry no other."""
-    return tuple(f"{name}_end" for name in bone_names(skeleton))
+def end_names(skeleton: Skeleton, also: str = "") -> tuple[str, ...]:
+    """Return the names of the joints that end the bones of limbs which carry no other; parameters as `bone_names`."""
+    return tuple(f"{name}_end" for name in bone_names(skeleton, also))
 
 
 def bone_tip(skeleton: Skeleton, limb: int) -> Floats:

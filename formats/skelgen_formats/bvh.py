@@ -38,9 +38,20 @@ from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import bone_names, bone_tip, bone_transforms, lost_in_animations
+from skelgen_formats.bones import COLON, bone_names, bone_tip, bone_transforms, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
+from skelgen_formats.options import (
+    AXES,
+    BONE_NAMES,
+    MM_PER_UNIT,
+    RATE,
+    UNIT,
+    Format,
+    Options,
+    Writable,
+    moving_project,
+    per_mm,
+)
 
 _TITLE = "BVH"
 _WORLD = "world"
@@ -99,7 +110,7 @@ def _hierarchy(skeleton: Skeleton, unit: str) -> Iterator[str]:
 
 def _bone(skeleton: Skeleton, offsets: Floats, limb: int, word: str, margin: str, unit: str) -> Iterator[str]:
     channels = f"6 {_PLACES} {_TURNS}" if skeleton.parents[limb] < 0 else f"3 {_TURNS}"
-    yield from (f"{margin}{word} {bone_names(skeleton)[limb]}", margin + "{")
+    yield from (f"{margin}{word} {bone_names(skeleton, COLON)[limb]}", margin + "{")
     yield f"{margin}  OFFSET {_place(offsets[limb], unit)}"
     yield f"{margin}  CHANNELS {channels}"
     children = np.flatnonzero(skeleton.parents == limb).tolist()
@@ -170,6 +181,6 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT, RATE),
+    options=(AXES, UNIT, RATE, BONE_NAMES),
     note="One file; several roots hang on one that stays still. Read with channels in any order.",
 )

@@ -16,8 +16,15 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import bone_names, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
-from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
+from skelgen_formats.bones import (
+    COLON,
+    bone_names,
+    bone_transforms,
+    check_single_precision,
+    scaled_poses,
+    xyzw_from_matrix,
+)
+from skelgen_formats.options import AXES, BONE_NAMES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
 
 _TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
@@ -67,7 +74,7 @@ def _write(path: Path, lines: Iterator[str]) -> None:
 
 def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
     reference_pose = scaled_poses(skeleton.reference_pose, per_mm(unit))
-    order, names = skeleton.outward.tolist(), bone_names(skeleton)
+    order, names = skeleton.outward.tolist(), bone_names(skeleton, COLON)
     bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
     yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
     for bone, limb in enumerate(order):
@@ -127,6 +134,6 @@ FORMAT = Format(
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT, RATE),
+    options=(AXES, UNIT, RATE, BONE_NAMES),
     note="Two files are written, .xsf and .xaf.",
 )

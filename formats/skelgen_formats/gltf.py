@@ -26,6 +26,7 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
+    COLON,
     along_bones,
     bone_end,
     bone_facts,
@@ -40,6 +41,7 @@ from skelgen_formats.bones import (
     xyzw_from_matrix,
 )
 from skelgen_formats.options import (
+    BONE_NAMES,
     METRES,
     RATE,
     Format,
@@ -138,7 +140,7 @@ def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> 
     ]
     nodes += _bones(skeleton, rest, turns, ends)
     lengths = [float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ends]
-    names = end_names(skeleton)
+    names = end_names(skeleton, COLON)
     nodes += [{"name": names[one], "translation": [0.0, way, 0.0]} for one, way in zip(ends, lengths, strict=True)]
     shown = [_SKELETON_NODE]
     document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
@@ -162,7 +164,7 @@ def _node(limb: int) -> int:
 
 def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int]) -> Iterator[dict[str, object]]:
     """Yield the nodes of the limbs; those of `ends` carry a node that stands behind all limbs, in that order."""
-    facts, names = bone_facts(skeleton, turns), bone_names(skeleton)
+    facts, names = bone_facts(skeleton, turns), bone_names(skeleton, COLON)
     for limb in range(skeleton.n_limbs):
         translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
         node: dict[str, object] = {"name": names[limb], "translation": translation.tolist()}
@@ -237,6 +239,6 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(UPRIGHT, METRES, RATE),
+    options=(UPRIGHT, METRES, RATE, BONE_NAMES),
     note="Skin, joints, animation, and markers as points that ride on their limbs; metres by default.",
 )

@@ -79,6 +79,8 @@ class Options:
         Whether the vectors of classic XML are texts of ten digits.
     xml_detail : str
         How much the classic XML holds of every frame: ``motion``, ``joints`` or ``all``.
+    bone_names : str
+        What bones are called, a choice of `BONE_NAMES`.
     """
 
     axes: str = AS_RECORDED
@@ -97,6 +99,7 @@ class Options:
     density: float = 1000.0
     compact: bool = False
     xml_detail: str = "motion"
+    bone_names: str = "own"
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,16 @@ AXES = Option(
     reading=False,
 )
 """The registry turns the value before it is written, for every format that offers this."""
+
+OWN_NAMES = "own"
+BONE_NAMES = Option(
+    "bone_names",
+    OWN_NAMES,
+    "What bones of a person are called: as the limbs are, or as others call them; limbs that these lack are left out.",
+    (OWN_NAMES, "mixamo", "unreal", "unity", "cmu", "opensim", "smpl"),
+    reading=False,
+)
+"""The registry renames the limbs before they are written, for every format that offers this."""
 
 UNIT = Option("unit", "mm", "Unit of the lengths in the file.", ("mm", "cm", "m"), reading=False)
 METRES = replace(UNIT, default="m")

@@ -42,6 +42,7 @@ from skelgen_formats.bones import (
 )
 from skelgen_formats.options import (
     AXES,
+    BONE_NAMES,
     METRES,
     MM_PER_UNIT,
     RATE,
@@ -278,6 +279,6 @@ FORMAT = Format(
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(AXES, METRES, RATE, TIME_CODES),
+    options=(AXES, METRES, RATE, TIME_CODES, BONE_NAMES),
     note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",
 )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skelgen_formats import registry
+from skelgen_formats.bone_profiles import remarks_on_bone_names
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
 
@@ -151,7 +152,8 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps else ()
-    return (*losses, *entry.remarks(project, options), *choices, *marking)
+    called = remarks_on_bone_names(project, options.bone_names)
+    return (*losses, *entry.remarks(project, options), *called, *choices, *marking)
 
 
 def export_project(

@@ -1,0 +1,143 @@
+"""Bones called as other programs call those of a person; limbs that such a profile lacks are left out."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.model import Joint, Motion, Project, Skeleton
+from skelgen.model.arrays import Ints
+from skelgen.model.topology import joint_children
+from skelgen_formats.options import OWN_NAMES, Writable
+
+_SIDES = ("left", "right")
+
+
+def with_bone_names(value: Writable, profile: str) -> Writable:
+    """Return a project whose limbs are called as a profile calls them, without those that it lacks.
+
+    Limbs that the profile has no name for are left out from the tips inward; one that carries a bone of the profile
+    stays with its own name. Values that are no finished project stay as they are.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What will be written.
+    profile : str
+        One of the choices of `BONE_NAMES`.
+
+    Raises
+    ------
+    WriteError
+        If no limb is known as one of a person.
+    """
+    if profile == OWN_NAMES or not isinstance(value, Project) or not value.has("skeleton"):
+        return value
+    skeleton = value.skeleton
+    names = _profile_names(skeleton, profile)
+    if not names:
+        raise WriteError(
+            f"no limb is known as one of a person, so that none has a name of {_profiles()[profile]['title']}; name "
+            "them first: skelgen run --marker-set or --names"
+        )
+    kept = _kept(skeleton, names)
+    called = tuple(names.get(limb, skeleton.limb_names[limb]) for limb in range(skeleton.n_limbs))
+    return _of_limbs(value, replace(skeleton, limb_names=called), kept)
+
+
+def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:
+    """Say which limbs a profile leaves out, and what its users will miss.
+
+    Parameters
+    ----------
+    project : Project
+        Finished.
+    profile : str
+        One of the choices of `BONE_NAMES`.
+    """
+    if profile == OWN_NAMES:
+        return ()
+    skeleton, title = project.skeleton, str(_profiles()[profile]["title"])
+    names = _profile_names(skeleton, profile)
+    kept = set(_kept(skeleton, names).tolist())
+    lost = [skeleton.limb_names[limb] for limb in range(skeleton.n_limbs) if limb not in kept]
+    odd = [skeleton.limb_names[limb] for limb in sorted(kept) if limb not in names]
+    remarks = [f"{title} has no bone for {', '.join(lost)}: left out."] if lost else []
+    remarks += [f"{title} has no bone for {', '.join(odd)}, which carry others: kept by their names."] if odd else []
+    if names and "pelvis" in skeleton.limb_names and skeleton.limb_names.index("pelvis") not in skeleton.roots:
+        remarks.append(f"{title} has the pelvis as root: find the tree with --root and a marker of the pelvis.")
+    return tuple(remarks)
+
+
+@cache
+def _profiles() -> Mapping[str, Any]:
+    text = Path(__file__).with_name("tables").joinpath("bone_names.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def _profile_names(skeleton: Skeleton, profile: str) -> dict[int, str]:
+    """The profile's name of each limb that it has a bone for."""
+    table = _profiles()[profile]
+    found = {}
+    for limb, name in enumerate(skeleton.limb_names):
+        side = next((side for side in _SIDES if name.startswith(f"{side} ")), "")
+        segment = name.removeprefix(f"{side} ")
+        pattern = table["names"].get(segment)
+        if segment == "chest" and "abdomen" not in skeleton.limb_names:
+            pattern = table["trunk"]
+        if pattern is not None and ("{}" in pattern) == bool(side):
+            found[limb] = str(pattern).format(table.get(side, ""))
+    return found
+
+
+def _kept(skeleton: Skeleton, names: Mapping[int, str]) -> Ints:
+    """Limbs that have a name or carry one that has, shape (n_kept,), rising."""
+    carries = np.isin(np.arange(skeleton.n_limbs), list(names))
+    for limb in skeleton.outward[::-1].tolist():
+        if carries[limb] and skeleton.parents[limb] >= 0:
+            carries[skeleton.parents[limb]] = True
+    return np.flatnonzero(carries)
+
+
+def _of_limbs(project: Project, skeleton: Skeleton, kept: Ints) -> Project:
+    """The project with some of its limbs alone; markers of the others are left out."""
+    new = np.full(skeleton.n_limbs + 1, -1)
+    new[kept] = np.arange(len(kept))  # the last entry says that none stays none
+    parents = new[skeleton.parents[kept]]
+    above = {int(new[joint.child]): index for index, joint in enumerate(skeleton.joints)}
+    joints = [above[child] for child in joint_children(parents).tolist()]
+    limb_of_marker = new[skeleton.limb_of_marker]
+    gone = (limb_of_marker < 0)[:, np.newaxis]
+
+    def renumbered(joint: Joint) -> Joint:
+        return replace(joint, parent=int(new[joint.parent]), child=int(new[joint.child]))
+
+    reduced = replace(
+        skeleton,
+        parents=parents,
+        joints=tuple(renumbered(skeleton.joints[index]) for index in joints),
+        limb_of_marker=limb_of_marker,
+        marker_offsets=np.where(gone, np.nan, skeleton.marker_offsets),
+        reference_pose=skeleton.reference_pose[kept],
+        length_std=None,
+        loops=tuple(renumbered(loop) for loop in skeleton.loops if min(new[loop.parent], new[loop.child]) >= 0),
+        limb_names=tuple(skeleton.limb_names[limb] for limb in kept.tolist()),
+    )
+    motion = project.motion
+    moved = Motion(
+        motion.world_from_limb[:, kept],
+        motion.joint_positions[:, joints],
+        np.where(gone, np.nan, motion.marker_positions),
+        np.where(gone[:, 0], np.nan, motion.residuals),
+        motion.limb_seen[:, kept],
+        motion.rate,
+        None if motion.joint_std is None else motion.joint_std[:, joints],
+    )
+    return project.with_skeleton(reduced, moved, project.reports["skeleton"])
