@@ -1,7 +1,7 @@
 """What the user states: corrections of markers, limbs and joints, and identities of points; every later run obeys."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -262,7 +262,10 @@ class Identities:
     source: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "entries", tuple(self.entries))
+        entries = tuple(self.entries) if isinstance(self.entries, Iterable) else (self.entries,)
+        if not all(isinstance(entry, Identity) for entry in entries):
+            raise InputError("identities are made of statements: Identities((Identity('LFHD', frame=0, point=3),))")
+        object.__setattr__(self, "entries", entries)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -148,6 +148,12 @@ class TestTracks:
         assert most_doubtful_link(self.POINTS, np.arange(30), 0, 29) == self.JUMP - 1
 
 
+@pytest.mark.parametrize("entries", [5, "LFHD", [("LFHD", 0)]])
+def test_identities_are_made_of_statements_and_of_nothing_else(entries):
+    with pytest.raises(InputError, match="made of statements"):
+        Identities(entries)
+
+
 def test_one_name_cannot_be_two_points_of_a_frame(hidden):
     with pytest.raises(InputError, match="another point of frame 4 has this name"):
         label_markers(
