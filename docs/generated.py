@@ -105,6 +105,23 @@ public repositories have, made by the tests. What is not named was not tried.
 
 Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
 sensors alone, Motive with Euler angles or local coordinates. The error says what to export instead.
+
+What is written was opened with these, in every case by the tests:
+
+| program | version | opened | found |
+| --- | --- | --- | --- |
+| Blender (bpy) | 5.0.1 | glTF, USD, BVH | 20 frames within 0.05 mm; bones along their limbs; speed; USD's range of frames |
+| OpenSim | 4.6 | model, motion, setup, TRC | poses, inverse kinematics, masses, ranges, upright at zero |
+| MuJoCo | 4.0.0 | MJCF, URDF | poses, masses and inertias, ranges, gravity |
+| PyBullet | 3.2.7 | URDF | poses, masses |
+| yourdfpy | 0.0.60 | URDF | poses, zero, axes, inertias |
+| Khronos' glTF validator | 2.0.0-dev.3.10 | glTF | no error, no warning |
+| usd-core | 26.11 | USD | poses, its own validators |
+| bvhio | 1.5.4 | BVH | poses |
+| Cal3D | 0.11 of Debian | XSF, XAF | poses |
+| ezc3d, c3d | 1.7.2, 0.6 | C3D | markers and joints |
+
+Unity, Unreal and Maya were not tried.
 """
 KEPT = """## What a written file keeps
 

@@ -71,6 +71,13 @@ def test_inverse_kinematics_of_opensim_returns_the_angles(files, tmp_path, monke
         assert np.abs(theirs[name] - angles).max() < (1e-3 * POSITION_MM if name[-2] == "t" else ANGLE_DEG), name
 
 
+def test_times_of_motion_and_markers_are_the_same_short_numbers(files):
+    rows = [path.read_text().splitlines() for path in (files[1], files[2])]
+    motion = [line.split("\t")[0] for line in rows[0][7:]]
+    markers = [line.split("\t")[1] for line in rows[1][6:]]
+    assert motion == markers == [repr(round(frame * 0.02, 2)) for frame in range(40)]
+
+
 def test_masses_and_inertias_are_those_of_capsules(jointed_project, tmp_path):
     model = opensim.Model(str(write_file(jointed_project, tmp_path / "walk.osim", density=700.0)[0]))
     for limb in range(jointed_project.skeleton.n_limbs):
