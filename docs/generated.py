@@ -110,7 +110,7 @@ What is written was opened with these, in every case by the tests:
 
 | program | version | opened | found |
 | --- | --- | --- | --- |
-| Blender (bpy) | 5.0.1 | glTF, USD, BVH | 20 frames within 0.05 mm; bones along their limbs; speed; USD's range of frames |
+| Blender (bpy) | 5.0.1 | glTF, USD, BVH | 20 frames within 0.05 mm; bones along limbs; speed; USD's range |
 | OpenSim | 4.6 | model, motion, setup, TRC | poses, inverse kinematics, masses, ranges, upright at zero |
 | MuJoCo | 4.0.0 | MJCF, URDF | poses, masses and inertias, ranges, gravity |
 | PyBullet | 3.2.7 | URDF | poses, masses |

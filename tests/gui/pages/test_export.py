@@ -93,7 +93,7 @@ def test_options_of_the_format_are_a_form_and_are_obeyed(page, click, tmp_path, 
     assert set(page.form.rows) == {"dropout", "axes", "unit", "rate", "filled"}
     page.form.rows["dropout"].editor.setCurrentText("zero")
     click(page.export)
-    back = skelgen.read(tmp_path / "out" / "walk.csm", dropout="zero")
+    back = skelgen.read(tmp_path / "out" / "walk.csm")
     assert back.n_markers == session.project.trajectories.n_markers
     assert "DROPOUT" not in (tmp_path / "out" / "walk.csm").read_text()
 
