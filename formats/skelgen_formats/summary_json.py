@@ -180,6 +180,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
             "range_of_motion": _turns(observed[index].motion),
             "not_determined": observed[index].sentence or None,
+            "to_do": observed[index].advice or None,
             **_fields(joint, "is_determined", "open_directions"),
         }
         for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,8 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
 def _with_skeleton(
     project: Project, subject: Project, limbs: Limbs, found: tuple[Skeleton, Motion], report: StageReport
 ) -> Project:
+    if np.array_equal(limbs.limb_of_marker, subject.limbs.limb_of_marker):
+        limbs = replace(limbs, membership=subject.limbs.membership)
     done = project.with_limbs(limbs, StageReport({}, 0.0, report.notices))
     done = done.with_topology(subject.topology.for_take(project.take.n_frames), StageReport({}, 0.0, report.notices))
     return done.with_skeleton(*found, report)

@@ -204,7 +204,10 @@ _TITLES = {
     "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }
-_LONG = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column
+_LONG = (
+    "not_determined",
+    "to_do",
+)  # sentences: they are said as notes while the stages run, and are too long for a column
 
 
 def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skelgen_formats.options import PARTS
@@ -130,6 +132,19 @@ def test_what_is_lost_is_said(small_project, tmp_path):
     # Coordinates reach between 2 and 4 m; of the 24 bits of f32 that leaves 2^-12 mm.
     assert "Positions are rounded to single precision, to 0.0002 mm." in remarks("c3d")
     assert any("trc" in sentence and "walk.filled.csv" in sentence for sentence in remarks("trc", filled=True))
+
+
+@pytest.mark.parametrize("name", ["bvh", "opensim", "urdf", "mjcf", "c3d-joints"])
+def test_joints_whose_place_is_a_choice_are_said_and_marked(small_project, tmp_path, name):
+    joints = tuple(replace(joint, open_directions=3) for joint in small_project.skeleton.joints)
+    project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
+    entry = next(one for one in export_formats() if one.name == name)
+    path = export_path(tmp_path, "open", entry)
+    (said,) = [one for one in preview_export(project, entry, path, {}).remarks if "their places are a choice" in one]
+    assert project.skeleton.joint_names[0] in said
+    if name in {"opensim", "urdf", "mjcf"}:
+        written = export_project(project, entry, path, {})
+        assert f"<!--{said}-->" in written[0].read_text()
 
 
 def test_names_that_csm_writes_otherwise_are_said(tmp_path):

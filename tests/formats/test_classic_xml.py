@@ -144,6 +144,14 @@ def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small
     assert back.name == small_project.name
 
 
+def test_directions_that_motion_leaves_open_come_back(small_project, tmp_path):
+    joints = tuple(replace(joint, open_directions=2) for joint in small_project.skeleton.joints)
+    project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
+    back = read_classic_xml(write_classic_xml(project, tmp_path / "open.xml")[0]).skeleton.joints
+    assert {joint.open_directions for joint in back} == {2}
+    assert not any(joint.is_determined for joint in back)
+
+
 def test_raw_joints_come_back_exactly_with_unknown_frames(file, small_project):
     back = read_classic_xml(file).raw_joint_positions
     assert np.array_equal(back, small_project.topology.raw_joint_positions, equal_nan=True)

@@ -136,7 +136,7 @@ def _angles(project: Project, graph: CostGraph) -> Content:
         "rows": rows,
         "figures": figures,
         "n_open": _OPEN_FIGURES,
-        "sentences": [seen.sentence for seen in observed if seen.sentence],
+        "sentences": [seen.notice for seen in observed if seen.sentence],
     }
 
 

@@ -16,6 +16,9 @@ DETERMINED_PART = 0.1
 STILL = np.deg2rad(2.0)
 """rad; a joint with a smaller range does not turn."""
 
+ALIGNED = 0.8
+"""Cosine from which two directions are one to somebody who moves."""
+
 ALL_OF_IT = 0.99
 """Of the limb's size: a position with a larger standard deviation is not determined at all."""
 
@@ -49,7 +52,7 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     """
     if not len(relative):
         return RangeOfMotion(np.eye(3), np.zeros(3))
-    middle = nearest_rotation(relative.mean(axis=0))
+    middle = middle_of(relative)
     turns = relative_vectors(*contiguous(middle[np.newaxis], relative)) @ middle.T
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
@@ -75,6 +78,8 @@ class Observed:
         In how many directions the position is not determined.
     sentence : str
         What is not determined, in words; empty if all is.
+    advice : str
+        Which motion would determine it; empty if all is determined, or no motion of a hinge would.
     """
 
     motion: RangeOfMotion
@@ -82,6 +87,12 @@ class Observed:
     open_std: float
     n_open: int
     sentence: str
+    advice: str = ""
+
+    @property
+    def notice(self) -> str:
+        """What is not determined, and which motion would determine it; empty if all is."""
+        return f"{self.sentence}; {self.advice}" if self.sentence and self.advice else self.sentence
 
 
 def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
@@ -99,7 +110,8 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
         frames = evenly_spread(shown, MOST_FRAMES)
         parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
-        turned = range_of_motion(parent.swapaxes(1, 2) @ child)
+        relative = parent.swapaxes(1, 2) @ child
+        turned = range_of_motion(relative)
         covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
@@ -109,8 +121,44 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
             unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its type"
             sentence = f"{unknown}; {sentence}" if sentence else unknown
         n_open = int((values > (DETERMINED_PART * size) ** 2).sum())
-        found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence))
+        advice = ""
+        if n_open > (joint.kind == "hinge") or joint.kind == "undetermined":
+            markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
+            along = (
+                middle_of(relative) @ (markers - joint.position_in_child).mean(axis=0) if len(markers) else np.zeros(3)
+            )
+            advice = _missing_motion(joint.child, turned, vectors[:, -1] if n_open else None, along)
+        found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence, advice))
     return tuple(found)
+
+
+def middle_of(relative: Floats) -> Floats:
+    """Return the mean of rotations, shape (n_frames, 3, 3); none at all if there are no frames."""
+    return nearest_rotation(relative.mean(axis=0)) if len(relative) else np.eye(3)
+
+
+def _missing_motion(limb: int, motion: RangeOfMotion, open_direction: Floats | None, along: Floats) -> str:
+    """Say which motion would determine a joint: a turn about an axis across the direction that is open.
+
+    Parameters
+    ----------
+    limb : int
+        The child.
+    motion : RangeOfMotion
+        Of the joint.
+    open_direction : ndarray, shape (3,), or None
+        Unit vector in the parent; None where only the type is open.
+    along : ndarray, shape (3,), mm
+        From the joint to the middle of the child's markers, in the parent.
+    """
+    if motion.ranges[0] < STILL:
+        return f"bend and turn limb {limb}"
+    across = np.ones(3, dtype=np.bool_)
+    if open_direction is not None:
+        across = np.abs(motion.directions @ open_direction) < ALIGNED
+    axis = motion.directions[np.flatnonzero(across)[-1] if across.any() else -1]
+    is_long = abs(axis @ along) > ALIGNED * np.linalg.norm(along)
+    return f"turn limb {limb} about its long axis" if is_long else f"swing limb {limb} in another plane"
 
 
 def limb_size(skeleton: Skeleton, limb: int) -> float:

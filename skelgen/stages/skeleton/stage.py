@@ -86,7 +86,7 @@ def fit_skeleton(
         motion = replace(motion, rate=parameters.frames_per_second)
     notices = [*_unseen_notices(motion), *_outlier_notices(n_outliers, trajectories)]
     notices += [notice for one in fitted if one.loops for notice in loop_notices(one.loops, one.body.limbs)]
-    for notice in (*notices, *(joint.sentence for joint in observed if joint.sentence)):
+    for notice in (*notices, *(joint.notice for joint in observed if joint.sentence)):
         monitor.notice(notice)
     return skeleton, motion
 

@@ -35,7 +35,7 @@ def test_limbs_that_never_move_have_no_range():
 def joined():
     """`joined(kind, ranges [deg], deviations [mm])`: two limbs of `SIZE` whose joint turns and is known as stated."""
 
-    def make(kind, ranges, deviations):
+    def make(kind, ranges, deviations, along=(0, 0, 0)):
         turns = swing(ranges)
         world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
         world[:, 1, :3, :3] = turns
@@ -43,6 +43,7 @@ def joined():
         covariance = np.diag(np.square(deviations)).astype(float)
         joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.array(deviations), covariance=covariance)
         offsets = np.array([[SIZE, 0, 0], [0, SIZE, 0], [0, 0, SIZE]] * 2)
+        offsets[3:] += 3 * SIZE * np.array(along)
         labels, pose = np.repeat([0, 1], 3), np.tile(np.eye(4), (2, 1, 1))
         skeleton = Skeleton(np.array([-1, 0]), (joint,), labels, offsets, np.zeros(6), pose)
         nothing = np.zeros((len(turns), 6, 3))
@@ -87,6 +88,25 @@ def test_determined_place_is_not_talked_about(joined):
 def test_joint_whose_kind_nothing_tells_says_so(joined):
     said = joined("undetermined", (5, 3, 2), [1, 1, 1]).sentence
     assert said == "the joint between limb 0 and 1 turns too little to tell its type"
+
+
+@pytest.mark.parametrize(
+    ("turns", "along", "advice"),
+    [
+        ((60, 30, 2), (0, 0, 1), "turn limb 1 about its long axis"),
+        ((60, 30, 2), (0, 1, 0), "swing limb 1 in another plane"),
+        ((1, 0, 0), (0, 0, 1), "bend and turn limb 1"),
+    ],
+)
+def test_the_motion_that_would_determine_a_joint_is_named(joined, turns, along, advice):
+    seen = joined("ball", turns, [80, 1, 1], along)  # open along x: turns about y or z are missing
+    assert seen.advice == advice
+    assert seen.notice == f"{seen.sentence}; {advice}"
+
+
+def test_no_motion_is_asked_of_a_hinge(joined):
+    assert joined("hinge", (60, 0, 0), [41, 1, 1]).advice == ""
+    assert joined("ball", (60, 30, 10), [1, 1, 1]).notice == ""
 
 
 def test_joint_without_frames_that_show_it_has_no_range():
