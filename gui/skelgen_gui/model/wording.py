@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from skelgen.app.drawing.wording import whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model import translate
@@ -56,10 +57,10 @@ def _membership(marker: int, project: Project) -> list[str]:
     limbs = project.limbs
     if limbs.membership is None:
         return []
-    (rivals, shares), own = limbs.rivals, 100 * limbs.probability[marker]
+    (rivals, shares), own = limbs.rivals, whole_percent(float(limbs.probability[marker]))
     other = limb_words(project, int(rivals[marker])) if rivals[marker] >= 0 else _tr("a limb of its own")
-    words = _tr("there with {own:.0f} %, on {other} with {share:.0f} %")
-    return [words.format(own=own, other=other, share=100 * shares[marker])]
+    words = _tr("there with {own}, on {other} with {share}")
+    return [words.format(own=own, other=other, share=whole_percent(float(shares[marker])))]
 
 
 def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
@@ -67,8 +68,8 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     first, second = (limb_words(project, limb) for limb in (parent, child))
     lines = [_tr("joint {joint}: {parent} and {child}").format(joint=joint, parent=first, child=second)]
     if project.topology.edge_probability is not None:
-        words = _tr("these limbs are neighbours with {own:.0f} %")
-        lines.append(words.format(own=100 * project.topology.edge_probability[joint]))
+        words = _tr("these limbs are neighbours with {own}")
+        lines.append(words.format(own=whole_percent(float(project.topology.edge_probability[joint]))))
     if project.has("skeleton"):
         lines.append(_kind(project.skeleton.joints[joint].kind))
         if not project.skeleton.joints[joint].is_determined:

@@ -138,7 +138,8 @@ def test_what_is_under_the_pointer_is_explained(view, session, eye, hand):
     hand.move(view, place.toPoint())
     text = view.note()
     assert session.project.trajectories.names[marker] in text
-    assert f"limb {session.project.limbs.limb_of_marker[marker]}" in text
+    assert session.project.limbs.called(int(session.project.limbs.limb_of_marker[marker])) in text
+    assert "there with " in text
     assert "confidence" in text
     assert "residual" in text
     assert f"{session.project.trajectories.positions[20, marker, 0]:.1f}" in text
@@ -152,7 +153,9 @@ def test_joints_bones_and_filled_markers_are_explained(view, session, eye, hand)
     eye.picture_of(view)
     joints, _ = view.viewpoint.project(session.project.motion.joint_positions[20], view.width(), view.height())
     hand.move(view, QPointF(*joints[0]).toPoint())
-    assert view.note().startswith("joint 0: limbs")
+    called = [session.project.limbs.called(int(limb)) for limb in session.project.topology.edges[0]]
+    assert view.note().startswith(f"joint 0: {called[0]} and {called[1]}")
+    assert "neighbours with " in view.note()
     assert "known to ±" in view.note()
     unseen = np.flatnonzero(~session.project.trajectories.seen[20])
     view.set_shown(replace(eye.BARE, filled=True))
