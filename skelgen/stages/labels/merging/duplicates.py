@@ -67,12 +67,19 @@ def existence(cloud: PointCloud, marker_of_point: Ints) -> float:
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
     """
-    owned = np.flatnonzero(marker_of_point >= 0)
-    owned = owned[np.argsort(marker_of_point[owned], kind="stable")]
-    frame = np.searchsorted(cloud.frame_starts, owned, side="right") - 1
-    gaps = np.diff(frame)[np.diff(marker_of_point[owned]) == 0] - 1
-    gaps = gaps[gaps > 0]
-    return min(MOST_EXISTENCE, cloud.n_frames / float(gaps.mean())) if len(gaps) else MOST_EXISTENCE
+    last = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
+    n_gaps, n_hidden = 0, 0
+    for block in point_labels.blocks_of(cloud):
+        marker = marker_of_point[block.points]
+        order = np.argsort(marker, kind="stable")[int((marker < 0).sum()) :]
+        marker, frame = marker[order], block.first + block.frames[order]
+        before = last[marker]
+        again = np.flatnonzero(np.diff(marker) == 0)
+        before[again + 1] = frame[again]
+        hidden = (frame - before - 1)[(before >= 0) & (frame - before > 1)]
+        n_gaps, n_hidden = n_gaps + len(hidden), n_hidden + int(hidden.sum())
+        last[marker] = frame  # of several the last that is written, the latest
+    return min(MOST_EXISTENCE, cloud.n_frames * n_gaps / n_hidden) if n_hidden else MOST_EXISTENCE
 
 
 def _joined(record: DistanceRecord, least: float) -> Ints:
