@@ -1,5 +1,6 @@
 """Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split."""
 
+from skelgen.stages.repair.exchanged_sensors import exchanged_back
 from skelgen.stages.repair.moves import Move, find_moves, undo_moves
 from skelgen.stages.repair.repair import Repair, RepairParameters, repair_take
 from skelgen.stages.repair.slips import Slip, find_slips, split_slipped
@@ -11,6 +12,7 @@ __all__ = [
     "RepairParameters",
     "Slip",
     "Swap",
+    "exchanged_back",
     "find_moves",
     "find_slips",
     "find_swaps",
