@@ -9,7 +9,6 @@ import numpy as np
 from skelgen.kinematics.upward import find_up, sample_frames
 from skelgen.model import PointCloud, Poses, Take
 from skelgen.model.arrays import Floats
-from skelgen.simulation.people.tables import MARKER_SETS, read_table
 
 _BODY_MM = (300.0, 3000.0)  # what most bodies span
 _SMALLEST_MM, _LARGEST_MM = 20.0, 20_000.0  # extents of what people record, from a hand to a hall
@@ -80,6 +79,8 @@ def _unit(frames: Sequence[Floats]) -> str:
 
 def _suit(names: Sequence[str]) -> str:
     """Return the marker set most of whose names are there."""
+    from skelgen.simulation.people.tables import MARKER_SETS, read_table  # noqa: PLC0415 - scipy.signal is slow to load
+
     there = {_plain(name) for name in names}
     suits = {suit: tuple(read_table("marker_sets")[suit]["markers"]) for suit in MARKER_SETS} | _KEYPOINTS
     common = {suit: sum(_plain(name) in there for name in wanted) for suit, wanted in suits.items()}
