@@ -162,9 +162,15 @@ def joint_constraints(
     return JointConstraints(
         joined=tuple(pair for pair, wanted in is_joint.items() if wanted),
         parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
-        parents=None if options.hierarchy is None else parents_from_names(names, options.hierarchy),
+        parents=None if options.hierarchy is None else parents_from_names(names, _by_name(names, options.hierarchy)),
         root=root if options.root is None else _limb_called(project, options.root),
     )
+
+
+def _by_name(names: Sequence[str], hierarchy: Mapping[str, str]) -> dict[str, str]:
+    """A hierarchy in which limbs that are called limb0, limb1 and so on have their names."""
+    named = {f"limb{limb}": name for limb, name in enumerate(names)} | {name: name for name in names}
+    return {named.get(child, child): named.get(parent, parent) for child, parent in hierarchy.items()}
 
 
 def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
