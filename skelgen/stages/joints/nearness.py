@@ -1,7 +1,9 @@
-"""How near limbs stay to each other all the time: what holds of neighbours in anything articulated.
+"""Which limbs are neighbours, by how near they stay to each other: what holds in anything articulated.
 
-Where limbs hardly turn, or carry one marker or two, the gap of a joint says little: hands that hang still could be
-joined to each other. But a marker of a limb stays near some marker of its neighbour, at a distance that hardly changes.
+Where limbs hardly turn, or carry one marker or two, the gap of a joint says little: hands that hang still, or feet that
+stand, could be joined to each other. But a marker of a limb stays near some marker of its neighbour, at a distance that
+hardly changes, and no third limb lies between the two. How much each of this says is learned, as log odds that two
+limbs are joined.
 """
 
 from collections.abc import Sequence
@@ -20,19 +22,91 @@ FARTHEST = 0.95
 LEAST_COMMON = 8
 """Frames that must show both markers."""
 
-ENOUGH_LIMBS = 4
+ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual."""
 
 SOFT = 0.5
 """Of the usual deviation between neighbours: less says nothing more."""
 
+TINY = 1e-3
+"""mm; also of what is usual."""
+
+SUREST = 8.0
+"""Largest log odds: more would leave joint costs no say."""
+
+TRUST = 0.7
+"""Of the log odds that counts beside joint costs, which tell the same in part."""
+
+FEATURES = (
+    "how far",
+    "how unsteady",
+    "product",
+    "how far / nearest of the limb that has one nearer",
+    "how far / nearest of the other",
+    "how unsteady / steadiest of the limb that has one steadier",
+    "how unsteady / steadiest of the other",
+    "product / least of the limb that has one less",
+    "product / least of the other",
+    "how far / longest step of the way with the shortest steps",
+    "how unsteady / most unsteady step of the steadiest way",
+    "product / largest step of the least way",
+    "limbs nearer to both",
+    "limbs steadier to both",
+    "limbs of less product with both",
+    "how far in the mean / how far",
+    "how many have one marker",
+    "whether both have one marker",
+)
+"""What the columns of `neighbour_features` hold: logarithms, but for the last two. How far is the largest usual
+distance of the two markers for which that is least, how unsteady its deviation likewise; the product is the square of
+the first times the second. All are in units of the median over limbs and their nearest."""
+
+# Learned by tests/benchmarks/learn_nearness.py
+BIAS = 5.020
+WEIGHTS = (
+    -1.777,
+    1.108,
+    0.235,
+    -1.155,
+    0.181,
+    -0.518,
+    -0.495,
+    -0.143,
+    -0.284,
+    -5.134,
+    -1.229,
+    -0.042,
+    0.883,
+    -1.053,
+    -2.230,
+    9.330,
+    1.119,
+    -0.787,
+)
+SQUARE_WEIGHTS = (
+    -0.316,
+    0.056,
+    -0.010,
+    0.078,
+    -0.632,
+    -0.037,
+    -0.071,
+    0.036,
+    0.056,
+    1.010,
+    -0.113,
+    0.170,
+    -0.266,
+    0.341,
+    0.782,
+    3.937,
+    0.449,
+    -0.787,
+)
+
 
 def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
-    """Return how much farther and less steadily each two limbs are apart than neighbours usually are.
-
-    The product of the square of how far, and of the deviation of how far, the pair of markers is for which it is least;
-    each in units of its median over limbs and their nearest. On real people and simulated bodies, with limbs given,
-    joint costs times this choose 97 of 100 joints right where costs alone choose 85.
+    """Return by how much dearer a joint between each two limbs is because they do not stay near each other.
 
     Parameters
     ----------
@@ -44,31 +118,98 @@ def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
     Returns
     -------
     ndarray, shape (n_limbs, n_limbs)
-        Without unit; 1 is usual, also where limbs are never seen together.
+        Without unit; 1 where neither is more likely, also where limbs are never seen together.
     """
     if len(segments) < ENOUGH_LIMBS:
         return np.ones((len(segments), len(segments)))
-    markers = [segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments]
-    places, limb_of = (
-        np.concatenate(markers, axis=1),
-        np.repeat(np.arange(len(markers)), [one.shape[1] for one in markers]),
-    )
-    far, unsteady = np.full((2, len(markers), len(markers)), np.inf)
+    features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])
+    odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
+    odds = np.nan_to_num(odds + odds.T) / 2
+    shares = np.exp(-TRUST * np.clip(odds, -SUREST, SUREST))
+    np.fill_diagonal(shares, 1.0)
+    return np.asarray(shares)
+
+
+def neighbour_features(markers: Sequence[Floats]) -> Floats:
+    """Describe every two limbs by numbers without unit, shape (n_limbs, n_limbs, n_features).
+
+    Limbs that are not seen together have NaN; on the diagonal are zeros.
+
+    Parameters
+    ----------
+    markers : sequence of ndarray, shape (n_frames, n_markers, 3), mm
+        Markers of each limb in the same frames; NaN where unseen.
+    """
+    far, unsteady, product, middle = _nearest_markers(markers)
+    known = np.isfinite(far)
+    ratio = np.log(np.maximum(np.where(known, middle, 1.0) / np.where(known, far, 1.0), TINY))
+    tables = _of_usual(far, 0.0), _of_usual(unsteady, SOFT), _of_usual(product, 0.0)
+    apart = np.diag(np.full(len(far), np.inf))
+    features = list(tables)
+    for table in tables:
+        beyond = table - (table + apart).min(axis=1)[:, np.newaxis]
+        features += [np.maximum(beyond, beyond.T), np.minimum(beyond, beyond.T)]
+    features += [table - _bottlenecks(table) for table in tables]
+    features += [_between(table) for table in (far, unsteady, 2 * tables[0] + tables[1])]
+    is_single = np.array([one.shape[1] == 1 for one in markers], dtype=np.float64)
+    features += [ratio, is_single[:, np.newaxis] + is_single, is_single[:, np.newaxis] * is_single]
+    described = np.where(known[:, :, np.newaxis], np.stack(features, axis=-1), np.nan)
+    described[np.diag_indices(len(far))] = 0.0
+    return described
+
+
+def _nearest_markers(markers: Sequence[Floats]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Largest usual distance [mm], its deviation [mm], their product [mm^3] and mean distance [mm]: least of all pairs.
+
+    Infinite on the diagonal, and where limbs are not seen together.
+    """
+    places = np.concatenate(markers, axis=1)
+    limb_of = np.repeat(np.arange(len(markers)), [one.shape[1] for one in markers])
+    found = np.full((4, len(markers), len(markers)), np.inf)
     for marker, limb in enumerate(limb_of.tolist()):
         gaps = np.sort(np.linalg.norm(places - places[:, [marker]], axis=2), axis=0)  # NaN last
         n_common = (~np.isnan(gaps)).sum(axis=0)
         other = np.flatnonzero((n_common >= LEAST_COMMON) & (limb_of != limb))
-        last = (FARTHEST * (n_common[other] - 1)).astype(np.intp)
-        np.minimum.at(far[limb], limb_of[other], gaps[last, other])
-        rarely = np.sqrt(len(gaps) / n_common[other])  # markers seen together in few frames had little time to move
-        np.minimum.at(unsteady[limb], limb_of[other], rarely * np.nanstd(gaps[:, other], axis=0))
-    shares = _of_usual(far, 0.0) ** 2 * _of_usual(unsteady, SOFT)
-    return np.where(np.isfinite(shares), shares, 1.0)
+        far = gaps[(FARTHEST * (n_common[other] - 1)).astype(np.intp), other]
+        # Markers seen together in few frames had little time to move
+        unsteady = np.sqrt(len(gaps) / n_common[other]) * np.nanstd(gaps[:, other], axis=0)
+        middle = np.nanmean(gaps[:, other], axis=0)
+        for table, value in zip(found, (far, unsteady, far**2 * unsteady, middle), strict=True):
+            np.minimum.at(table[limb], limb_of[other], value)
+    return found[0], found[1], found[2], found[3]
 
 
-def _of_usual(values: Floats, floor: float) -> Floats:
-    """Values in units of the median over limbs of their least, each with `floor` of these added."""
-    least = values.min(axis=1)
-    known = least[np.isfinite(least)]
-    usual = max(float(np.median(known)) if len(known) else 1.0, np.finfo(np.float64).tiny)
-    return np.asarray((values / usual + floor) / (1 + floor))
+def _of_usual(table: Floats, floor: float) -> Floats:
+    """Logarithms of values in units of the median over limbs of their least, with `floor` of these added."""
+    filled = _filled(table)
+    usual = max(float(np.median(filled.min(axis=1))), TINY)
+    logarithms = np.log(np.maximum(filled / usual, TINY) + floor)
+    np.fill_diagonal(logarithms, np.inf)
+    return np.asarray(logarithms)
+
+
+def _filled(table: Floats) -> Floats:
+    """The largest value where a value is not known, infinity on the diagonal."""
+    known = np.isfinite(table)
+    filled = np.where(known, table, table[known].max(initial=TINY))
+    np.fill_diagonal(filled, np.inf)
+    return filled
+
+
+def _bottlenecks(table: Floats) -> Floats:
+    """Largest step of the way between each two limbs whose largest step is least."""
+    steps = table.copy()
+    np.fill_diagonal(steps, -np.inf)
+    for limb in range(len(steps)):
+        np.minimum(steps, np.maximum(steps[:, [limb]], steps[limb]), out=steps)
+    return steps
+
+
+def _between(table: Floats) -> Floats:
+    """Logarithm of one more than how many third limbs have less with both of two."""
+    counted = np.zeros(table.shape)
+    for limb, row in enumerate(table):
+        less = np.maximum(row[:, np.newaxis], row) < table
+        less[limb], less[:, limb] = False, False
+        counted += less
+    return np.log1p(counted)

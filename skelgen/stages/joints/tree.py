@@ -124,9 +124,8 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     unexplained = squares > costs.expected[children, above]
     false = unexplained & (np.sqrt(3 * squares) > LOOSE * radius)
     if len(children) >= ENOUGH_JOINTS:
-        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.order), costs.order, np.nan))
-        own = costs.order[children, above]
-        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * own[i] for i, child in enumerate(children)])
+        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
+        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 

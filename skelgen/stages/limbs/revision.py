@@ -24,14 +24,17 @@ SUREST = 6.0
 STATED = 1e3
 """Log odds of what the user states."""
 
-MERGED = 3.0
+MERGED = 1.0
 """Mean log odds across two limbs from which they are one."""
 
-MOVED = 3.0
+MOVED = 1.0
 """How much larger the mean log odds of a marker with another limb must be than with its own."""
 
-SPLIT = -0.5
+SPLIT = -0.1
 """Mean log odds between two parts of a limb below which they are two."""
+
+SPLIT_ONE = -0.5
+"""The same where a part is a single marker: limbs of one are rarer."""
 
 MOST_CHANGES = 100
 """Ends a search that rounding might prolong."""
@@ -121,15 +124,18 @@ def _split(groups: Ints, odds: Floats) -> Ints | None:
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
     from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
 
-    least, leaving = SPLIT, np.zeros(0, dtype=np.intp)
+    least, leaving = 0.0, np.zeros(0, dtype=np.intp)
     for limb in np.flatnonzero(np.bincount(groups) > 1).tolist():
         members = np.flatnonzero(groups == limb)
         distances = STATED - odds[np.ix_(members, members)]
         np.fill_diagonal(distances, 0.0)
         is_second = fcluster(linkage(squareform(distances, checks=False), "average"), 2, "maxclust") == 2
         one, other = members[~is_second], members[is_second]
-        if len(other) and (mean := float(odds[np.ix_(one, other)].mean())) < least:
-            least, leaving = mean, other
+        if not len(other):
+            continue
+        below = float(odds[np.ix_(one, other)].mean()) - (SPLIT_ONE if min(len(one), len(other)) == 1 else SPLIT)
+        if below < least:
+            least, leaving = below, other
     if not len(leaving):
         return None
     groups = groups.copy()

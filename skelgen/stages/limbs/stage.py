@@ -85,14 +85,15 @@ def find_limbs(
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     deviations, stated = every.of(usable), named.of(usable)
     grouping = _Grouping(trajectories.positions[:, usable], stated, parameters, n_limbs, seed)
-    groups = grouping.voted(frames, deviations)
+    rigid = grouping.voted(frames, deviations)
+    groups = grouping.revised(rigid, frames, deviations)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     limb_of_marker[usable] = groups
     if n_limbs is None:
         # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
         steady = deviations.steady
         known = ~np.isnan(steady)
-        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), rigid)
         usual = sums.neighbour_motion()
         others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
         is_alone = np.bincount(groups)[groups] == 1
@@ -136,13 +137,6 @@ class _Grouping:
         deviations : Deviations
             Of distances over these frames.
         """
-        groups = _numbered_by_first(self._majority(frames, deviations))
-        is_open = self._parameters.method == "rigidity" and self._n_limbs is None
-        if is_open and is_soft(groups, deviations):
-            groups = revised(groups, self._positions[frames], self._constraints)
-        return _numbered_by_first(groups)
-
-    def _majority(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         votes = [self._grouped(frames, deviations)]
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
@@ -152,6 +146,23 @@ class _Grouping:
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
         return self._constrained(majority(votes), deviations.steady)
+
+    def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
+        """Revise the limbs of soft bodies by what all pairs of markers say, unless their number is given.
+
+        Parameters
+        ----------
+        groups : ndarray of intp, shape (n_markers,)
+            What the samplings agree on.
+        frames : ndarray of intp
+            The first sampling.
+        deviations : Deviations
+            Of distances over these frames.
+        """
+        is_open = self._parameters.method == "rigidity" and self._n_limbs is None
+        if is_open and is_soft(groups, deviations):
+            groups = revised(groups, self._positions[frames], self._constraints)
+        return _numbered_by_first(groups)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         return _numbered_by_first(self._constrained(self._clusters(frames, deviations), deviations.steady))
