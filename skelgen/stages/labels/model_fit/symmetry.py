@@ -12,6 +12,7 @@ from itertools import permutations
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
+from skelgen.kinematics.chain.chain import Chain
 from skelgen.kinematics.inverse.root_outward import pose_by_own_markers
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats, Ints
@@ -63,9 +64,10 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
         marker = result[block.points]
         positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
         for tree, of_limbs in zip(model.trees, ways, strict=True):
+            poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0] if of_limbs else positions
             for limb, orders in of_limbs.items():
                 members = tree.markers[tree.chain.limb_of_marker == limb]
-                losses = _losses(tree, limb, orders, positions[:, tree.markers])
+                losses = _losses(tree.chain, limb, orders, positions[:, tree.markers], poses)
                 way = _best_ways(losses / share)
                 if not _is_sure(losses, way):
                     continue
@@ -75,6 +77,7 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
                 marker[owned] = becomes[block.frames[owned], marker[owned]]
                 result[block.points] = marker
                 positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
+                poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
     return result
 
 
@@ -109,13 +112,11 @@ def fitting_orders(places: Floats, tolerance: float) -> Ints:
     return np.asarray(orders[fits], dtype=np.intp)
 
 
-def _losses(tree: Tree, limb: int, orders: Ints, positions: Floats) -> Floats:
+def _losses(chain: Chain, limb: int, orders: Ints, positions: Floats, poses: Floats) -> Floats:
     """Minus the log likelihood of each way in each frame, shape (n_frames, n_ways); 0 where less than three points are.
 
     The limb is fitted to its markers and to the joints where its neighbours, posed by their own markers, have them.
     """
-    chain = tree.chain
-    poses, _ = pose_by_own_markers(chain, positions)
     members, parent = chain.limb_of_marker == limb, int(chain.parents[limb])
     children = np.flatnonzero(chain.parents == limb)
     ends = np.concatenate([chain.joints[children], np.zeros((int(parent >= 0), 3))])
