@@ -7,7 +7,15 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel
+from skelgen._kernels.small_matrices import by_symmetric, inverse, largest
 from skelgen.model.arrays import Floats
+
+TINY = 1e-12
+"""mm; keeps the gradient finite for a joint that sits on a marker."""
+
+FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-3, 1e-9, 1e9
+SETTLED = 1e-7
+"""mm; a frame is settled when its joint moves less."""
 
 
 @kernel
@@ -112,3 +120,105 @@ def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
     for marker in range(n_markers):
         spreads[marker] = math.sqrt(spreads[marker] / max(counts[marker], 1.0))
     return means, spreads
+
+
+@kernel
+def joint_cost(joint: Floats, markers: Floats, weights: Floats, alpha: float, gradient: Floats) -> float:
+    """Return the cost of a joint [mm^2], and write its gradient; see `stages.classic.joint_cost`.
+
+    Parameters
+    ----------
+    joint : ndarray, shape (n_frames, 3), mm
+        Where it is.
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        Any finite number where unseen.
+    weights : ndarray, shape (n_frames, n_markers)
+        Of the frames of each marker, with sum 1, or 0 if it is never seen; 0 where unseen.
+    alpha : float, mm
+        Weight of the mean distance.
+    gradient : ndarray, shape (n_frames, 3), mm
+        Filled.
+    """
+    n_frames, n_markers = weights.shape
+    distances, means = np.empty((n_frames, n_markers)), np.zeros(n_markers)
+    for frame in range(n_frames):
+        for marker in range(n_markers):
+            square = 0.0
+            for i in range(3):
+                square += (joint[frame, i] - markers[frame, marker, i]) ** 2
+            distances[frame, marker] = math.sqrt(square) + TINY
+            means[marker] += weights[frame, marker] * distances[frame, marker]
+    value, n_seen = 0.0, 0
+    for marker in range(n_markers):
+        value += alpha * means[marker]
+        n_seen += means[marker] > 0.0
+    n_seen = max(n_seen, 1)
+    for frame in range(n_frames):
+        for i in range(3):
+            gradient[frame, i] = 0.0
+        for marker in range(n_markers):
+            weight, deviation = weights[frame, marker], distances[frame, marker] - means[marker]
+            value += weight * deviation**2
+            factor = weight * (2.0 * deviation + alpha) / distances[frame, marker] / n_seen
+            for i in range(3):
+                gradient[frame, i] += factor * (joint[frame, i] - markers[frame, marker, i])
+    return value / n_seen
+
+
+@kernel
+def multilaterated(joint: Floats, markers: Floats, radii: Floats, most_steps: int) -> Floats:
+    """Move the joint in every frame to where its distances to the markers are nearest to given ones.
+
+    Parameters
+    ----------
+    joint : ndarray, shape (n_frames, 3), mm
+        Where it is, and, overwritten, where it is moved: by damped Gauss-Newton steps.
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    radii : ndarray, shape (n_markers,), mm
+        The distances.
+    most_steps : int
+        Steps at most.
+
+    Returns
+    -------
+    ndarray, shape (n_frames,), mm^2
+        Mean squared error of the distances.
+    """
+    n_frames, n_markers = markers.shape[:2]
+    errors = np.zeros(n_frames)
+    for frame in range(n_frames):
+        x, y, z = joint[frame, 0], joint[frame, 1], joint[frame, 2]
+        step, damping, before, tried = (0.0, 0.0, 0.0), FIRST_DAMPING, np.inf, 0
+        normal, right = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        while True:
+            u, v, w = x + step[0], y + step[1], z + step[2]
+            square, n_seen = 0.0, 0
+            a, b, c, d, e, f, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for marker in range(n_markers):
+                i, j, k = u - markers[frame, marker, 0], v - markers[frame, marker, 1], w - markers[frame, marker, 2]
+                distance = math.sqrt(i * i + j * j + k * k) + TINY
+                if math.isnan(distance):
+                    continue
+                n_seen += 1
+                error = distance - radii[marker]
+                square += error * error
+                i, j, k = i / distance, j / distance, k / distance
+                a, b, c, d, e, f = a + i * i, b + i * j, c + i * k, d + j * j, e + j * k, f + k * k
+                p, q, r = p + error * i, q + error * j, r + error * k
+            settled = tried > 0 and square <= before and largest(step) < SETTLED
+            if square <= before:
+                x, y, z, before = u, v, w, square
+                normal, right = (a, b, c, d, e, f), (p, q, r)
+                if tried:
+                    damping = max(damping / 5.0, LEAST_DAMPING)
+            else:
+                damping = min(damping * 10.0, LARGEST_DAMPING)
+            if settled or tried == most_steps or n_seen == 0:
+                break
+            tried += 1
+            one, two, three = by_symmetric(inverse(normal, damping), right)
+            step = (-one, -two, -three)
+        joint[frame, 0], joint[frame, 1], joint[frame, 2] = x, y, z
+        errors[frame] = before / max(n_seen, 1)
+    return errors

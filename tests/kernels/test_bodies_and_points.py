@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.absolute_orientation import fast_rotations, means_in_body, moments_about, moments_of
-from skelgen._kernels.ball_joint import both_images, fixed_point_sums, mean_distances
+from skelgen._kernels.ball_joint import both_images, fixed_point_sums, mean_distances, multilaterated
 from skelgen._kernels.distance_statistics import pair_sums
 from skelgen.geometry.orientation import rotation_by_svd
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
@@ -150,3 +150,20 @@ def test_a_pair_that_is_never_seen_together_has_no_sums():
     shift = np.full((2, 2), np.nan)
     assert not pair_sums(positions, shift)[0].any()
     assert np.isnan(shift).all()
+
+
+def test_multilaterated_points_have_their_distances():
+    random = np.random.default_rng(7)
+    markers = random.normal(scale=200.0, size=(N_FRAMES, 5, 3))
+    markers[3, 1:] = np.nan
+    markers[4] = np.nan
+    place = np.array([10.0, 20.0, 30.0])
+    markers += place - markers[:, :1] + [100.0, 0, 0]  # the first is 100 mm away
+    radii = np.linalg.norm(markers[0] - place, axis=1)
+    markers[1:3] = markers[0]
+    joint = np.tile(place, (N_FRAMES, 1)) + random.normal(scale=5.0, size=(N_FRAMES, 3))
+    before = joint.copy()
+    errors = multilaterated(joint, markers, radii, 30)
+    np.testing.assert_allclose(joint[:3], np.tile(place, (3, 1)), atol=1e-6)
+    assert errors[:4].max() < 1e-9 and errors[4] in {0.0, np.inf}
+    np.testing.assert_array_equal(joint[4], before[4])

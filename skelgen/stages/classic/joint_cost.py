@@ -11,7 +11,8 @@ marker m. `conjugate_gradients` minimises it over all frames; `local_optimum` pl
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.ball_joint import mean_distances
+from skelgen._kernels.ball_joint import joint_cost as cost_and_gradient
+from skelgen._kernels.ball_joint import mean_distances, multilaterated
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.classic.conjugate_gradients import Precondition, Scaling
 from skelgen.stages.classic.line_search import Objective
@@ -20,11 +21,6 @@ TINY = 1e-12
 """mm; keeps the gradient finite for a joint that sits on a marker."""
 
 LOCAL_STEPS = 30
-LOCAL_DAMPING = 1e-3
-DAMPING_RANGE = (1e-9, 1e9)
-LOCAL_TOLERANCE = 1e-7
-"""mm; a frame is settled when its joint moves less."""
-
 FLATNESS = 1e-4
 """Of the markers' scatter: flatter ones do not say how far from their plane a joint is."""
 
@@ -48,18 +44,12 @@ def joint_cost(markers: Floats, alpha: float) -> Objective:
         Takes positions [mm], shape (n_frames, 3); returns cost [mm^2] and gradient [mm], shape (n_frames, 3).
     """
     seen = ~np.isnan(markers[:, :, 0])
-    filled = np.where(seen[..., np.newaxis], markers, 0.0)
-    weight = seen / np.maximum(seen.sum(axis=0), 1)
-    n_markers = max(int(seen.any(axis=0).sum()), 1)
+    filled, weights = contiguous(np.where(seen[..., np.newaxis], markers, 0.0), seen / np.maximum(seen.sum(axis=0), 1))
 
     def cost(joint: Floats) -> tuple[float, Floats]:
-        offset = joint[:, np.newaxis] - filled
-        distance = np.sqrt(np.einsum("fmi,fmi->fm", offset, offset)) + TINY
-        mean = (distance * weight).sum(axis=0)
-        deviation = distance - mean
-        value = ((deviation**2 * weight).sum() + alpha * mean.sum()) / n_markers
-        factor = weight * (2 * deviation + alpha) / distance / n_markers
-        return float(value), np.einsum("fm,fmi->fi", factor, offset)
+        gradient = np.empty(joint.shape)
+        (place,) = contiguous(joint)
+        return cost_and_gradient(place, filled, weights, float(alpha), gradient), gradient
 
     return cost
 
@@ -188,27 +178,6 @@ def _starts_at_distances(markers: Floats, distances: Floats) -> tuple[Floats, Fl
 
 def _multilaterate(joint: Floats, markers: Floats, radii: Floats) -> tuple[Floats, Floats]:
     """Positions and mean squared distance error [mm^2] per frame."""
-    seen = ~np.isnan(markers[:, :, 0])
-    filled = np.where(seen[..., np.newaxis], markers, 0.0)
-    count = np.maximum(seen.sum(axis=1), 1)
-    point = joint.copy()
-
-    def residuals(at: Floats) -> tuple[Floats, Floats]:
-        offset = at[:, np.newaxis] - filled
-        distance = np.linalg.norm(offset, axis=2) + TINY
-        return (distance - radii) * seen, offset / distance[..., np.newaxis] * seen[..., np.newaxis]
-
-    error, slope = residuals(point)
-    damping = np.full(len(point), LOCAL_DAMPING)
-    for _ in range(LOCAL_STEPS):
-        normal = np.einsum("fmi,fmj->fij", slope, slope) + damping[:, np.newaxis, np.newaxis] * np.eye(3)
-        step = -np.linalg.solve(normal, np.einsum("fmi,fm->fi", slope, error)[..., np.newaxis])[..., 0]
-        new_error, new_slope = residuals(point + step)
-        better = (new_error**2).sum(axis=1) <= (error**2).sum(axis=1)
-        point = np.where(better[:, np.newaxis], point + step, point)
-        error = np.where(better[:, np.newaxis], new_error, error)
-        slope = np.where(better[:, np.newaxis, np.newaxis], new_slope, slope)
-        damping = np.clip(np.where(better, damping / 5, damping * 10), *DAMPING_RANGE)
-        if np.abs(step[better]).max(initial=0.0) < LOCAL_TOLERANCE:
-            break
-    return point, (error**2).sum(axis=1) / count
+    point = np.array(joint, order="C")
+    markers, radii = contiguous(markers, radii)
+    return point, multilaterated(point, markers, radii, LOCAL_STEPS)

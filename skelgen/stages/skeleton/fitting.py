@@ -11,8 +11,8 @@ import numpy as np
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
+from skelgen.kinematics.calibration.joint_prior import out_of_reach, wants_joint_prior, with_joint_prior
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
-from skelgen.kinematics.calibration.reach import hold_in_reach, out_of_reach
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
@@ -30,12 +30,6 @@ FIRST_ROUNDS = 3
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
-
-LASTING = 2.0
-"""Frames of residuals that are worth one independent frame, from which on errors last."""
-
-FOLLOWING = 2.0
-"""Variance of errors that follow the motion, in units of that of the residuals; it does not average out over frames."""
 
 ROTATION_FRAMES = 20
 """Frames over which the skeleton's part in the errors of rotations is averaged: it hardly changes with the pose."""
@@ -119,15 +113,16 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
     good = np.flatnonzero(count >= max(np.median(count), 1))
     chain, reference = assemble(body, parameters, evenly_spread(good, parameters.samples))
     found, seen = fitter.first(chain)
+    lasts = False
     if parameters.fit == "whole-chain":
         found = fitter.whole(found)
-        lasts = found.correlated > LASTING and not are_poses
-        out = out_of_reach(found.last) if lasts else []
-        found = _held_in_reach(fitter.without_slides(_held_in_reach(found, out)), out)
+        lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
+        found = fitter.without_slides(_with_joint_prior(found) if lasts and out_of_reach(found.last) else found)
+        found = _with_joint_prior(found) if lasts else found
         found = fitter.closed(found, loops)
     last, types, poses = found.last, found.types, found.poses
     freedom = body_joints.axis_freedom(types, last.noise)
-    shifts = body_joints.shifts_along_axes(last.chain, types, freedom)
+    shifts = {} if lasts else body_joints.shifts_along_axes(last.chain, types, freedom)
     chain, closed = body_joints.shifted(last.chain, types, shifts), found.loops
     if parameters.fit == "whole-chain":
         closed = None if closed is None else closed.shifted(types, shifts)
@@ -282,16 +277,9 @@ class _Fitter:
         return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
 
 
-def _held_in_reach(found: _Fit, limbs: list[int]) -> _Fit:
-    """Draw the joints above some limbs back.
-
-    What lasts in the residuals averages out over frames only as far as it changes, and what follows the motion not at
-    all: together, all frames then say as much of a joint as one does.
-    """
-    if not limbs:
-        return found
-    lasting = max(1 - LASTING / found.correlated, 0.0) * FOLLOWING * len(found.used)
-    last = hold_in_reach(found.last, limbs, found.last.noise**2 * (found.correlated + lasting))
+def _with_joint_prior(found: _Fit) -> _Fit:
+    """Weigh what motion says of joints against what is known of any body."""
+    last = with_joint_prior(found.last, found.correlated)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses)
 

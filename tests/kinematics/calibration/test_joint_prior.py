@@ -1,4 +1,4 @@
-"""Joints out of reach: drawn back where slides of soft tissue place them, left alone where they are in reach."""
+"""What is known of joints: it draws them back where slides of soft tissue place them out of reach."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.calibration.reach import joint_reaches, out_of_reach
+from skelgen.kinematics.calibration.joint_prior import joint_places, out_of_reach
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Limbs, Trajectories
@@ -55,7 +55,7 @@ def test_nearest_marker_and_distances_of_two_limbs():
                   np.array([[-50.0, 0, 0], [50, 0, 0], [100, -600, 0]]))  # fmt: skip
     still = ChainPoses(np.zeros((5, 3)), np.tile(np.eye(3), (5, 2, 1, 1)))
     fit = observed(chain, Articulation.free(2), still, still.markers(chain))
-    (joint,) = joint_reaches(fit)
-    assert joint.marker == 1 and joint.turn == 0.0
-    assert joint.distance == pytest.approx(200.0) and joint.excess == pytest.approx(3.0)
+    (joint,) = joint_places(fit)
+    assert joint.nearest == (1, 2) and not joint.turns.any() and not joint.has_one_axis
+    assert joint.distance == pytest.approx(200.0)
     assert out_of_reach(fit) == [1]

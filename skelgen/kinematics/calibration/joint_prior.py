@@ -1,0 +1,359 @@
+r"""Joints of bodies seen through soft tissue: what motion says and what is known of any body.
+
+Soft tissue that slides as limbs turn says wrongly where their joint is, most along the axis about which they turn most:
+there it may come out half a metre away. But joints lie near their limbs, and rather near a marker of the limb that is
+nearer to the root, as people mark joints there. Let D be the distance between the middles of both limbs' markers, m and
+c the two of them that are nearest to the other limb's, and :math:`v_1, v_2, v_3` the axes of the limbs' turns, the
+largest first. A joint p is expected at :math:`q = m + w (c - m)`:
+
+.. math::
+    \frac{\sum \|residuals\|^2}{\sigma^2} + \sum_{joints} \sum_{i=1}^3 \left(\frac{v_i (p - q)}{s_i D}\right)^2 + \ldots
+
+Markers stick to one side of a limb, so :math:`s_1` is larger where limbs turn about one axis above all; there the
+middles of both limbs' markers count as well, and the next joints of a row of limbs, as bones run across their hinges.
+
+What lasts in the residuals averages out over frames only as far as it changes, and what follows the motion not at all:
+all frames together say as much of a joint as a third of one would.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix, nearest_rotation, vector_from_matrix
+from skelgen.kinematics.calibration.calibrate import (
+    FREE_SHARE,
+    STEP_FRAMES,
+    Calibration,
+    FittedChain,
+    information_of,
+    level_of_tilts,
+)
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain
+from skelgen.kinematics.chain.normal_equations import constant_gradient
+from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.model.arrays import Floats, spread_frames
+
+ENOUGH_LIMBS = 6
+"""Limbs of a body from which on it is one of an animal or a person: machines of fewer are what they measure."""
+
+REACH = 1.5
+"""Of D: joints farther from the line between both limbs' nearest markers are out of reach; of 33 joints of three people
+that an expert placed, none lies farther than 0.39."""
+
+TRUSTED_TURN = 0.05
+"""rad; limbs that turn more than this about a second axis tell where their joint is."""
+
+NEAR_MARKER = 0.15
+"""Of D: standard deviation of a coordinate of a joint about the expected place."""
+
+DETERMINED = 0.2
+"""rad; turns across a direction that are larger determine where along it the joint is, and nothing else is asked."""
+
+TOWARDS_CHILD = 0.17
+"""Part of the way from the parent's nearest marker to the child's where a joint is expected."""
+
+ALONG = 1.5
+"""Times that deviation, along the axis of a joint that turns about one axis above all."""
+
+ONE_AXIS = 0.3
+"""Of the largest turn: limbs whose second largest turn is less turn about one axis above all."""
+
+LEAST_TURN = 0.14
+"""rad; limbs that turn less show no axis."""
+
+OFF_MIDDLE = 0.3
+"""Of D: standard deviation of a joint along such an axis about the middle of either limb's markers."""
+
+TO_JOINT_BELOW, TO_JOINT_ABOVE = 0.1, 0.2
+"""Of D: standard deviation of a joint in a row of limbs, along such an axis, about the next joint below or above."""
+
+ROW_TURN = 0.35
+"""rad; limbs that turn less do not show their axis well enough to be measured across it."""
+
+TAIL = 3.0
+"""Standard deviations from which on what is known counts less and less, as with Cauchy's distribution."""
+
+PRIOR_FRAMES = 300
+"""Frames to which joints and what is expected of them are fitted: all say little more."""
+
+ENOUGH_MARKERS = 3
+"""Markers of a limb that hold its frame."""
+
+HELD = 1e3
+"""Of the mean information: what holds the frames of limbs during a step."""
+
+LASTING = 2.0
+"""Frames of residuals that are worth one independent frame, from which on errors last."""
+
+FOLLOWING = 3.0
+"""Variance of errors that follow the motion, in units of that of the residuals; it does not average out over frames. Of
+21 joints of three people the median deviation of a coordinate is 1.2 times what 1 would make, 0.67 is chance."""
+
+PRIOR_STEPS = 10
+"""Steps of the poses after each step of the constants: a limb of one marker follows a joint slowly."""
+
+MOST = 2.0
+"""Times the squares of the residuals without what is known; more, and it is the data that contradict it."""
+
+ROUNDS = 30
+DAMPINGS = 6
+"""Dampings (Levenberg and Marquardt), each ten times the one before, that are tried for a step."""
+
+LEAST_DAMPING, FIRST_DAMPING = 1e-9, 1e-3
+
+LEAST_GAIN = 0.02
+"""Rounds stop when the sum falls by less than this part of the weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPlace:
+    """What is known of a joint from the markers of its limbs.
+
+    Attributes
+    ----------
+    limb : int
+        Limb below the joint.
+    nearest : tuple of int
+        Markers of the parent and of the limb that are nearest to the other's.
+    distance : float, mm
+        Mean distance between the middles of both limbs' markers.
+    axes_in_parent, axes_in_child : ndarray, shape (3, 3)
+        Axes of the turns between the limbs, one a row, from the largest turn to the smallest.
+    turns : ndarray, shape (3,), rad
+        Root mean square turns about them.
+    """
+
+    limb: int
+    nearest: tuple[int, int]
+    distance: float
+    axes_in_parent: Floats
+    axes_in_child: Floats
+    turns: Floats
+
+    @property
+    def has_one_axis(self) -> bool:
+        """Whether the limbs turn about one axis above all."""
+        return bool(self.turns[0] > LEAST_TURN and self.turns[1] < ONE_AXIS * self.turns[0])
+
+
+def joint_places(fit: ObservedChain) -> list[JointPlace]:
+    """Return what is known of each joint between limbs with markers, from all poses of a fit."""
+    chain, markers = fit.chain, fit.poses.markers(fit.chain)
+    own = [np.flatnonzero(chain.limb_of_marker == limb) for limb in range(chain.n_limbs)]
+    found = []
+    for limb in range(1, chain.n_limbs):
+        groups = own[chain.parents[limb]], own[limb]
+        if not all(map(len, groups)):
+            continue
+        middles = [markers[:, group].mean(axis=1) for group in groups]
+        distance = max(float(np.linalg.norm(middles[1] - middles[0], axis=1).mean()), 1.0)
+        above, below = (
+            int(group[np.linalg.norm(markers[:, group] - other[:, np.newaxis], axis=2).mean(axis=0).argmin()])
+            for group, other in zip(groups, middles[::-1], strict=True)
+        )
+        in_parent, in_child, turns = _turns(fit, limb)
+        if min(map(len, groups)) == 1:  # what turns is not known
+            turns = np.zeros(3)
+        found.append(JointPlace(limb, (above, below), distance, in_parent, in_child, turns))
+    return found
+
+
+def _turns(fit: ObservedChain, limb: int) -> tuple[Floats, Floats, Floats]:
+    """Axes of the turns of a limb in its parent and in itself, from the largest turn on, and these turns [rad]."""
+    relative = fit.poses.rotations[:, fit.chain.parents[limb]].swapaxes(1, 2) @ fit.poses.rotations[:, limb]
+    mean = nearest_rotation(relative.mean(axis=0))
+    turns = vector_from_matrix(relative @ mean.T)
+    squares, axes = np.linalg.eigh(turns.T @ turns / len(turns))
+    axes = axes.T[::-1]
+    return axes, axes @ mean, np.sqrt(np.maximum(squares[::-1], 0.0))
+
+
+def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
+    """Return whether residuals last, as soft tissue makes them, and limbs are many or a joint is out of reach.
+
+    Parameters
+    ----------
+    fit : Calibration
+        The fit.
+    correlated : float
+        How many of its frames are worth one independent frame.
+    """
+    return correlated > LASTING and (fit.chain.n_limbs >= ENOUGH_LIMBS or bool(out_of_reach(fit)))
+
+
+def out_of_reach(fit: ObservedChain) -> list[int]:
+    """Return the limbs below joints that lie out of reach, and that the limbs turn about too little to be trusted."""
+    markers, origins, found = fit.poses.markers(fit.chain), fit.poses.origins(fit.chain), []
+    for joint in joint_places(fit):
+        first, last = (markers[:, marker] for marker in joint.nearest)
+        way, off = last - first, origins[:, joint.limb] - first
+        part = np.clip((way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0), 0.0, 1.0)
+        excess = np.linalg.norm(off - part[:, np.newaxis] * way, axis=1).mean() / joint.distance
+        is_hinge = fit.articulation.types[joint.limb] == "hinge"
+        if excess > REACH and joint.turns[1] < TRUSTED_TURN and not is_hinge:
+            found.append(joint.limb)
+    return found
+
+
+def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
+    """Return the fit with joints where motion and what is known of any body together place them.
+
+    Parameters
+    ----------
+    last : Calibration
+        The fit.
+    correlated : float
+        How many of its frames are worth one independent frame.
+    """
+    some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
+    lasting = max(1 - LASTING / correlated, 0.0) * FOLLOWING * last.n_frames
+    weight = last.noise**2 * (correlated + lasting) * some.n_frames / last.n_frames
+    known = joint_places(some)
+    state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
+    for _ in range(ROUNDS):
+        found = _improved(state, known, weight, damping)
+        if found is None:
+            break
+        state, damping, gain = found
+        if gain < LEAST_GAIN * weight:
+            break
+    chain, articulation = state.fit.chain, state.fit.articulation
+    start = _turned_like(state.fit, last.poses, some)
+    poses = fit_poses(chain, start, last.positions, articulation, last.weights)
+    better = replace(last, chain=chain, articulation=articulation, poses=poses)
+    return better if better.squares <= MOST * last.squares else replace(last, chain=_along_hinges(last, known).chain)
+
+
+def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
+    """Move hinges along their axes, which residuals leave open, to where they are expected."""
+    chain, articulation = fit.chain, fit.articulation
+    hinges = [limb for limb, kind in enumerate(articulation.types) if kind == "hinge"]
+    if not hinges:
+        return fit
+    moves = np.zeros((len(hinges), chain.n_markers + chain.n_limbs, 3))
+    for move, limb in zip(moves, hinges, strict=True):
+        in_parent = articulation.in_parent[limb]
+        in_child = fit.poses.rotations[0, limb].T @ fit.poses.rotations[0, chain.parents[limb]] @ in_parent
+        move[chain.n_markers + limb] = in_parent
+        move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
+    flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
+    pulls = _pulls(chain, known)
+    shifts = np.linalg.lstsq(pulls @ flat.T, -pulls @ _places(chain).ravel(), rcond=None)[0]
+    offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
+    return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
+
+
+def _improved(
+    state: FittedChain, known: list[JointPlace], weight: float, damping: float
+) -> tuple[FittedChain, float, float] | None:
+    """Take a damped step that lowers the sum; also return the next damping, and by how much; None if none does."""
+    fit, chain = state.fit, state.fit.chain
+    n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
+    information = information_of(fit, STEP_FRAMES)
+    usual = float(np.diag(information)[:n_places].mean())
+    free = np.full(len(information), FREE_SHARE * usual)
+    free[n_places:] *= level_of_tilts(chain)
+    pulls = _pulls(chain, known)
+    towards = pulls @ _places(chain).ravel()
+    follow, seem = _turns_of_frames(chain)
+    pulls -= pulls @ follow @ seem
+    kept = 1 / (1 + (towards / TAIL) ** 2)
+    # Directions that no frame determines are filtered out of the residuals' gradient: it is not exactly 0 there
+    gradient = information @ np.linalg.solve(information + np.diag(free), constant_gradient(fit))
+    gradient[:n_places] -= weight * (pulls.T @ (kept * towards))
+    matrix = information + np.diag(free)
+    matrix[:n_places, :n_places] += (
+        weight * (kept * pulls.T) @ pulls + HELD * level_of_tilts(chain) * usual * seem.T @ seem
+    )
+    before = state.squares + weight * _surprise(towards)
+    for _ in range(DAMPINGS):
+        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
+        offsets, joints, tilts = np.split(step, [3 * chain.n_markers, n_places])
+        better = FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
+        left = _pulls(better.fit.chain, known) @ _places(better.fit.chain).ravel()
+        gain = before - better.squares - weight * _surprise(left)
+        if gain > 0:
+            return better, max(damping / 10, LEAST_DAMPING), gain
+        damping *= 10
+    return None
+
+
+def _surprise(pulled: Floats) -> float:
+    """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
+    return float((TAIL**2 * np.log1p((pulled / TAIL) ** 2)).sum())
+
+
+def _pulls(chain: Chain, known: list[JointPlace]) -> Floats:
+    """What is expected to be 0, over its deviation, as sums of coordinates of marker offsets and joints."""
+    rows: list[Floats] = []
+    n_children = np.bincount(chain.parents[1:], minlength=chain.n_limbs)
+    for joint in known:
+        limb, parent = joint.limb, int(chain.parents[joint.limb])
+        above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (parent, limb))
+        for axis, (in_parent, in_child) in enumerate(zip(joint.axes_in_parent, joint.axes_in_child, strict=True)):
+            if joint.turns[0 if axis else 1] > DETERMINED:  # turns across a direction show the place along it
+                continue
+            row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
+            row[chain.n_markers + limb - 1] = (1 - TOWARDS_CHILD) * in_parent
+            row[joint.nearest[0]] -= (1 - TOWARDS_CHILD) * in_parent
+            row[joint.nearest[1]] -= TOWARDS_CHILD * in_child
+            wide = ALONG if axis == 0 and joint.has_one_axis else 1.0
+            rows.append(row / (wide * NEAR_MARKER * joint.distance))
+        if not joint.has_one_axis:
+            continue
+        in_parent, in_child = joint.axes_in_parent[0], joint.axes_in_child[0]
+        to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
+        to_parent[chain.n_markers + limb - 1] = in_parent
+        to_parent[above] -= in_parent / len(above)
+        to_child[below] -= in_child / len(below)
+        rows += [to_parent / (OFF_MIDDLE * joint.distance), to_child / (OFF_MIDDLE * joint.distance)]
+        if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
+            rows += _pulls_of_row(chain, joint)
+    return np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
+
+
+def _pulls_of_row(chain: Chain, joint: JointPlace) -> list[Floats]:
+    """Bones in a row run across the axis of the joint between them."""
+    children, found = np.flatnonzero(chain.parents == joint.limb), []
+    ends = [(joint.limb, joint.axes_in_parent[0], TO_JOINT_ABOVE)]
+    if len(children) == 1:
+        ends.append((int(children[0]), joint.axes_in_child[0], TO_JOINT_BELOW))
+    for end, axis, part in ends:
+        row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
+        row[chain.n_markers + end - 1] = axis
+        found.append(row / (part * joint.distance))
+    return found
+
+
+def _turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:
+    """Poses of all frames with limbs' frames turned as they were in a fit to some."""
+    after, earlier = (one.poses.rotations.swapaxes(0, 1).reshape(fit.chain.n_limbs, -1, 3) for one in (fit, before))
+    turn = nearest_rotation(earlier.swapaxes(1, 2) @ after)
+    rotations = fit.articulation.projected(fit.chain.parents, poses.rotations @ turn)
+    return ChainPoses(poses.root, rotations)
+
+
+def _places(chain: Chain) -> Floats:
+    return np.concatenate([chain.offsets, chain.joints[1:]])
+
+
+def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
+    """How places follow turns of their limbs' frames, and turns that displacements of places seem to be, per limb.
+
+    Nothing holds the frame of a limb: axes turn with its places.
+    """
+    places = _places(chain)
+    limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
+    follow, seem = np.zeros((len(places), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(places), 3))
+    for limb in range(chain.n_limbs):
+        own = np.flatnonzero(limb_of_place == limb)
+        follow[own, :, limb] = -cross_matrix(places[own])
+        held = own[own < chain.n_markers]
+        n_held = len(held)
+        if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin
+            held, n_held = own, len(own) + int(limb > 0)
+        arms = places[held] - places[held].sum(axis=0) / n_held
+        inertia = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
+        seem[limb][:, held] = (np.linalg.pinv(inertia, rcond=1e-6) @ cross_matrix(arms)).swapaxes(0, 1)
+    return follow.reshape(places.size, -1), seem.reshape(-1, places.size)
