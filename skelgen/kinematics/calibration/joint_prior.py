@@ -71,10 +71,11 @@ TO_JOINT_BELOW, TO_JOINT_ABOVE = 0.1, 0.2
 ROW_TURN = 0.35
 """rad; limbs that turn less do not show their axis well enough to be measured across it."""
 
-TAIL = 3.0
-"""Standard deviations from which on what is known counts less and less, as with Cauchy's distribution."""
+TAIL, NO_TAIL = 3.0, 1e3
+"""Standard deviations from which on what is known counts less and less, as with Cauchy's distribution: bodies differ,
+and trees may be wrong. Of joints that are out of reach it counts in full."""
 
-PRIOR_FRAMES = 300
+PRIOR_FRAMES = 150
 """Frames to which joints and what is expected of them are fitted: all say little more."""
 
 ENOUGH_MARKERS = 3
@@ -122,6 +123,8 @@ class JointPlace:
         Axes of the turns between the limbs, one a row, from the largest turn to the smallest.
     turns : ndarray, shape (3,), rad
         Root mean square turns about them.
+    tail : float
+        Standard deviations from which on what is known of it counts less and less.
     """
 
     limb: int
@@ -130,6 +133,7 @@ class JointPlace:
     axes_in_parent: Floats
     axes_in_child: Floats
     turns: Floats
+    tail: float = TAIL
 
     @property
     def has_one_axis(self) -> bool:
@@ -209,7 +213,8 @@ def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
     some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
     lasting = max(1 - LASTING / correlated, 0.0) * FOLLOWING * last.n_frames
     weight = last.noise**2 * (correlated + lasting) * some.n_frames / last.n_frames
-    known = joint_places(some)
+    astray = out_of_reach(last)
+    known = [replace(one, tail=NO_TAIL) if one.limb in astray else one for one in joint_places(some)]
     state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
     for _ in range(ROUNDS):
         found = _improved(state, known, weight, damping)
@@ -222,7 +227,9 @@ def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
-    return better if better.squares <= MOST * last.squares else replace(last, chain=_along_hinges(last, known).chain)
+    if astray or better.squares <= MOST * last.squares:
+        return better
+    return replace(last, chain=_along_hinges(last, known).chain)
 
 
 def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
@@ -238,7 +245,7 @@ def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
         move[chain.n_markers + limb] = in_parent
         move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
     flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
-    pulls = _pulls(chain, known)
+    pulls, _ = _pulls(chain, known)
     shifts = np.linalg.lstsq(pulls @ flat.T, -pulls @ _places(chain).ravel(), rcond=None)[0]
     offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
     return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
@@ -254,11 +261,11 @@ def _improved(
     usual = float(np.diag(information)[:n_places].mean())
     free = np.full(len(information), FREE_SHARE * usual)
     free[n_places:] *= level_of_tilts(chain)
-    pulls = _pulls(chain, known)
+    pulls, tails = _pulls(chain, known)
     towards = pulls @ _places(chain).ravel()
     follow, seem = _turns_of_frames(chain)
     pulls -= pulls @ follow @ seem
-    kept = 1 / (1 + (towards / TAIL) ** 2)
+    kept = 1 / (1 + (towards / tails) ** 2)
     # Directions that no frame determines are filtered out of the residuals' gradient: it is not exactly 0 there
     gradient = information @ np.linalg.solve(information + np.diag(free), constant_gradient(fit))
     gradient[:n_places] -= weight * (pulls.T @ (kept * towards))
@@ -266,31 +273,32 @@ def _improved(
     matrix[:n_places, :n_places] += (
         weight * (kept * pulls.T) @ pulls + HELD * level_of_tilts(chain) * usual * seem.T @ seem
     )
-    before = state.squares + weight * _surprise(towards)
+    before = state.squares + weight * _surprise(towards, tails)
     for _ in range(DAMPINGS):
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
         offsets, joints, tilts = np.split(step, [3 * chain.n_markers, n_places])
         better = FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
-        left = _pulls(better.fit.chain, known) @ _places(better.fit.chain).ravel()
-        gain = before - better.squares - weight * _surprise(left)
+        left = _pulls(better.fit.chain, known)[0] @ _places(better.fit.chain).ravel()
+        gain = before - better.squares - weight * _surprise(left, tails)
         if gain > 0:
             return better, max(damping / 10, LEAST_DAMPING), gain
         damping *= 10
     return None
 
 
-def _surprise(pulled: Floats) -> float:
+def _surprise(pulled: Floats, tails: Floats) -> float:
     """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
-    return float((TAIL**2 * np.log1p((pulled / TAIL) ** 2)).sum())
+    return float((tails**2 * np.log1p((pulled / tails) ** 2)).sum())
 
 
-def _pulls(chain: Chain, known: list[JointPlace]) -> Floats:
-    """What is expected to be 0, over its deviation, as sums of coordinates of marker offsets and joints."""
+def _pulls(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
+    """What is expected to be 0, over its deviation, as sums of coordinates of marker offsets and joints; and tails."""
     rows: list[Floats] = []
+    tails: list[float] = []
     n_children = np.bincount(chain.parents[1:], minlength=chain.n_limbs)
     for joint in known:
+        n_before = len(rows)
         limb, parent = joint.limb, int(chain.parents[joint.limb])
-        above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (parent, limb))
         for axis, (in_parent, in_child) in enumerate(zip(joint.axes_in_parent, joint.axes_in_child, strict=True)):
             if joint.turns[0 if axis else 1] > DETERMINED:  # turns across a direction show the place along it
                 continue
@@ -300,17 +308,22 @@ def _pulls(chain: Chain, known: list[JointPlace]) -> Floats:
             row[joint.nearest[1]] -= TOWARDS_CHILD * in_child
             wide = ALONG if axis == 0 and joint.has_one_axis else 1.0
             rows.append(row / (wide * NEAR_MARKER * joint.distance))
-        if not joint.has_one_axis:
-            continue
-        in_parent, in_child = joint.axes_in_parent[0], joint.axes_in_child[0]
-        to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
-        to_parent[chain.n_markers + limb - 1] = in_parent
-        to_parent[above] -= in_parent / len(above)
-        to_child[below] -= in_child / len(below)
-        rows += [to_parent / (OFF_MIDDLE * joint.distance), to_child / (OFF_MIDDLE * joint.distance)]
-        if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
-            rows += _pulls_of_row(chain, joint)
-    return np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
+        if joint.has_one_axis:
+            rows += _pulls_to_middles(chain, joint)
+            if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
+                rows += _pulls_of_row(chain, joint)
+        tails += [joint.tail] * (len(rows) - n_before)
+    return np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1)), np.array(tails)
+
+
+def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:
+    """Along the axis a joint lies near the middles of its limbs' markers."""
+    above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (chain.parents[joint.limb], joint.limb))
+    to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
+    to_parent[chain.n_markers + joint.limb - 1] = joint.axes_in_parent[0]
+    to_parent[above] -= joint.axes_in_parent[0] / len(above)
+    to_child[below] -= joint.axes_in_child[0] / len(below)
+    return [one / (OFF_MIDDLE * joint.distance) for one in (to_parent, to_child)]
 
 
 def _pulls_of_row(chain: Chain, joint: JointPlace) -> list[Floats]:

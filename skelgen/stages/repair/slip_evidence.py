@@ -127,7 +127,7 @@ class PlaceOnLimb:
         """
         expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
         parts = (self.sudden, self.at_once, *self.later)
-        return np.array([_weighted(part, weights)[frame] for part in parts]) / expected
+        return np.array([_weighted(part[frame : frame + 1], weights)[0] for part in parts]) / expected
 
     def variations(self, weights: Floats) -> float:
         """The step in standard deviations of what distances vary between later and earlier means."""

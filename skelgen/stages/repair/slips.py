@@ -210,18 +210,24 @@ def _slips_of(names: tuple[str, ...], marker: int, place: PlaceOnLimb, seen: Flo
         size, weights = float(np.linalg.norm(place.step[frame])), place.weights(frame)
         if not LEAST_SIZE < size < place.largest or not weights.any():
             continue
-        stands_out = min(
-            significance(place.sudden, weights, frame, place.window, ABOVE_COMMON),
-            significance(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
-        )
-        gains, varies = place.gains(frame, weights), place.variations(weights)
-        if stands_out > CORROBORATED and varies > VARIES and is_lasting(gains):
+        gains = place.gains(frame, weights)
+        if not is_lasting(gains) or _stands_out(place, frame, weights) <= CORROBORATED:
+            continue
+        varies = place.variations(weights)
+        if varies > VARIES:
             strongest = np.argsort(-np.abs(weights), kind="stable")[:NAMED_MATES]
             sure = varies > SURE and float(np.nanmin(gains)) > SURE_GAIN
             mates = tuple(names[mate] for mate in place.mates[strongest])
             slip = Slip(marker, names[marker], frame, size, varies, mates, sure)
             found.append((float(np.linalg.norm(seen[frame])), slip))
     return found
+
+
+def _stands_out(place: PlaceOnLimb, frame: int, weights: Floats) -> float:
+    return min(
+        significance(place.sudden, weights, frame, place.window, ABOVE_COMMON),
+        significance(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
+    )
 
 
 def _leaps_of(

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.calibration.joint_prior import joint_places, out_of_reach
+from skelgen.kinematics.calibration.calibrate import Calibration
+from skelgen.kinematics.calibration.joint_prior import (
+    joint_places,
+    out_of_reach,
+    wants_joint_prior,
+    with_joint_prior,
+)
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Limbs, Trajectories
@@ -59,3 +65,29 @@ def test_nearest_marker_and_distances_of_two_limbs():
     assert joint.nearest == (1, 2) and not joint.turns.any() and not joint.has_one_axis
     assert joint.distance == pytest.approx(200.0)
     assert out_of_reach(fit) == [1]
+
+
+def test_a_hinge_far_along_its_axis_comes_back_between_its_limbs():
+    """Residuals are the same wherever along its axis the hinge is; it starts 300 mm aside."""
+    above = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [40, 200, 0]])
+    below = above * [1, -1, 1]
+    turns = matrix_from_vector(np.stack([np.zeros(50), np.zeros(50), np.linspace(-0.6, 0.6, 50)], axis=1))
+    rotations = np.stack([np.tile(np.eye(3), (50, 1, 1)), turns], axis=1)
+    aside = np.array([0.0, 0, 300.0])
+    chain = Chain(np.array([-1, 0]), np.repeat([0, 1], 4), np.array([[0.0, 0, 0], aside]),
+                  np.concatenate([above, below - aside]))  # fmt: skip
+    poses = ChainPoses(np.zeros((50, 3)), rotations)
+    axes = np.tile([0.0, 0, 1], (2, 1))
+    hinge = Articulation(("ball", "hinge"), axes, axes, np.zeros(2))
+    fit = observed(chain, hinge, poses, poses.markers(chain))
+    last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
+    found = with_joint_prior(last, correlated=10.0)
+    assert np.linalg.norm(found.chain.joints[1]) < 40.0
+    assert np.abs(found.residuals).max() < 1.0
+
+
+def test_what_is_known_is_asked_only_where_residuals_last(true_chain):
+    case = true_chain("human", n_frames=60, noise=1.0)
+    fit = observed(case.chain, Articulation.free(case.chain.n_limbs), case.poses, case.positions)
+    last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
+    assert wants_joint_prior(last, 10.0) and not wants_joint_prior(last, 1.5)
