@@ -200,7 +200,7 @@ def out_of_reach(fit: ObservedChain) -> list[int]:
     return found
 
 
-def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
+def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | None = None) -> Calibration:
     """Return the fit with joints where motion and what is known of any body together place them.
 
     Parameters
@@ -209,12 +209,15 @@ def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
         The fit.
     correlated : float
         How many of its frames are worth one independent frame.
+    astray : list of int, optional
+        Limbs below the joints that are to be placed so, from `out_of_reach`; all if not given.
     """
     some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
     lasting = max(1 - LASTING / correlated, 0.0) * FOLLOWING * last.n_frames
     weight = last.noise**2 * (correlated + lasting) * some.n_frames / last.n_frames
-    astray = out_of_reach(last)
-    known = [replace(one, tail=NO_TAIL) if one.limb in astray else one for one in joint_places(some)]
+    far = out_of_reach(last) if astray is None else astray
+    known = [replace(one, tail=NO_TAIL) if one.limb in far else one for one in joint_places(some)]
+    known = [one for one in known if astray is None or one.limb in astray]
     state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
     for _ in range(ROUNDS):
         found = _improved(state, known, weight, damping)
@@ -227,7 +230,7 @@ def with_joint_prior(last: Calibration, correlated: float) -> Calibration:
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
-    if astray or better.squares <= MOST * last.squares:
+    if astray is not None or better.squares <= MOST * last.squares:
         return better
     return replace(last, chain=_along_hinges(last, known).chain)
 
