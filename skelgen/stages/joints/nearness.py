@@ -34,7 +34,7 @@ TINY = 1e-3
 SUREST = 8.0
 """Largest log odds: more would leave joint costs no say."""
 
-TRUST = 0.7
+TRUST = 0.4
 """Of the log odds that counts beside joint costs, which tell the same in part."""
 
 FEATURES = (
