@@ -113,7 +113,8 @@ def test_a_doubt_can_be_seen_and_says_its_reason(qtbot, shown, has_colour, small
 def test_a_name_tells_marker_and_limb_without_a_frame(timeline, walked):
     lanes = timeline.lane_view
     told = lanes.tip_at(QPointF(30, lanes.place_of(0, 0).y()))
-    assert told == f"{walked[0].trajectories.names[lanes.lanes.markers[0]]} · limb {lanes.lanes.limbs[0]}"
+    limb = walked[0].limbs.called(int(lanes.lanes.limbs[0]))
+    assert told == f"{walked[0].trajectories.names[lanes.lanes.markers[0]]} · {limb}"
 
 
 def test_the_wheel_zooms_about_the_pointer(timeline):
