@@ -34,9 +34,8 @@ TINY = 1e-3
 SUREST = 8.0
 """Largest log odds: more would leave joint costs no say."""
 
-TRUST, TRUST_OF_CLASSIC = 0.7, 0.4
-"""Of the log odds that counts beside joint costs, which tell the same in part; more would outvote the exact gaps that
-the classic descent finds between limbs that stand still."""
+TRUST = 0.4
+"""Of the log odds that counts beside joint costs, which tell the same in part."""
 
 FEATURES = (
     "how far",
@@ -106,7 +105,7 @@ SQUARE_WEIGHTS = (
 )
 
 
-def remoteness(segments: Sequence[Segment], frames: Ints, trust: float = TRUST) -> Floats:
+def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
     """Return by how much dearer a joint between each two limbs is because they do not stay near each other.
 
     Parameters
@@ -115,8 +114,6 @@ def remoteness(segments: Sequence[Segment], frames: Ints, trust: float = TRUST) 
         All limbs.
     frames : ndarray of intp
         Sampled frames.
-    trust : float
-        Of the log odds that counts.
 
     Returns
     -------
@@ -128,7 +125,7 @@ def remoteness(segments: Sequence[Segment], frames: Ints, trust: float = TRUST) 
     features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])
     odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
     odds = np.nan_to_num(odds + odds.T) / 2
-    shares = np.exp(-trust * np.clip(odds, -SUREST, SUREST))
+    shares = np.exp(-TRUST * np.clip(odds, -SUREST, SUREST))
     np.fill_diagonal(shares, 1.0)
     return np.asarray(shares)
 

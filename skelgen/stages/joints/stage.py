@@ -12,7 +12,7 @@ from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs
 from skelgen.stages.joints.edge_certainty import with_certainty
-from skelgen.stages.joints.nearness import TRUST, TRUST_OF_CLASSIC, remoteness
+from skelgen.stages.joints.nearness import remoteness
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
 from skelgen.stages.joints.segments import make_segments, markers_of_limbs, sample_frames
@@ -65,8 +65,7 @@ def find_joints(
     markers = markers_of_limbs(trajectories.positions, limbs, int(parameters.samples))
     n_frames, frames = len(markers[0]), sample_frames(len(markers[0]), parameters)
     segments = make_segments(markers, frames)
-    is_classic = parameters.solver == "conjugate-gradient"
-    far = remoteness(segments, frames, TRUST_OF_CLASSIC if is_classic else TRUST)
+    far = remoteness(segments, frames)
     guesses = PairSearch(segments, frames, parameters, seed, monitor, far).guesses()
     costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, far)
     radius = usual_radius(segments, frames) if parameters.separate else None
@@ -89,7 +88,7 @@ def find_joints(
     topology = with_certainty(topology, costs.turns, stated)
     for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
         monitor.notice(notice)
-    if is_classic:
+    if parameters.solver == "conjugate-gradient":
         for notice in stuck_joint_notices(joints, tree.parents):
             monitor.notice(notice)
     return topology

@@ -31,6 +31,9 @@ FAR = 2.0
 REPLACEABLE = 4.0
 """Ratio of the cost of the best other edge between the same two parts: above, this one is special."""
 
+PAST = 2.0
+"""Times the usual gap of the tree's joints: a joint past a single marker may have such a gap."""
+
 ENOUGH_JOINTS = 3
 """Fewer joints say nothing of what is usual."""
 
@@ -100,6 +103,9 @@ def find_tree(
         return Tree(constraints.parents, known, [])
     markers = np.array(sizes, dtype=np.intp)
     parents = spanning_forest(allowed, markers, constraints.root)
+    direct = past_single_markers(parents, costs, markers, constraints.joined)
+    if direct is not None:
+        parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.root)
     false = [] if radius is None else _false_joints(parents, costs, guesses, radius)
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
@@ -110,6 +116,52 @@ def find_tree(
         if (parent, child) not in cut:
             kept[child, parent] = kept[parent, child] = allowed[child, parent]
     return Tree(spanning_forest(kept, markers, constraints.root), known, cut)
+
+
+def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:
+    """Return the edges of a tree in which limbs of one marker carry no others, where these can be joined without.
+
+    A single marker keeps its distance to nearly any joint, so that trees run through it. Its neighbours are joined past
+    it where the gaps of these joints are at most `PAST` times those that are usual in the tree.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree.
+    costs : JointCosts
+        Costs of all joints.
+    markers : ndarray of intp, shape (n_limbs,)
+        Number of markers on each limb.
+    joined : sequence of pairs of int
+        Joints that the user states, which stay.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_limbs, n_limbs), symmetric, or None
+        None if the tree stays as it is.
+    """
+    children = np.flatnonzero(parents >= 0)
+    if len(children) < ENOUGH_JOINTS:
+        return None
+    gaps = np.sqrt(costs.squares)
+    fits = gaps <= PAST * np.median(gaps[children, parents[children]])
+    edges = np.zeros(costs.order.shape, dtype=np.bool_)
+    edges[children, parents[children]] = edges[parents[children], children] = True
+    before = edges.copy()
+    for limb in np.flatnonzero(markers == 1).tolist():
+        around = np.flatnonzero(edges[limb])
+        if len(around) < 2 or any(limb in pair for pair in joined):
+            continue
+        among = np.where(fits, costs.order, np.inf)[np.ix_(around, around)]
+        above = spanning_forest(among, markers[around], None)
+        if (above < 0).sum() > 1:
+            continue
+        nearest = around[costs.order[limb, around].argmin()]
+        edges[limb] = edges[:, limb] = False
+        edges[limb, nearest] = edges[nearest, limb] = True
+        first, second = around[above >= 0], around[above[above >= 0]]
+        edges[first, second] = edges[second, first] = True
+    return None if np.array_equal(edges, before) else edges
 
 
 def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], radius: float) -> list[Pair]:
