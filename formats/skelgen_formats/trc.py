@@ -50,7 +50,7 @@ _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE = "PathFileType"
-_LEADING_TITLES = ("frame", "frame#", "time")
+_LEADING_TITLE = re.compile(r"(frame|time|time ?stamp|sample)s?\b.*", re.IGNORECASE)  # Frame#, Time, Times, Time (s)
 _BY_AXIS = re.compile(r"(.{1,200})[ _.:-]([xyzXYZ])")
 _DOUBLED = re.compile(r"\t[\t ]*")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
@@ -129,7 +129,8 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     titles = [
         cell.strip() for cell in (lines[start + 3].split() if delimiter == " " else lines[start + 3].split(delimiter))
     ]
-    places = [at for at, title in enumerate(titles) if title and title.lower() not in _LEADING_TITLES]
+    leading = [at for at, title in enumerate(titles[:_LEADING_CELLS]) if _LEADING_TITLE.fullmatch(title)]
+    places = [at for at, title in enumerate(titles) if title and at not in leading]
     names = [titles[at] for at in places]
     if (points := _named_by_axis(names)) and announced != len(names):
         names, places = points, places[::3]

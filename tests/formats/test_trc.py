@@ -175,6 +175,7 @@ def test_file_without_names_and_rows_is_refused(refused, put):
         ODD.replace("m\t50.0\t1\t2", "m   50.0  1  2"),
         "# made by hand\n" + ODD,
         ODD.replace("\t50.0\t1\t2\n", "\t50.0\t1\n"),
+        ODD.replace("\tTime\t", "\tTimes\t"),
     ],
     ids=(
         "plain",
@@ -185,6 +186,7 @@ def test_file_without_names_and_rows_is_refused(refused, put):
         "blanks in values",
         "comment",
         "a value less",
+        "another title of times",
     ),
 )
 def test_titles_that_scripts_write_in_other_ways_name_the_same_points(put, content):
