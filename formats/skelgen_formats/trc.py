@@ -129,8 +129,9 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     titles = [
         cell.strip() for cell in (lines[start + 3].split() if delimiter == " " else lines[start + 3].split(delimiter))
     ]
-    leading = [at for at, title in enumerate(titles[:_LEADING_CELLS]) if _LEADING_TITLE.fullmatch(title)]
-    places = [at for at, title in enumerate(titles) if title and at not in leading]
+    filled = [at for at, title in enumerate(titles) if title]
+    leading = [at for at in filled[:_LEADING_CELLS] if _LEADING_TITLE.fullmatch(titles[at])]
+    places = [at for at in filled if at not in leading]
     names = [titles[at] for at in places]
     if (points := _named_by_axis(names)) and announced != len(names):
         names, places = points, places[::3]
