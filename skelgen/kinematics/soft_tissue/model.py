@@ -285,7 +285,7 @@ def soft_tissue_equations(
     root = np.linalg.cholesky(counts + UNSEEN * np.eye(n_rigid)).swapaxes(1, 2)
     weighted, own = root @ constants, root @ by_pose
     normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
-    follow = np.linalg.solve(normal, own.swapaxes(1, 2) @ weighted)
+    follow = _solved(normal, own.swapaxes(1, 2) @ weighted)
     reduced = weighted - own @ follow
     error = observed.residuals * observed.weights[:, :, np.newaxis]
     local = in_basis(error[..., np.newaxis]).swapaxes(1, 2)
@@ -313,3 +313,11 @@ def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
     above = poses.rotations[:, chain.parents[1:]].swapaxes(1, 2)
     slopes = beyond[:, np.newaxis, :, np.newaxis] * above[:, np.newaxis]
     return np.asarray(slopes.reshape(*slopes.shape[:3], -1))
+
+
+def _solved(normal: Floats, right: Floats) -> Floats:
+    """Solve equations of many frames; the shortest solutions, where rounding leaves a frame's equations singular."""
+    try:
+        return np.asarray(np.linalg.solve(normal, right))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(normal, hermitian=True) @ right)

@@ -13,7 +13,7 @@ from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, reduced_information
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
-from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest, soft_tissue_equations
+from skelgen.kinematics.soft_tissue.model import _solved, soft_tissue_at_rest, soft_tissue_equations
 
 TISSUE = 3.0  # mm, per coordinate; half of its variance follows the flexions
 N_FRAMES = 600
@@ -138,3 +138,9 @@ def test_same_input_gives_the_same_displacements(tissue):
     _, last = tissue[1]
     first, second = (fit_soft_tissue(dataclasses.replace(last)) for _ in range(2))
     np.testing.assert_array_equal(first.tissue.slopes, second.tissue.slopes)
+
+
+def test_equations_that_rounding_leaves_singular_have_the_shortest_solution():
+    normal = np.array([np.diag([2.0, 0.0]), np.diag([1.0, 4.0])])
+    found = _solved(normal, np.array([[[2.0], [0.0]], [[3.0], [8.0]]]))
+    np.testing.assert_allclose(found[..., 0], [[1.0, 0.0], [3.0, 2.0]], atol=1e-12)
