@@ -6,7 +6,7 @@ and could as well be another edge, because no place is better than the others. I
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def find_tree(
         return Tree(constraints.parents, known, [])
     markers = np.array(sizes, dtype=np.intp)
     parents = spanning_forest(allowed, markers, constraints.root)
-    direct = past_single_markers(parents, costs, markers, constraints.joined)
+    direct = past_single_markers(parents, replace(costs, order=allowed), markers, constraints.joined)
     if direct is not None:
         parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.root)
     false = [] if radius is None else _false_joints(parents, costs, guesses, radius)
@@ -129,7 +129,7 @@ def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined:
     parents : ndarray of intp, shape (n_limbs,)
         The tree.
     costs : JointCosts
-        Costs of all joints.
+        Costs of all joints; those that the user refuses are infinite in `order`.
     markers : ndarray of intp, shape (n_limbs,)
         Number of markers on each limb.
     joined : sequence of pairs of int

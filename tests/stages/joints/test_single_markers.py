@@ -1,5 +1,7 @@
 """Single markers are ends of the tree: what hangs on them hangs on their neighbour, where that fits as well."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,10 @@ def test_a_joint_past_a_single_marker_is_taken_where_it_fits():
 )
 def test_the_tree_stays_where_a_single_marker_is_a_limb(gap, markers, joined):
     assert past_single_markers(PARENTS, costs_with(gap), np.array(markers), joined) is None
+
+
+def test_a_joint_that_the_user_refuses_is_not_taken_past_a_single_marker():
+    costs = costs_with(3.5)
+    order = costs.order.copy()
+    order[1, 3] = order[3, 1] = np.inf
+    assert past_single_markers(PARENTS, replace(costs, order=order), np.array([3, 3, 1, 3, 3]), []) is None
