@@ -216,17 +216,18 @@ def test_too_little_memory_is_no_bug(wave):
 
 def test_too_little_memory_is_told_by_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    main(["simulate", "rods", "-o", "a.c3d", "--n-frames", "60000", "-q"])
+    main(["simulate", "rods", "-o", "short.c3d", "--n-frames", "100", "-q"])
+    main(["simulate", "rods", "-o", "long.c3d", "--n-frames", "240000", "-q"])  # arrays of 50 MB
     lines = (
         "import resource, sys",
-        "import skelgen.app.face, skelgen.app.files, skelgen.app.tables, skelgen_formats.c3d",
-        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()",
-        "resource.setrlimit(resource.RLIMIT_AS, (used + 10_000_000, used + 10_000_000))",
         "from skelgen.cli import main",
-        "sys.exit(main(['info', 'a.c3d']))",
+        "main(['info', 'short.c3d'])",  # loads all that the command needs
+        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()",
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 30_000_000, used + 30_000_000))",
+        "sys.exit(main(['info', 'long.c3d']))",
     )
     command = [sys.executable, "-c", "\n".join(lines)]
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
+    assert done.returncode == 2, done.stderr
     assert done.stderr.startswith("skelgen: error: the memory of this computer does not suffice")
     assert done.stderr.count("\n") == 1
