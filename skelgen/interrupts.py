@@ -61,6 +61,9 @@ def deaf_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    from multiprocessing import resource_tracker  # noqa: PLC0415 - the command line shall answer signals as soon as it can
+
+    resource_tracker.ensure_running()  # until 3.13 Python lets signals through as it starts this one
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

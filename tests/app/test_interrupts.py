@@ -97,6 +97,24 @@ def test_processes_of_joblib_end_with_one_that_is_killed(tmp_path):
     assert wait_until(lambda: not any(is_running(pid) for pid in pids))
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the system does not tell of processes")
+def test_processes_of_python_are_deaf_to_an_interrupt_from_their_first_moment():
+    lines = (
+        "import multiprocessing, os, signal, time",
+        "from skelgen.interrupts import deaf_children",
+        "if __name__ == '__main__':",
+        "    process = multiprocessing.get_context('spawn').Process(target=time.sleep, args=(60,), daemon=True)",
+        "    with deaf_children():",
+        "        process.start()",
+        "    print(open(f'/proc/{process.pid}/status').read())",
+        "    process.kill()",
+    )
+    command = [sys.executable, "-c", "\n".join(lines)]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    blocked = next(line.split()[1] for line in done.stdout.splitlines() if line.startswith("SigBlk:"))
+    assert int(blocked, 16) >> (signal.SIGINT - 1) & 1
+
+
 def wait_until(is_so, seconds=60.0):
     end = time.monotonic() + seconds
     while not (found := is_so()):
