@@ -38,7 +38,7 @@ from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.text import closest_first, read_root, write_lines
+from skelgen_formats.xml_text import closest_first, read_root, write_lines
 
 __all__ = [
     "read_settings",

@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.text import closest_first, read_root, write_lines
+from skelgen_formats.xml_text import closest_first, read_root, write_lines
 
 ROOT = "Parameters"
 

@@ -29,19 +29,16 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.markers import (
-    check_frames,
+from skelgen_formats.marker_output import (
     check_markers,
     check_writable_names,
     marker_files,
     markers_to_write,
     positions_of,
-    scaled,
-    take_from_markers,
     trajectories_of,
     write_table,
-    zeros_unseen,
 )
+from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 

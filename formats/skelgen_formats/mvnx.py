@@ -25,7 +25,8 @@ from skelgen.files import open_regular
 from skelgen.model import Poses
 from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.options import Format
-from skelgen_formats.text import SAFE_XML, decoded_head, rate_in
+from skelgen_formats.text import decoded_head, rate_in
+from skelgen_formats.xml_text import SAFE_XML
 
 _MM_PER_M = 1000.0
 _NORMAL = "normal"

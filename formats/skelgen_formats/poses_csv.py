@@ -26,7 +26,8 @@ from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Poses, Project
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies, transforms_of
-from skelgen_formats.markers import check_writable_names, mm_per_unit
+from skelgen_formats.marker_output import check_writable_names
+from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, per_mm
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 

@@ -49,7 +49,7 @@ from skelgen_formats import (
 )
 from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
-from skelgen_formats.markers import table_of
+from skelgen_formats.marker_output import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.upright import turn_wished
 

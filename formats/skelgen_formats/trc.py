@@ -31,18 +31,15 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.markers import (
+from skelgen_formats.marker_output import (
     check_markers,
     check_writable_names,
     marker_files,
     markers_to_write,
-    mm_per_unit,
     positions_of,
-    scaled,
-    take_from_markers,
     write_table,
-    zeros_unseen,
 )
+from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 

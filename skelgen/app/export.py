@@ -6,7 +6,7 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.bone_profiles import remarks_on_bone_names
-from skelgen_formats.markers import trajectories_of
+from skelgen_formats.marker_output import trajectories_of
 from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
 
 from skelgen.app.drawing.wording import counted, listed

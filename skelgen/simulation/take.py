@@ -11,8 +11,6 @@ from skelgen.model.arrays import Floats, Ints, check_whole
 from skelgen.parameters import Declaration, StageParameters, declare
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.markers import (
-    CAMERAS_NEEDED,
-    camera_ring,
     carried_markers,
     dropouts,
     duplicates,
@@ -20,7 +18,6 @@ from skelgen.simulation.markers import (
     ghosts,
     merged_points,
     pieces_lost,
-    seen_by_cameras,
     shuffled_points,
     soft_tissue_motion,
 )
@@ -39,6 +36,7 @@ from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.subjects import side_by_side, with_spacing
 from skelgen.simulation.truth import Truth
+from skelgen.simulation.visibility import CAMERAS_NEEDED, camera_ring, seen_by_cameras
 
 # Each has its own random numbers, by its place in the list.
 _STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates", "person")

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from skelgen_formats.config_xml import read_config, write_config
-from skelgen_formats.text import closest_first
+from skelgen_formats.xml_text import closest_first
 
 from skelgen.errors import FormatError, ParameterError, SkelgenError, WriteError
 from skelgen.parameters import StageParameters, declare

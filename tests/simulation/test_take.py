@@ -9,16 +9,8 @@ from skelgen.errors import ParameterError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import SimulationParameters, Structure, Truth, simulate
 from skelgen.simulation.articulated import LimbModel
-from skelgen.simulation.markers import (
-    BURST_FRAMES,
-    DUPLICATE_OFFSET,
-    EDGE_FRAMES,
-    camera_ring,
-    dropouts,
-    edge_jumps,
-    merged_points,
-    seen_by_cameras,
-)
+from skelgen.simulation.markers import BURST_FRAMES, DUPLICATE_OFFSET, EDGE_FRAMES, dropouts, edge_jumps, merged_points
+from skelgen.simulation.visibility import camera_ring, seen_by_cameras
 
 FAULTS = {"noise": 1.0, "soft_tissue": 2.0, "dropouts": 0.1, "n_cameras": 4, "ghosts": 3.0, "labelled": False}
 FAULTS |= {"merged": 60.0, "duplicates": 1.0, "edge_jumps": 5.0}

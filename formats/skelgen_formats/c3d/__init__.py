@@ -18,7 +18,7 @@ from skelgen_formats.c3d.companions import companions_of
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.c3d.reader import read_c3d
 from skelgen_formats.c3d.writer import write_points
-from skelgen_formats.markers import (
+from skelgen_formats.marker_output import (
     check_markers,
     marker_files,
     markers_to_write,

@@ -22,7 +22,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import PositionSource
 from skelgen_formats.c3d.companions import Companions
 from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT, Values
-from skelgen_formats.markers import check_writable_names
+from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.options import per_mm
 
 _MEASURED_WORD, _COMPUTED_WORD, _UNSEEN_WORD = 257.0, 0.0, -1.0

@@ -20,7 +20,7 @@ from skelgen_formats.classic_xml.contents import (
     assemble,
 )
 from skelgen_formats.classic_xml.writer import ALL, DEVIATIONS, JOINTS, MOTION, ROOT, VERSION
-from skelgen_formats.text import SAFE_XML
+from skelgen_formats.xml_text import SAFE_XML
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
 _JOINT_TAG = re.compile(r"joint(\d{1,9})-(\d{1,9})")

@@ -13,9 +13,9 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 from skelgen.simulation import Structure, find_structure, simulate
-from skelgen.simulation.markers import blocked_by_limbs
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.truth import Truth
+from skelgen.simulation.visibility import blocked_by_limbs
 
 RIG_FROM_SIMULATION = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """Turn from the simulation's x forward, y left, z up to the rig's x right, y down, z away: who walks forward walks
