@@ -86,6 +86,22 @@ def renumbered(marker_of_point: Ints, keep: Bools) -> Ints:
     return place[marker_of_point]
 
 
+def joined(cloud: PointCloud, marker_of_point: Ints, part_of: Ints) -> Ints:
+    """Give points the markers that theirs became part of, at most one of a frame, numbered without holes.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    part_of : ndarray of intp, shape (n_markers,)
+        What each marker became part of, itself or another one; -1 for none.
+    """
+    found = one_point_a_frame(cloud, np.append(part_of, -1).astype(np.int32)[marker_of_point])
+    return renumbered(found, np.bincount(found[found >= 0], minlength=len(part_of)) > 0)
+
+
 def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, block: Block) -> Floats:
     """Positions of markers in a block [mm], NaN where unseen, shape (n_frames, n_markers, 3).
 

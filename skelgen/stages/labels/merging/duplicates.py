@@ -12,7 +12,8 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.likelihood import EVIDENCE, DistanceRecord, distance_sums, sample_frames
+from skelgen.stages.labels.merging.likelihood import EVIDENCE, DistanceRecord
+from skelgen.stages.labels.merging.markers import sampled_distances
 
 MOST_EXISTENCE = 12.0
 """nats; some markers are hidden for long, whatever the mean gap."""
@@ -47,14 +48,12 @@ def join_duplicates(cloud: PointCloud, marker_of_point: Ints, rate: float, spaci
     apart = together > COMMON_FRAMES
     if apart[~np.eye(n_markers, dtype=bool)].all():
         return marker_of_point
-    frames = sample_frames(rate, 0, cloud.n_frames)
-    sums = distance_sums(point_labels.sampled_positions(cloud, marker_of_point, frames))
+    sums = sampled_distances(cloud, marker_of_point, rate)
     record = DistanceRecord(sums[0], sums[1], sums[2], apart, spacing)
     same = _joined(record, EVIDENCE - existence(cloud, marker_of_point))
     if (same == np.arange(n_markers)).all():
         return marker_of_point
-    found = point_labels.one_point_a_frame(cloud, np.append(same, -1).astype(np.int32)[marker_of_point])
-    return point_labels.renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
+    return point_labels.joined(cloud, marker_of_point, same)
 
 
 def existence(cloud: PointCloud, marker_of_point: Ints) -> float:

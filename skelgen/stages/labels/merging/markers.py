@@ -75,10 +75,7 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     extended = with_leftovers(track_of_point, marker_of_point)
     n_extended = int(extended.max(initial=-1)) + 1
-    frames = sample_frames(rate, 0, cloud.n_frames)
-    sums = np.zeros((3, n_extended, n_extended))
-    for start in range(0, len(frames), FRAMES_AT_ONCE):
-        sums += distance_sums(point_labels.sampled_positions(cloud, extended, frames[start : start + FRAMES_AT_ONCE]))
+    sums = sampled_distances(cloud, extended, rate)
     apart = sums[0] > 0
     if n_extended > n_markers:  # short tracks may lie between the sampled frames
         meeting = seen_at_once(cloud, extended, n_extended)
@@ -88,8 +85,32 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
-    found = point_labels.one_point_a_frame(cloud, np.append(merged, -1).astype(np.int32)[extended])
-    return point_labels.renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
+    return point_labels.joined(cloud, extended, merged)
+
+
+def sampled_distances(cloud: PointCloud, marker_of_point: Ints, rate: float) -> Floats:
+    """Return number, sum [mm] and sum of squares [mm^2] of distances in frames that are independent.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    rate : float, Hz
+        Frame rate.
+
+    Returns
+    -------
+    ndarray, shape (3, n_markers, n_markers)
+    """
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    frames = sample_frames(rate, 0, cloud.n_frames)
+    sums = np.zeros((3, n_markers, n_markers))
+    for start in range(0, len(frames), FRAMES_AT_ONCE):
+        some = frames[start : start + FRAMES_AT_ONCE]
+        sums += distance_sums(point_labels.sampled_positions(cloud, marker_of_point, some))
+    return sums
 
 
 def with_leftovers(track_of_point: Ints, marker_of_point: Ints) -> Ints:
