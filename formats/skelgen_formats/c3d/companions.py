@@ -58,7 +58,13 @@ class Companions:
     events: bytes
 
     def analog(self, first: int, count: int) -> NDArray[np.float32]:
-        """Return the analogue values of some frames as they stand in the file, shape (count, n per frame)."""
+        """Return the analogue values of some frames as they stand in the file, shape (count, n per frame).
+
+        Parameters
+        ----------
+        first, count : int
+            The first frame, counted from 0, and how many.
+        """
         layout = self.layout
         frame_bytes = layout.frame_words * layout.word_bytes
         with open_regular(self.path) as stream:
