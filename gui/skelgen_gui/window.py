@@ -32,9 +32,10 @@ from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
+from skelgen_gui.widgets.keys import KeyKeeper
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
-from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
+from skelgen_gui.widgets.shortcuts import make_actions
 from skelgen_gui.window_commands import WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one
@@ -68,6 +69,8 @@ class Window(QMainWindow):
         self.autosave = Autosave(self.session, preferences, recovery, self)
         self.corrections = CorrectionActions(self.document, self.runner, report, self)
         self.actions_by_id = make_actions(self)
+        self.keys = KeyKeeper(self)
+        self.keys.watch(self)
         self._make_views()
         context = Context(
             self.session, self.document, self.jobs, self.runner, preferences, report, self.files, self.cameras
@@ -128,8 +131,6 @@ class Window(QMainWindow):
             (self.graph, self.tr("Joints"), self.tr("Costs of joints: why the tree is as it is")),
         ):
             self.tabs.setTabToolTip(self.tabs.addTab(view, title), tip)
-        for played in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
-            add_view_actions(played, self.actions_by_id)
         self.middle = CentralViews(self.tabs, self)
         self.setCentralWidget(self.middle)
 
@@ -154,6 +155,7 @@ class Window(QMainWindow):
         dock.setObjectName(name)
         dock.setWidget(widget)
         self.addDockWidget(area, dock)
+        self.keys.watch(dock)
         return dock
 
     def _connect(self) -> None:

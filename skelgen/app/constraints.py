@@ -112,15 +112,65 @@ def limb_constraints(project: Project, marker_set: str, monitor: Monitor) -> Lim
     together: list[tuple[str, ...]] = _markers_of_segments(project, marker_set)
     apart: list[tuple[str, ...]] = [tuple(markers[0] for markers in together)]
     for correction in corrections_of(project, "limbs", monitor):
-        names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
-        if correction.kind == "together":
-            together.append(names)
-        elif correction.kind == "apart":
-            apart.append(names)
-        elif correction.kind == "move":
-            together.append(names[:2])
-            apart += [(names[0], old) for old in names[2:]]
+        share, part = _stated_of_limbs(project, correction)
+        together += share
+        apart += part
     return LimbConstraints(tuple(together), tuple(apart))
+
+
+def check_no_contradiction(project: Project, correction: Correction) -> None:
+    """Refuse a statement on limbs or joints that contradicts those that a project holds already.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    correction : Correction
+        The statement that is to be added.
+
+    Raises
+    ------
+    InputError
+        If it contradicts an earlier correction, which is named.
+    """
+    earlier = [one for one in project.corrections if one.stage == correction.stage and one.names]
+    other = None
+    if correction.kind in {"join", "part"} and project.has("limbs"):
+        limbs = set(_limbs(project, correction))
+        against = (one for one in earlier if {one.kind, correction.kind} == {"join", "part"})
+        other = next((one for one in against if set(_limbs(project, one)) == limbs), None)
+    elif correction.kind in {"together", "apart", "move"}:
+        other = _contradicted(project, correction, earlier)
+    if other is not None:
+        raise InputError(
+            f"'{correction.sentence}' contradicts the correction '{other.sentence}'; take that one back first"
+        )
+
+
+def _contradicted(project: Project, correction: Correction, earlier: Sequence[Correction]) -> Correction | None:
+    """The earlier correction with which markers would have to share a limb and not to."""
+    from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
+
+    together, apart = _stated_of_limbs(project, correction)
+    for one in earlier:
+        share, part = _stated_of_limbs(project, one)
+        together, apart = together + share, apart + part
+        try:
+            LimbConstraints(tuple(together), tuple(apart)).of_markers(project.trajectories.names)
+        except InputError:
+            return one
+    return None
+
+
+_Groups = list[tuple[str, ...]]
+
+
+def _stated_of_limbs(project: Project, correction: Correction) -> tuple[_Groups, _Groups]:
+    """Markers that a correction says share a limb, and those of which no two do."""
+    names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
+    if correction.kind == "move":
+        return [(*names[:2], *names[3:])], [(names[0], old) for old in names[2:3]]
+    return [names] if correction.kind == "together" else [], [names] if correction.kind == "apart" else []
 
 
 def joint_constraints(

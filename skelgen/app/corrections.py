@@ -1,13 +1,15 @@
 """What a correction of the user changes at once: corrections are added and taken back, labels are apply_corrections."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from skelgen.app.constraints import corrected_marker, corrections_of
+from skelgen.app.constraints import check_no_contradiction, corrected_marker, corrections_of
 from skelgen.app.limb_names import renamed_limbs
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
+from skelgen.model.arrays import Ints
 from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.progress import Monitor
 
@@ -28,8 +30,12 @@ def with_correction(project: Project, correction: Correction) -> Project:
     Raises
     ------
     InputError
-        If it names a marker that does not exist.
+        If it names a marker that does not exist, says what is so already, or contradicts another one.
     """
+    if correction.kind == "move" and project.has("limbs"):
+        correction = _with_whole_limb(project, correction)
+    if project.has("labels"):
+        check_no_contradiction(project, correction)
     added = replace(project, corrections=(*project.corrections, correction))
     if correction.kind in _EDITS and project.has("labels"):
         return _with_edited_labels(added, correction)
@@ -129,14 +135,47 @@ def corrected_labels(
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:
     """The labels with one more correction; a new name changes nothing else."""
-    from skelgen.stages.labels import apply_corrections, corrected_quality  # noqa: PLC0415 - loads scipy
+    from skelgen.stages.labels import (  # noqa: PLC0415 - loads scipy
+        apply_corrections,
+        corrected_quality,
+        stated_positions,
+    )
 
     edits = apply_corrections(project.trajectories, (correction,))
     if correction.kind == "rename":
         return project.renamed(edits.trajectories.names)
     labelling = project.labelling if project.has_labelling else None
     if labelling is not None:
-        labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud))
+        stated = stated_positions(edits.trajectories, project.corrections)
+        labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud), stated)
     report = project.reports["labels"]
     notices = tuple(dict.fromkeys((*report.notices, correction.sentence, *edits.notices)))
     return project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)
+
+
+def _with_whole_limb(project: Project, correction: Correction) -> Correction:
+    """The correction with all markers of the limb that its marker goes to: none of them is torn out of it."""
+    limbs, names = project.limbs, project.trajectories.names
+    markers = [corrected_marker(project.trajectories, correction, which) for which in range(len(correction.names))]
+    own, target = (int(limbs.limb_of_marker[marker]) for marker in markers[:2])
+    if target < 0:
+        raise InputError(f"{correction.names[1]} is on no limb; name a marker of the limb that it is to go to")
+    if own == target:
+        raise InputError(f"{correction.names[0]} is on the limb of {correction.names[1]} already")
+    if len(markers) == 2:
+        mates = limbs.markers_of(own).tolist() if own >= 0 else []
+        markers += [mate for mate in mates if mate != markers[0]][:1]
+    if len(markers) == 2:  # it leaves no other marker behind
+        return replace(correction, kind="together", names=_named(names, markers, limbs.markers_of(target)), places=())
+    stated = _named(names, markers, limbs.markers_of(target))
+    is_seen = all(project.trajectories.seen[:, names.index(name)].any() for name in stated)
+    if not correction.places or not is_seen:
+        return replace(correction, names=stated, places=())
+    frame = correction.places[0].frame
+    places = tuple(place_of(project.trajectories, names.index(name), frame) for name in stated)
+    return replace(correction, names=stated, places=places)
+
+
+def _named(names: Sequence[str], markers: Sequence[int], others: Ints) -> tuple[str, ...]:
+    """Names of markers, and of others that are not among them."""
+    return tuple(names[marker] for marker in dict.fromkeys([*markers, *others.tolist()]))

@@ -56,7 +56,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "n_markers": Rule("labels", "there are {value} markers", least=0, most=-1, needs_value=True),
         "together": Rule("limbs", "{names} share a limb", least=2, most=0),
         "apart": Rule("limbs", "no two of {names} share a limb", least=2, most=0),
-        "move": Rule("limbs", "{first} is on the limb of {rest}", least=2, most=3),
+        "move": Rule("limbs", "{first} is on the limb of {rest}", least=2, most=0),
         "name": Rule("limbs", "the limb of {names} is called {value}", most=0, needs_value=True),
         "n_limbs": Rule("limbs", "there are {value} limbs", least=0, most=-1, needs_value=True),
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
@@ -100,7 +100,8 @@ class Correction:
         One of `RULES`.
     names : tuple of str
         The markers that it is about; limbs are named by one of their markers, a joint by one marker of either limb.
-        Of ``move``: the marker, one of the limb that it goes to, and perhaps one of the limb that it leaves.
+        Of ``move``: the marker, one of the limb that it goes to, and perhaps one of the limb that it leaves; behind it
+        the others of the limb that it goes to, which stay together.
     first_frame, last_frame : int or None
         Frames for which it holds, both included; None: from the first, to the last.
     value : str
@@ -156,7 +157,7 @@ class Correction:
     def sentence(self) -> str:
         """What it says."""
         names = " and ".join(filter(None, (", ".join(self.names[:-1]), *self.names[-1:])))
-        first, rest = (*self.names, "", "")[:2]
+        first, rest = (*self.names, "")[0], ", ".join((*self.names[1:2], *self.names[3:]))
         sentence = self.rule.sentence.format(names=names, first=first, rest=rest, value=self.value)
         if self.first_frame is None and self.last_frame is None:
             return sentence

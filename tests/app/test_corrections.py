@@ -48,6 +48,43 @@ def test_two_markers_change_places_from_here_to_there(human):
     np.testing.assert_array_equal(column(swapped, "head 1")[61:], column(human, "head 1")[61:])
 
 
+@pytest.fixture(scope="module")
+def exchanged():
+    """A human with two labels exchanged in its file in some frames, labelled: both are doubted there."""
+    take = simulate("human", n_frames=300, noise=0.5).take
+    positions = np.array(take.positions)
+    pair = [take.names.index(name) for name in ("head 1", "chest 1")]
+    positions[100:140, pair] = positions[100:140, pair[::-1]]
+    return run_stages(Project(dataclasses.replace(take, positions=positions)), "labels", "labels")
+
+
+def doubted(project):
+    names = project.trajectories.names
+    return {(names[one.marker], one.first_frame, one.kind) for one in project.labelling.doubts}
+
+
+def test_doubts_of_other_markers_stay_when_one_is_corrected(exchanged):
+    assert {name for name, *_ in doubted(exchanged)} == {"head 1", "chest 1"}
+    other = with_correction(exchanged, Correction("swap", ("left hand 1", "right foot 1"), 10, 12))
+    assert doubted(other) >= doubted(exchanged)
+    stated = with_correction(exchanged, Correction("swap", ("head 1", "chest 1"), 100, 139))
+    assert not any(kind == "repaired" for *_, kind in doubted(stated))
+    merged = with_correction(exchanged, Correction("delete", ("left foot 1",)))
+    assert doubted(merged) >= doubted(exchanged)
+
+
+def test_doubts_of_points_stay_when_other_markers_are_corrected():
+    take = simulate("rods", n_frames=200, noise=1.5, dropouts=0.2, labelled=False, seed=3).take
+    found = run_stages(Project(take), "labels", "labels")
+    names = found.trajectories.names
+    first = with_correction(found, Correction("swap", (names[0], names[1]), 100, 101))
+    assert doubted(first) >= doubted(found)
+    assert doubted(found)
+    sure = first.labelling.confidence[100:102, :2]
+    second = with_correction(first, Correction("swap", (names[5], names[6]), 20, 21))
+    np.testing.assert_array_equal(second.labelling.confidence[100:102, :2], sure)
+
+
 def test_a_new_name_keeps_every_result(human):
     renamed = with_correction(human, Correction("rename", ("head 1",), value="crown"))
     assert "crown" in renamed.trajectories.names
@@ -94,8 +131,36 @@ def test_limbs_obey_together_and_apart_and_number(human):
 def test_a_marker_moves_to_another_limb(human):
     moved = with_correction(human, Correction("move", ("left hand 1", "left forearm 1", "left hand 2")))
     limbs = run_stages(moved, None, "limbs").limbs.limb_of_marker
-    first, second, old = (human.trajectories.names.index(name) for name in moved.corrections[0].names)
+    first, second, old = (human.trajectories.names.index(name) for name in moved.corrections[0].names[:3])
     assert limbs[first] == limbs[second] != limbs[old]
+
+
+def test_a_limb_that_a_marker_moves_to_stays_whole(human):
+    names = human.trajectories.names
+    pelvis = human.limbs.markers_of(int(human.limbs.limb_of_marker[names.index("pelvis 1")])).tolist()
+    mate = names[next(m for m in range(len(names)) if names[m].startswith("head"))]
+    said = with_correction(human, Correction("move", (mate, names[pelvis[-1]])))
+    limbs = run_stages(said, None, "limbs").limbs.limb_of_marker
+    assert len(set(limbs[[names.index(mate), *pelvis]].tolist())) == 1
+    with pytest.raises(InputError, match="already"):
+        with_correction(human, Correction("move", ("pelvis 1", names[pelvis[-1]])))
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "against"),
+    [
+        ("apart", ("left hand 1", "left forearm 2"), ("move", ("left hand 1", "left forearm 1"))),
+        ("together", ("head 1", "chest 1"), ("apart", ("chest 1", "head 1"))),
+        ("move", ("left hand 1", "head 1"), ("move", ("left hand 1", "left forearm 1"))),
+        ("join", ("head 1", "chest 2"), ("part", ("chest 1", "head 2"))),
+    ],
+)
+def test_what_contradicts_an_earlier_correction_is_refused_and_names_it(human, kind, names, against):
+    said = with_correction(human, Correction(*against))
+    said = run_stages(said, None, "limbs")
+    with pytest.raises(InputError, match="contradicts the correction") as told:
+        with_correction(said, Correction(kind, names))
+    assert said.corrections[0].sentence in str(told.value)
 
 
 def test_joints_are_forced_and_forbidden_and_the_root_is_obeyed(human):

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import gc
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("PySide6.QtWidgets", reason="PySide6 is not installed: pip install 'skelgen-mocap[gui]'")
-
-if not os.environ.get("DISPLAY"):
-    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtGui import QImage
 from skelgen_gui.project.session import Session
 
 import skelgen
+
+
+@pytest.fixture(scope="session")
+def qapp_args(qapp_args):
+    """Choose the platform when the application is made: by then pytest-xvfb has its display."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    return qapp_args
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -46,6 +53,21 @@ def walked():
 
     case = simulate("human", n_frames=400, noise=0.5, dropouts=0.05)
     return skelgen.reconstruct(case.take), case.truth
+
+
+@pytest.fixture(scope="session")
+def doubted(small_project):
+    """The small project with doubts about its second marker in frames 3 to 5, and about its third in frame 8."""
+    from skelgen.model import Labelling
+    from skelgen.model.labelling import Doubt
+
+    doubts = (
+        Doubt(1, 3, 5, "misfit", -1, 0.3, "it is off its place"),
+        Doubt(2, 8, 8, "rival", 1, 0.5, "it may be another"),
+    )
+    seen = small_project.trajectories.seen
+    labelling = Labelling(np.where(seen, 0.95, np.nan), doubts, (), np.zeros(len(seen), dtype=int))
+    return replace(small_project, _labelling=labelling)
 
 
 @pytest.fixture

@@ -39,6 +39,8 @@ class Space(QWidget):
         Parent widget.
     """
 
+    own_keys = frozenset({*ARROWS, *ZOOMS, Qt.Key.Key_F, Qt.Key.Key_1})
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._canvas = Canvas(_HOME, 1, 1)

@@ -18,6 +18,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.keys import ARROW_KEYS
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
 
 _MARGIN = 28.0  # px about the graph
@@ -41,6 +42,8 @@ class GraphView(QWidget):
     session : Session
         What is shown.
     """
+
+    own_keys = ARROW_KEYS | {Qt.Key.Key_J, Qt.Key.Key_0}
 
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -9,6 +9,7 @@ from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
 from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.keys import ARROW_KEYS
 from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, show_tip
 
 _CLICK = 4.0  # px, that the pointer may move in a click
@@ -26,6 +27,8 @@ class MatrixView(QWidget):
     session : Session
         What is shown.
     """
+
+    own_keys = ARROW_KEYS | {Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus, Qt.Key.Key_0}
 
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -16,7 +16,7 @@ from skelgen_gui.timeline.ruler import Ruler
 from skelgen_gui.timeline.span import VisibleSpan
 from skelgen_gui.timeline.transport import Transport
 from skelgen_gui.widgets.layouts import bare_column
-from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
+from skelgen_gui.widgets.shortcuts import make_actions
 
 _COUNTS_HEIGHT = 36
 
@@ -42,7 +42,9 @@ class Timeline(QWidget):
     def __init__(self, session: Session, actions: Mapping[str, QAction] | None = None) -> None:
         super().__init__()
         self._session = session
-        actions = make_actions(self) if actions is None else actions
+        if actions is None:
+            actions = make_actions(self)
+            self.addActions(list(actions.values()))
         self.player = Player(session, self)
         self.span = VisibleSpan(session, self)
         self.commands = PlayCommands(session, self.player, actions, self)
@@ -58,8 +60,6 @@ class Timeline(QWidget):
         column = bare_column(self, (self.transport, self.ruler, self.counts, self.lane_view, Legend(self)))
         column.setSpacing(0)
         column.setStretchFactor(self.lane_view, 1)
-        for view in (self.lane_view, self.counts):
-            add_view_actions(view, actions)
         session.project_changed.connect(self._follow_project)
         self._follow_project()
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 
@@ -63,7 +63,7 @@ class Commands(QObject):
 
     @property
     def with_keys(self) -> tuple[QAction, ...]:
-        """The actions that have keys, which work while the view has the focus."""
+        """The actions that have keys."""
         switches = (self.switches[name] for name in _KEYS)
         return (self.fit, self.fit_take, self.front, self.side, self.top, self.rectangle, *switches)
 
@@ -110,7 +110,6 @@ class Commands(QObject):
         action.setStatusTip(explanation)
         action.setToolTip(f"{explanation} ({key})" if key else explanation)
         action.setShortcut(QKeySequence(key))
-        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
         return action
 
     def _switch(self, name: str, text: str, explanation: str) -> QAction:

@@ -1,8 +1,7 @@
 """All commands of the window in one table, from which menus, tool bar, keys and their list are made.
 
-Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
-buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
-context ``Commands`` when the actions are made.
+Keys are Qt's portable texts; Ctrl is Cmd on a Mac. They hold in the whole window: what lists, buttons and fields need
+is left to these (`skelgen_gui.widgets.keys`). Texts are translated in the context ``Commands`` as actions are made.
 """
 
 from collections.abc import Iterable, Mapping
@@ -52,8 +51,6 @@ class Command:
         What it does, in one sentence.
     in_tool_bar : bool
         Whether the tool bar has it too.
-    in_views : bool
-        Whether its key works only while a view of the recording has the focus.
     is_checkable : bool
         Whether it is on or off.
     """
@@ -64,7 +61,6 @@ class Command:
     key: str = ""
     tip: str = ""
     in_tool_bar: bool = False
-    in_views: bool = False
     is_checkable: bool = False
 
 
@@ -94,24 +90,24 @@ COMMANDS: tuple[Command, ...] = (
     Command(SEPARATOR, _RUN),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
-    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, in_views=True, is_checkable=True),
-    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", in_views=True, is_checkable=True),
+    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, is_checkable=True),
+    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", is_checkable=True),
     Command(SEPARATOR, _PLAY),
-    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on", in_views=True),
-    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back", in_views=True),
-    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on", in_views=True),
-    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back", in_views=True),
-    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning", in_views=True),
-    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end", in_views=True),
-    Command("faster", _PLAY, "Faste&r", "+", "Play faster", in_views=True),
-    Command("slower", _PLAY, "Slo&wer", "-", "Play slower", in_views=True),
+    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on"),
+    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back"),
+    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on"),
+    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back"),
+    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning"),
+    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end"),
+    Command("faster", _PLAY, "Faste&r", "+", "Play faster"),
+    Command("slower", _PLAY, "Slo&wer", "-", "Play slower"),
     Command(SEPARATOR, _PLAY),
-    Command("range_from", _PLAY, "Range from &here", "I", "Play from this frame on", in_views=True),
-    Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame", in_views=True),
-    Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take", in_views=True),
+    Command("range_from", _PLAY, "Range from &here", "I", "Play from this frame on"),
+    Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame"),
+    Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take"),
     Command(SEPARATOR, _PLAY),
-    Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker", in_views=True),
-    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before", in_views=True),
+    Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker"),
+    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before"),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
 )
@@ -167,19 +163,6 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction]) -> None:
             bar.addAction(actions[command.id])
 
 
-def add_view_actions(view: QWidget, actions: Mapping[str, QAction]) -> None:
-    """Let the keys of views work while `view`, or something in it, has the focus.
-
-    Parameters
-    ----------
-    view : QWidget
-        The view.
-    actions : mapping of str to QAction
-        One action for each command, by its id.
-    """
-    view.addActions([actions[command.id] for command in COMMANDS if command.in_views])
-
-
 def _action(command: Command, parent: QObject) -> QAction:
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
@@ -188,8 +171,6 @@ def _action(command: Command, parent: QObject) -> QAction:
     action.setStatusTip(_translated(command.tip))
     key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
     action.setToolTip(f"{_translated(command.tip)} ({key})" if key else _translated(command.tip))
-    if command.in_views:
-        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
     return action
 
 
@@ -236,7 +217,7 @@ class ShortcutsDialog(QDialog):
         self.table.setAlternatingRowColors(True)
         self.table.setTabKeyNavigation(False)
         self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
-        self.table.setToolTip(self.tr("Single letters work while the 3-D view or the timeline has the focus"))
+        self.table.setToolTip(self.tr("They hold in the whole window; single letters not while you type in a field"))
 
     def _add(self, action: QAction) -> None:
         row = self.table.rowCount()

@@ -21,7 +21,11 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.stage import check_labels, label_markers
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
-from skelgen.stages.labels.user_labels.corrections import apply_corrections, corrected_quality
+from skelgen.stages.labels.user_labels.corrections import (
+    apply_corrections,
+    corrected_quality,
+    stated_positions,
+)
 
 __all__ = [
     "LabelParameters",
@@ -37,5 +41,6 @@ __all__ = [
     "label_markers",
     "labelling_of_cloud",
     "labelling_of_markers",
+    "stated_positions",
     "typical_spacing",
 ]

@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from skelgen_gui.model.lanes import doubt_at, lane_picture, next_doubt, point_counts
 
 from skelgen.app.drawing.lanes import State, find_lanes
-from skelgen.model import Labelling, PointCloud, Project
-from skelgen.model.labelling import Doubt
+from skelgen.model import PointCloud, Project
 
 SEEN_ALWAYS = np.eye(5)[State.SEEN]
-
-
-@pytest.fixture(scope="module")
-def doubted(small_project):
-    """The small project with doubts about its second marker in frames 3 to 5, and about its third in frame 8."""
-    doubts = (
-        Doubt(1, 3, 5, "misfit", -1, 0.3, "it is off its place"),
-        Doubt(2, 8, 8, "rival", 1, 0.5, "it may be another"),
-    )
-    seen = small_project.trajectories.seen
-    labelling = Labelling(np.where(seen, 0.95, np.nan), doubts, (), np.zeros(len(seen), dtype=int))
-    return replace(small_project, _labelling=labelling)
 
 
 def states(lanes, marker):

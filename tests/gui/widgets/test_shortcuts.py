@@ -47,12 +47,6 @@ def test_entries_of_a_menu_have_distinct_marked_letters():
         assert max(Counter(letters).values()) == 1
 
 
-def test_plain_letters_are_left_to_lists_and_fields():
-    for command in ALL:
-        has_modifier = any(name in command.key for name in ("Ctrl", "Alt")) or command.key in {"", "F1"}
-        assert has_modifier != command.in_views
-
-
 def test_menus_hold_every_command_once(window, actions):
     menus = fill_menu_bar(window.menuBar(), actions)
     listed = [action for menu in menus.values() for action in menu.actions() if not action.isSeparator()]

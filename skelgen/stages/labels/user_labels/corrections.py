@@ -1,6 +1,7 @@
 """Corrections that the user makes to labels: markers merged, split, renamed, deleted and exchanged."""
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from skelgen.errors import InputError
 from skelgen.model import Labelling, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Correction, named_marker
-from skelgen.model.labelling import Tracklets
+from skelgen.model.labelling import Doubt, Tracklets
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
 from skelgen.stages.labels.confidence.label_quality import doubtful_spans
 
@@ -58,8 +59,12 @@ def apply_corrections(trajectories: Trajectories, corrections: tuple[Correction,
     return editor.result()
 
 
-def corrected_quality(before: Labelling, edits: CorrectedLabels, are_found: bool) -> Labelling:
+def corrected_quality(
+    before: Labelling, edits: CorrectedLabels, are_found: bool, stated: Bools | None = None
+) -> Labelling:
     """Compute the label quality of corrected labels: what the user corrected is certain.
+
+    All else is judged by what it was judged by before: where tracks break, and which labels were given back.
 
     Parameters
     ----------
@@ -69,19 +74,43 @@ def corrected_quality(before: Labelling, edits: CorrectedLabels, are_found: bool
         The corrected labels.
     are_found : bool
         Whether the take came as points without labels.
+    stated : ndarray of bool, shape (n_frames, n_markers), optional
+        Positions of the corrected labels whose marker the user has stated earlier.
     """
     prior = LABELS_FOUND if are_found else LABELS_GIVEN
-    certainty = identity_confidence(edits.trajectories, None, edits.touched, prior)
-    lost = np.maximum(np.isfinite(before.confidence).sum(axis=1) - edits.trajectories.seen.sum(axis=1), 0)
     tracklets = None if before.tracklets is None else _followed(before.tracklets, edits.source)
+    breaks = None if tracklets is None else _track_breaks(tracklets, edits.trajectories.seen)
+    stated = edits.touched if stated is None else edits.touched | stated
+    certainty = identity_confidence(edits.trajectories, breaks, stated, prior)
+    lost = np.maximum(np.isfinite(before.confidence).sum(axis=1) - edits.trajectories.seen.sum(axis=1), 0)
+    doubts = (*_given_back(before, edits), *doubtful_spans(edits.trajectories, certainty))
     return dataclasses.replace(
         before,
         confidence=certainty.confidence,
-        doubts=doubtful_spans(edits.trajectories, certainty),
+        doubts=tuple(sorted(doubts, key=lambda doubt: doubt.first_frame)),
         twins=certainty.twins,
         left_out=before.left_out + lost,
         tracklets=tracklets,
     )
+
+
+def stated_positions(trajectories: Trajectories, corrections: Iterable[Correction]) -> Bools:
+    """Return where corrections that are applied already state the marker, shape (n_frames, n_markers).
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        The labels after these corrections.
+    corrections : iterable of Correction
+        Those whose markers are there no more are passed over.
+    """
+    stated = np.zeros(trajectories.seen.shape, dtype=np.bool_)
+    for correction in corrections:
+        if correction.kind in _STATING:
+            names = {*correction.names, correction.value} & {*trajectories.names}
+            frames = _frames(correction) if correction.kind == "swap" else slice(None)
+            stated[frames, [trajectories.names.index(name) for name in names]] = True
+    return stated & trajectories.seen
 
 
 class _Editor:
@@ -168,6 +197,10 @@ class _Editor:
 _ACTS = {act.__name__: act for act in (_Editor.merge, _Editor.split, _Editor.rename, _Editor.delete, _Editor.swap)}
 
 
+_STATING = frozenset({"merge", "split", "swap"})
+"""Kinds that say of positions which marker they are."""
+
+
 def _frames(correction: Correction) -> slice:
     last = correction.last_frame
     return slice(correction.first_frame or 0, None if last is None else last + 1)
@@ -179,3 +212,27 @@ def _followed(tracklets: Tracklets, source: Ints) -> Tracklets:
     there = source[middle] == tracklets.marker[:, np.newaxis]
     marker = np.where(there.any(axis=1) & (tracklets.marker >= 0), there.argmax(axis=1), -1)
     return dataclasses.replace(tracklets, marker=marker)
+
+
+def _track_breaks(tracklets: Tracklets, seen: Bools) -> Bools:
+    """Frames in which a marker is of another track than in the frame before, or of none, shape as `seen`."""
+    track = np.full(seen.shape, -1, dtype=np.int32)
+    for part in np.argsort(tracklets.first - tracklets.last, kind="stable").tolist():  # within gaps of the long ones
+        if tracklets.marker[part] >= 0:
+            track[tracklets.first[part] : tracklets.last[part] + 1, tracklets.marker[part]] = tracklets.track[part]
+    track[~seen] = -1
+    breaks = np.zeros(seen.shape, dtype=np.bool_)
+    breaks[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
+    return breaks
+
+
+def _given_back(before: Labelling, edits: CorrectedLabels) -> list[Doubt]:
+    """Spans in which labels were given back, of the markers as they are now and as far as the user said nothing."""
+    kept = []
+    for doubt in (doubt for doubt in before.doubts if doubt.kind == "repaired"):
+        middle = (doubt.first_frame + doubt.last_frame) // 2
+        now = np.flatnonzero(edits.source[middle] == doubt.marker)
+        if len(now) and not edits.touched[doubt.first_frame : doubt.last_frame + 1, now[0]].any():
+            rival = np.flatnonzero(edits.source[middle] == doubt.rival) if doubt.rival >= 0 else now[:0]
+            kept.append(dataclasses.replace(doubt, marker=int(now[0]), rival=int(rival[0]) if len(rival) else -1))
+    return kept
