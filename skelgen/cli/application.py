@@ -150,6 +150,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("formats", file_commands.formats, tuple),
         ("config", file_commands.config, tuple),
         ("report", file_commands.report, tuple),
+        ("view", file_commands.view, reader_options),
         ("fill", file_commands.fill, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
         ("benchmark", measure_commands.benchmark, tuple),

@@ -1,4 +1,4 @@
-"""Commands around files: `convert`, `info`, `evaluate`, `formats`, `config`, `report`, `fill`."""
+"""Commands around files: `convert`, `info`, `evaluate`, `formats`, `config`, `report`, `view`, `fill`."""
 
 import importlib
 import os
@@ -230,6 +230,60 @@ def report(
     show_files(Screen(), [write_report(project, target)])
 
 
+def view(
+    take: InputFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="a temporary file"),
+    ] = None,
+    format_name: FormatName = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    **values: Any,
+) -> None:
+    """Open markers and skeleton in the browser, where they turn and play; the page is complete in itself.
+
+    Parameters
+    ----------
+    take : Path
+        A take or a project.
+    output : Path, optional
+        The page; a temporary file if left out.
+    format_name : str, optional
+        Format to read; found by content if left out.
+    overwrite : bool
+        Whether files that were not named may be replaced.
+    quiet : bool
+        Whether neither progress nor notes are shown.
+    **values
+        Options of readers.
+    """
+    from tempfile import mkdtemp
+
+    from skelgen.app.files import open_input
+    from skelgen.app.replacing import check_outputs
+    from skelgen.app.report import write_view
+
+    screen, given_target = Screen(quiet), output
+    if given_target:
+        check_outputs((given_target,), (take,), (given_target,), overwrite=overwrite)
+    with screen.watching() as monitor:
+        project = open_input(take, format_name, monitor=monitor, **given(values))
+    target = given_target or Path(mkdtemp(prefix="skelgen-")) / f"{take.stem}.html"
+    show_files(screen, [write_view(project, target)])
+    if not _opened(target):
+        print(f"no browser could be opened here: open {target} in one", file=sys.stderr)
+
+
+def _opened(page: Path) -> bool:
+    """Open a page in the user's browser; whether that went well."""
+    import webbrowser
+
+    if not _has_display() and "BROWSER" not in os.environ:  # browsers of terminals play nothing
+        return False
+    return webbrowser.open(page.resolve().as_uri())
+
+
 def fill(
     result: ProjectFile,
     output: Annotated[
@@ -267,7 +321,11 @@ def fill(
 
 
 _MODULE = "skelgen_gui.main"  # found by name: the command line does not depend on the window
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+
+
+def _has_display() -> bool:
+    return sys.platform != "linux" or any(os.environ.get(name) for name in _DISPLAYS)
 
 
 def gui(
@@ -276,7 +334,7 @@ def gui(
     ] = None,
 ) -> None:
     """Open the desktop window."""
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
+    if not _has_display() and not os.environ.get("QT_QPA_PLATFORM"):
         raise InputError("there is no display: start skelgen gui in a desktop session, or use skelgen run without one")
     try:
         window = importlib.import_module(_MODULE)

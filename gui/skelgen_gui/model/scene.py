@@ -5,19 +5,16 @@ Rows are taken when a frame is shown: opening a project costs nothing.
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from skelgen.app.drawing.poses import Bones, find_bones, find_views
+from skelgen.app.drawing.poses import Bones, MarkerState, find_bones, find_views, place_markers
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
-
-_SURE = 0.9  # confidence below which a marker counts as doubtful
 
 _SAMPLES = 300  # frames that determine where a take lies and how large it is
 
@@ -37,15 +34,7 @@ _BLOCK = 64  # frames whose covariances are derived at once: takes hardly longer
 _MOST_BLOCKS = 4  # that are kept: what is shown, and what is played into
 
 
-class State(IntEnum):
-    """What a marker's position in a frame rests on."""
-
-    SEEN = 0
-    DOUBTFUL = 1
-    """Seen, but perhaps another marker, or perhaps on another limb."""
-    FILLED = 2
-    """Unseen; the skeleton places it."""
-    ABSENT = 3
+State = MarkerState
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,18 +258,8 @@ class Scene:
         """Measured markers, where unseen those on the skeleton, and the state of each."""
         if self.trajectories is None:
             return _NO_POINTS, _NO_INTS
-        measured = self.trajectories.positions[frame]
-        unseen = np.isnan(measured[:, 0])
-        state = np.where(unseen, State.ABSENT, State.SEEN)
-        if self.project.has("labels") and self.project.has_labelling:
-            state[self.project.labelling.confidence[frame] < _SURE] = State.DOUBTFUL
-        if self.project.has("limbs"):
-            state[self.project.limbs.doubtful] = np.maximum(state, State.DOUBTFUL)[self.project.limbs.doubtful]
-        if not self.project.has("skeleton"):
-            return measured, state
-        placed = self.project.motion.marker_positions[frame]
-        state[unseen & ~np.isnan(placed[:, 0])] = State.FILLED
-        return np.where(unseen[:, np.newaxis], placed, measured), state
+        markers, state = place_markers(self.project, self.trajectories, slice(frame, frame + 1))
+        return markers[0], state[0]
 
     def _covariances_of_block(self, number: int) -> Floats:
         frames = np.arange(number * _BLOCK, min((number + 1) * _BLOCK, self.n_frames))

@@ -1,15 +1,28 @@
-"""The skeleton in its reference pose, the two views that show it best, and the bones that are drawn of its limbs."""
+"""The skeleton in its reference pose, two views that show it best, the bones of its limbs, and where markers are."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
-from skelgen.model import Skeleton
+from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 
 _FLAT = 0.3  # an axis along which the body extends less than this share of its size is hardly the vertical
 _SUNK = 0.05  # of the body's size: markers that lie farther below zero are not above a floor at zero
 _RARELY = 0.01  # of the frames, in which a stray may lie below
+_SURE = 0.9  # confidence below which a marker counts as doubtful
+
+
+class MarkerState(IntEnum):
+    """What a marker's position in a frame rests on."""
+
+    SEEN = 0
+    DOUBTFUL = 1
+    """Seen, but perhaps another marker, or perhaps on another limb."""
+    FILLED = 2
+    """Unseen; the skeleton places it."""
+    ABSENT = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +96,40 @@ def reference_markers(skeleton: Skeleton) -> Floats:
     poses = skeleton.reference_pose[skeleton.limb_of_marker[on_limb]]
     placed[on_limb] = np.einsum("nij,nj->ni", poses[:, :3, :3], skeleton.marker_offsets[on_limb]) + poses[:, :3, 3]
     return placed
+
+
+def place_markers(project: Project, trajectories: Trajectories, frames: slice) -> tuple[Floats, Ints]:
+    """Return the measured markers, where unseen those on the skeleton, and the `MarkerState` of each.
+
+    Parameters
+    ----------
+    project : Project
+        Whatever stages have run.
+    trajectories : Trajectories
+        Its markers.
+    frames : slice
+        Which frames.
+
+    Returns
+    -------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where neither is known.
+    states : ndarray of intp, shape (n_frames, n_markers)
+        A `MarkerState` each.
+    """
+    measured = trajectories.positions[frames]
+    unseen = np.isnan(measured[..., 0])
+    states = np.where(unseen, MarkerState.ABSENT, MarkerState.SEEN)
+    if project.has("labels") and project.has_labelling:
+        states[project.labelling.confidence[frames] < _SURE] = MarkerState.DOUBTFUL
+    if project.has("limbs"):
+        doubtful = project.limbs.doubtful
+        states[:, doubtful] = np.maximum(states, MarkerState.DOUBTFUL)[:, doubtful]
+    if not project.has("skeleton"):
+        return measured, states
+    placed = project.motion.marker_positions[frames]
+    states[unseen & ~np.isnan(placed[..., 0])] = MarkerState.FILLED
+    return np.where(unseen[..., np.newaxis], placed, measured), states
 
 
 @dataclass(frozen=True, eq=False)

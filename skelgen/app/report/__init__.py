@@ -9,14 +9,15 @@ from pathlib import Path
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
-from skelgen.app.report.contents import report_content
+from skelgen.app.report.contents import Content, report_content, view_content
+from skelgen.errors import InputError
 from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen.progress import SILENT, Monitor
 
-__all__ = ["report_html", "write_report"]
+__all__ = ["report_html", "write_report", "write_view"]
 
-_TEMPLATES = ("template.html", "labels.html", "style.html", "macros.html")
+_TEMPLATES = ("template.html", "labels.html", "style.html", "macros.html", "play.html", "view.html")
 
 
 def write_report(project: Project, path: Path, monitor: Monitor = SILENT) -> Path:
@@ -41,7 +42,38 @@ def write_report(project: Project, path: Path, monitor: Monitor = SILENT) -> Pat
     WriteError
         If the file cannot be written.
     """
-    html = report_html(project, monitor)
+    return _written(report_html(project, monitor), path)
+
+
+def write_view(project: Project, path: Path) -> Path:
+    """Write a page that holds the view alone: markers and skeleton that turn and play.
+
+    Parameters
+    ----------
+    project : Project
+        Any project, from a bare take to a fitted skeleton.
+    path : Path
+        The HTML file; it appears whole or not at all.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        If nothing is ever seen in the take.
+    WriteError
+        If the file cannot be written.
+    """
+    content = view_content(project)
+    if content is None:
+        raise InputError(f"{project.name or 'the take'}: no point is seen in any frame, so there is nothing to view")
+    return _written(_rendered("view.html", content), path)
+
+
+def _written(html: str, path: Path) -> Path:
     with replacing(path) as temporary:
         # A name that was read from a broken file may hold halves of characters: they become question marks.
         temporary.write_text(html, encoding="utf-8", errors="replace")
@@ -58,9 +90,13 @@ def report_html(project: Project, monitor: Monitor = SILENT) -> str:
     monitor : Monitor
         Shows progress; may cancel.
     """
+    return _rendered("template.html", report_content(project, monitor))
+
+
+def _rendered(template: str, content: Content) -> str:
     folder = resources.files(__name__)
     sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
     environment = Environment(
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("template.html").render(report_content(project, monitor))
+    return environment.get_template(template).render(content)

@@ -21,6 +21,7 @@ from skelgen.app.report.curves import deviation_bars, points_figure, residual_fi
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
 from skelgen.app.report.matrix import cost_figure, deviation_figure
+from skelgen.app.report.play import play_content
 from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
@@ -56,7 +57,6 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     monitor : Monitor
         Told of progress; may cancel.
     """
-    n_limbs = project.limbs.n_limbs if project.has("limbs") else 0
     libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
     content: Content = {
         "title": project.name or "take without a name",
@@ -67,8 +67,10 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         "stages": _stage_tables(project),
         "versions": [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
         "seed": project.seed,
-        "colours": [(limb, limb_colour(limb), limb_colour(limb, dark=True)) for limb in range(n_limbs)],
+        "colours": _colours(project),
     }
+    if play := play_content(project):
+        content["play"] = play
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
         content["gaps"] = _gaps(project, monitor)
         if project.has_labelling:
@@ -83,6 +85,25 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
         content |= {"deviations": _deviations(project)}
     return content
+
+
+def view_content(project: Project) -> Content | None:
+    """Return what a page with the view alone shows; None if nothing is ever seen.
+
+    Parameters
+    ----------
+    project : Project
+        Any project, from a bare take to a fitted skeleton.
+    """
+    play = play_content(project)
+    title = project.name or "take without a name"
+    return play and {"title": title, "sentence": _take_sentence(project), "colours": _colours(project), "play": play}
+
+
+def _colours(project: Project) -> list[tuple[int, str, str]]:
+    """The colour of each limb on a light and on a dark page."""
+    n_limbs = project.limbs.n_limbs if project.has("limbs") else 0
+    return [(limb, limb_colour(limb), limb_colour(limb, dark=True)) for limb in range(n_limbs)]
 
 
 def _sentences(project: Project) -> list[str]:
