@@ -14,7 +14,7 @@ from skelgen.app.report.labels import lanes
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
 from skelgen.model.labelling import DOUBT_KINDS, FINDING_KINDS, Agreement, Doubt, Finding, Tracklets
 
-LARGEST_REPORT = 400_000  # bytes: a long take with many tracks is no larger than a page of pictures
+LARGEST_REPORT = 1_500_000  # bytes: a long take with many tracks is no larger than the view of a take, which is bounded
 MOST_ROWS = 40
 
 
