@@ -22,6 +22,9 @@ frame is the world unless its ``camera_from_world`` says otherwise::
       </joint>
     </capture>
 
+The cameras of a room, two to sixteen, are ``<camera name="...">`` elements in place of ``<left>`` and ``<right>``; each
+may hold a ``<std>`` of 15 numbers: deviations of fx, fy, cx, cy, k1 k2 p1 p2 k3, its turn [rad] and its shift.
+
 Every name is checked: what is unknown, missing or twice there is refused with file, line and what is allowed.
 """
 
@@ -36,11 +39,22 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
+from skelgen.model.rig import (
+    N_CAMERA_STD,
+    BodyTarget,
+    Camera,
+    CameraRig,
+    CaptureSettings,
+    ParameterValue,
+    RoomSettings,
+    StereoRig,
+    TargetJoint,
+)
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_formats.xml_text import closest_first, read_root, write_lines
 
 __all__ = [
+    "read_any_settings",
     "read_settings",
     "write_settings",
 ]
@@ -52,7 +66,7 @@ FILE_NAME = "settings.xml"
 _LARGEST_FILE = 1 << 22
 """Bytes; a hundred bodies of ten points take 100 kB."""
 
-LEFT, RIGHT = "left", "right"
+LEFT, RIGHT, CAMERA = "left", "right", "camera"
 
 _ONE = "exactly one"
 _AT_MOST_ONE = "at most one"
@@ -111,6 +125,16 @@ _LAYOUT: Mapping[str, Element] = {
 }
 """Every element by its name."""
 
+_OF_ROOM: Mapping[str, Element] = {
+    **_LAYOUT,
+    "rig": Element(required=("noise",), children={CAMERA: _ANY}),
+    CAMERA: Element(("width", "height", "name"), (), {**_CAMERA.children, "std": _AT_MOST_ONE}),
+    "std": Element(numbers=N_CAMERA_STD),
+}
+"""The same for the cameras of a room."""
+
+_Layout = Mapping[str, Element]
+
 
 _Value = TypeVar("_Value")
 
@@ -136,26 +160,55 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
         If the file cannot be read, is no well-formed XML, holds an unknown name, lacks one that must be there, or a
         value is not what it must be; the sentence says file, line and what is allowed.
     """
+    settings = read_any_settings(path, detection)
+    if isinstance(settings, RoomSettings):
+        raise FormatError(
+            Path(path),
+            "",
+            f"holds {len(settings.rig.cameras)} cameras of a room; this needs a <left> and a <right> one",
+        )
+    return settings
+
+
+def read_any_settings(
+    path: Path | str, detection: type[StageParameters] | None = None
+) -> CaptureSettings | RoomSettings:
+    """Read the settings of a capture by two cameras, or by those of a room; errors as of `read_settings`.
+
+    Parameters
+    ----------
+    path, detection
+        As of `read_settings`.
+    """
     path = Path(path)
     root = read_root(path, ROOT, FILE_NAME, _LARGEST_FILE)
-    _check_names(path, root)
+    is_room = root.find(f"rig/{CAMERA}") is not None
+    _check_names(path, root, _OF_ROOM if is_room else _LAYOUT)
     for name, wanted in (("version", VERSION), ("unit", UNIT)):
         if root.get(name) != wanted:
             raise _error(path, root, f"{name} is {root.get(name)!r}; only {wanted!r} can be read")
     cameras = root.find("rig")
-    left, right = (_camera(path, cameras.find(side)) for side in (LEFT, RIGHT))
     noise = _number(path, cameras, "noise")
-    rig = _built(path, cameras, lambda: StereoRig(left, right, noise))
+    elements = list(cameras.iterfind(CAMERA)) if is_room else [cameras.find(side) for side in (LEFT, RIGHT)]
+    eyes = [_camera(path, element) for element in elements]
     bodies = [_body(path, element) for element in _distinct(path, root.iterfind("body"))]
     names = [body.name for body in bodies]
     joints = [_joint(path, element, names) for element in _distinct(path, root.iterfind("joint"))]
-    source = (root.findtext("source") or "").strip()
-    return CaptureSettings(rig, bodies, joints, source, _detection(path, root, detection))
+    source, found = (root.findtext("source") or "").strip(), _detection(path, root, detection)
+    if is_room:
+        std = [_numbers(path, one) if one is not None else _EXACT for one in (eye.find("std") for eye in elements)]
+        room = _built(path, cameras, lambda: CameraRig(eyes, noise, np.array(std)))
+        return RoomSettings(room, bodies, joints, source, found)
+    rig = _built(path, cameras, lambda: StereoRig(eyes[0], eyes[1], noise))
+    return CaptureSettings(rig, bodies, joints, source, found)
 
 
-def _check_names(path: Path, element: Any) -> None:
+_EXACT = np.zeros(N_CAMERA_STD)
+
+
+def _check_names(path: Path, element: Any, layout: _Layout) -> None:
     """Refuse attributes, elements and text that the layout does not know, and miss those that it demands."""
-    known = _LAYOUT[element.tag]
+    known = layout[element.tag]
     allowed = (*known.required, *known.optional)
     for name in element.attrib:
         if name not in allowed:
@@ -166,7 +219,7 @@ def _check_names(path: Path, element: Any) -> None:
     for child in element:
         if child.tag not in known.children:
             raise _error(path, child, f"<{child.tag}> is unknown in <{element.tag}>; {_holds(child.tag, known)}")
-        _check_names(path, child)
+        _check_names(path, child, layout)
     _check_counts(path, element, known)
 
 
@@ -250,7 +303,7 @@ def _distinct(path: Path, elements: Iterable[Any]) -> list[Any]:
 
 
 def _numbers(path: Path, element: Any) -> Floats:
-    return _parsed(path, element, f"<{element.tag}>", element.text or "", _LAYOUT[element.tag].numbers)
+    return _parsed(path, element, f"<{element.tag}>", element.text or "", _OF_ROOM[element.tag].numbers)
 
 
 def _attribute_numbers(path: Path, element: Any, name: str, count: int) -> Floats:
@@ -317,12 +370,12 @@ _COMMENT = (
 )
 
 
-def write_settings(settings: CaptureSettings, path: Path | str) -> None:
-    """Write the settings of a stereo capture; the file appears whole or not at all.
+def write_settings(settings: CaptureSettings | RoomSettings, path: Path | str) -> None:
+    """Write the settings of a capture; the file appears whole or not at all.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What to write.
     path : Path or str
         The file.
@@ -335,13 +388,17 @@ def write_settings(settings: CaptureSettings, path: Path | str) -> None:
     write_lines(Path(path), [f'<{ROOT} version="{VERSION}" unit="{UNIT}">', *_inside(settings), f"</{ROOT}>"])
 
 
-def _inside(settings: CaptureSettings) -> Iterator[str]:
+def _inside(settings: CaptureSettings | RoomSettings) -> Iterator[str]:
     yield f"  <!-- {_COMMENT} -->"
     if settings.source:
         yield f"  <source>{escape(settings.source)}</source>"
     yield f'  <rig noise="{float(settings.rig.noise)!r}">'
-    yield from _camera_lines(LEFT, settings.rig.left)
-    yield from _camera_lines(RIGHT, settings.rig.right)
+    if isinstance(settings, CaptureSettings):
+        yield from _camera_lines(LEFT, settings.rig.left)
+        yield from _camera_lines(RIGHT, settings.rig.right)
+    else:
+        for camera, std in zip(settings.rig.cameras, np.asarray(settings.rig.std), strict=True):
+            yield from _camera_lines(CAMERA, camera, std)
     yield "  </rig>"
     if settings.detection:
         yield "  <detection>"
@@ -370,11 +427,13 @@ def _parameter(value: ParameterValue) -> str:
     return str(value)
 
 
-def _camera_lines(side: str, camera: Camera) -> Iterator[str]:
+def _camera_lines(side: str, camera: Camera, std: Floats | None = None) -> Iterator[str]:
     yield f'    <{side} name={quoteattr(camera.name)} width="{camera.width}" height="{camera.height}">'
     yield from _matrix("      ", "matrix", "", camera.matrix)
     yield f"      <distortion>{_text(camera.distortion)}</distortion>"
     yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
+    if std is not None and std.any():
+        yield f"      <std>{_text(std)}</std>"
     yield f"    </{side}>"
 
 

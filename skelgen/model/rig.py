@@ -1,4 +1,4 @@
-"""Two cameras that look at the same balls, the rigid targets that carry the balls, and the joints between targets.
+"""Cameras that look at the same balls, the rigid targets that carry the balls, and the joints between targets.
 
 A camera is a pinhole with the distortion of Brown (1966) in OpenCV's order. Pixel (0, 0) has its centre at (0.0, 0.0);
 x points right and y down in the image; a camera looks along its own +z. The world is the left camera's frame unless a
@@ -6,7 +6,7 @@ rig says otherwise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -86,8 +86,7 @@ class StereoRig:
     noise: float = TYPICAL_NOISE
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.noise) or self.noise <= 0:
-            raise InputError(f"the noise of the rig is {self.noise:g} px; it must be above 0")
+        _check_noise(self.noise)
         if self.baseline == 0.0:
             raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
 
@@ -100,6 +99,65 @@ class StereoRig:
     def baseline(self) -> float:
         """Distance [mm] between the cameras."""
         return float(np.linalg.norm(self.right_from_left[:3, 3]))
+
+
+CAMERAS_OF_A_ROOM = (2, 16)
+"""Fewest and most cameras around a room."""
+
+N_CAMERA_STD = 4 + N_DISTORTION + 6
+"""Deviations that a camera of a room has: fx, fy, cx, cy, the lens, its turn and its shift."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraRig:
+    """Cameras around a room, calibrated together.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        Two to sixteen, placed in one world; their names differ.
+    noise : float, px
+        Standard deviation of a ball's centre along one axis of an image, calibration included.
+    std : ndarray, shape (n_cameras, 15)
+        Standard deviations of each camera's fx, fy, cx, cy [px], k1, k2, p1, p2, k3, of its turn about its own axes
+        [rad] and of the shift of camera_from_world [mm], against the first camera; zeros where taken as exact.
+    """
+
+    cameras: Sequence[Camera]
+    noise: float = TYPICAL_NOISE
+    std: Floats | None = None
+
+    def __post_init__(self) -> None:
+        n_cameras, (fewest, most) = len(self.cameras), CAMERAS_OF_A_ROOM
+        if not fewest <= n_cameras <= most:
+            raise InputError(f"the rig has {n_cameras} cameras; it needs {fewest} to {most}")
+        check_names([camera.name for camera in self.cameras], n_cameras, "camera")
+        _check_noise(self.noise)
+        std = np.zeros((n_cameras, N_CAMERA_STD)) if self.std is None else self.std
+        std = check_floats(std, (n_cameras, N_CAMERA_STD), "std of the cameras", finite=True)
+        if (std < 0).any():
+            raise InputError("std of the cameras is below 0; a standard deviation is 0 or more")
+        places = self.places
+        for one, place in enumerate(places[:-1]):
+            if (same := np.flatnonzero((places[one + 1 :] == place).all(axis=1))).size:
+                names = self.cameras[one].name, self.cameras[one + 1 + same[0]].name
+                raise InputError(f"cameras {names[0]!r} and {names[1]!r} stand at one place; calibrate the rig again")
+        set_fields(self, cameras=tuple(self.cameras), std=std)
+
+    @property
+    def places(self) -> Floats:
+        """Where the cameras stand in the world, shape (n_cameras, 3), mm."""
+        return np.array([np.linalg.inv(camera.camera_from_world)[:3, 3] for camera in self.cameras])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the cameras are called."""
+        return tuple(camera.name for camera in self.cameras)
+
+
+def _check_noise(noise: float) -> None:
+    if not np.isfinite(noise) or noise <= 0:
+        raise InputError(f"the noise of the rig is {noise:g} px; it must be above 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,17 +255,54 @@ class CaptureSettings:
     detection: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = check_names([body.name for body in self.bodies], len(self.bodies), "target")
-        check_names([joint.name for joint in self.joints], len(self.joints), "joint")
-        for joint in self.joints:
-            for body in (joint.parent, joint.child):
-                if body not in names:
-                    known = ", ".join(names) or "none"
-                    raise InputError(
-                        f"joint {joint.name!r} names body {body!r}, which is not there (there are: {known})"
-                    )
+        _check_targets(self.bodies, self.joints)
         detection = MappingProxyType(dict(self.detection))
         set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection)
+
+
+@dataclass(frozen=True, eq=False)
+class RoomSettings:
+    """Settings of a capture by the cameras of a room, as one settings file holds them.
+
+    Attributes
+    ----------
+    rig : CameraRig
+        The cameras.
+    bodies, joints, source, detection
+        As of `CaptureSettings`.
+    """
+
+    rig: CameraRig
+    bodies: Sequence[BodyTarget] = ()
+    joints: Sequence[TargetJoint] = ()
+    source: str = ""
+    detection: Mapping[str, ParameterValue] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_targets(self.bodies, self.joints)
+        detection = MappingProxyType(dict(self.detection))
+        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection)
+
+
+def room_of(settings: CaptureSettings | RoomSettings) -> RoomSettings:
+    """Return settings for the cameras of a room, also of two: left, then right."""
+    if isinstance(settings, RoomSettings):
+        return settings
+    pair = settings.rig
+    named = [replace(camera, name=side) for camera, side in ((pair.left, "left"), (pair.right, "right"))]
+    rig = CameraRig(named, pair.noise)
+    return RoomSettings(rig, settings.bodies, settings.joints, settings.source, settings.detection)
+
+
+def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:
+    """Check that names differ, and that joints are between bodies that are there."""
+    names = check_names([body.name for body in bodies], len(bodies), "target")
+    check_names([joint.name for joint in joints], len(joints), "joint")
+    for joint in joints:
+        for body in (joint.parent, joint.child):
+            if body not in names:
+                known = ", ".join(names) or "none"
+                raise InputError(f"joint {joint.name!r} names body {body!r}, which is not there (there are: {known})")
 
 
 def check_pose(pose: Floats, what: str) -> Floats:

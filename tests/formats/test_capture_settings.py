@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from skelgen_formats.capture_settings import read_settings, write_settings
+from skelgen_formats.capture_settings import read_any_settings, read_settings, write_settings
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig, TargetJoint
+from skelgen.model.rig import BodyTarget, Camera, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.parameters import StageParameters, declare
 
 
@@ -167,3 +167,49 @@ def test_failed_writing_leaves_the_file_as_it_was(known, path):
         write_settings(broken, path)
     assert path.read_bytes() == before
     assert [file.name for file in path.parent.iterdir()] == ["settings.xml"]
+
+
+@pytest.fixture
+def room(known):
+    names, places = ("a", "b", "c"), np.eye(3) * 1000
+    cameras = [replace(known.rig.left, name=name) for name in names]
+    poses = [np.block([[np.eye(3), place[:, np.newaxis]], [np.zeros(3), 1]]) for place in places]
+    cameras = [replace(camera, camera_from_world=pose) for camera, pose in zip(cameras, poses, strict=True)]
+    std = np.arange(45.0).reshape(3, 15) / 7
+    return RoomSettings(CameraRig(cameras, 0.07, std), known.bodies, known.joints, "folder: a & b", {"rows": 8.0})
+
+
+def test_cameras_of_a_room_are_read_as_they_were_written(room, tmp_path):
+    write_settings(room, tmp_path / "room.xml")
+    found = read_any_settings(tmp_path / "room.xml", Detection)
+    assert isinstance(found, RoomSettings)
+    for one, other in zip(found.rig.cameras, room.rig.cameras, strict=True):
+        same_camera(one, other)
+    np.testing.assert_array_equal(found.rig.std, room.rig.std)
+    assert (found.rig.noise, found.source, len(found.bodies), len(found.joints)) == (0.07, room.source, 2, 2)
+
+
+def test_settings_of_two_cameras_are_read_as_such(known, path):
+    assert isinstance(read_any_settings(path, Detection), CaptureSettings)
+
+
+def test_what_needs_two_cameras_says_so_of_a_room(room, tmp_path):
+    write_settings(room, tmp_path / "room.xml")
+    with pytest.raises(FormatError, match="holds 3 cameras of a room; this needs a <left> and a <right> one"):
+        read_settings(tmp_path / "room.xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('<camera name="b"', '<camera name="a"', "two cameras are called .a.; names must differ"),
+        ('<camera name="b"', "<camera", "<camera> lacks the attribute 'name'"),
+        ("<std>[^ ]*", "<std>", "<std> holds 14 where 15 numbers belong"),
+        ("<std>0.0", "<std>-1", "std of the cameras is below 0"),
+    ],
+)
+def test_mistakes_in_cameras_of_a_room_have_a_line(room, tmp_path, old, new, sentence):
+    write_settings(room, tmp_path / "room.xml")
+    (tmp_path / "room.xml").write_text(re.sub(old, new, (tmp_path / "room.xml").read_text(), count=1))
+    with pytest.raises(FormatError, match=sentence):
+        read_any_settings(tmp_path / "room.xml")

@@ -1,0 +1,105 @@
+"""From the balls of all images to points, over all cameras at once; see `skelgen._kernels.room_matching`."""
+
+import numpy as np
+
+from skelgen._kernels.room_matching import Rules, match_room
+from skelgen._kernels.room_points import Room
+from skelgen.capture.optics import GATE, undistort, view_of
+from skelgen.capture.room.values import RoomPoints, Views
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import Camera, CameraRig
+
+EVIDENCE = 6.0
+"""Nats of each number that a point explains: chance spreads balls over 400 times their noise."""
+
+UNSEEN = 0.3
+"""Nats that a camera costs which sees no ball where the point is: bodies hide markers from half of the cameras."""
+
+EXPECTED, REACH = 4.0, 25.0
+"""Nats that it is worth to be where a marker was, carried on, and how near [mm] that is."""
+
+MAX_STD = 20.0
+"""mm; what is less certain tells nothing: two cameras that look at each other, and a point between them."""
+
+NONE_EXPECTED = np.empty((0, 3))
+
+
+class PointMatcher:
+    """Balls of all cameras to points; holds what does not change from frame to frame.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras; its noise is the least that a centre has.
+    gate : float
+        Standard deviations within which balls belong together.
+    """
+
+    def __init__(self, rig: CameraRig, gate: float = GATE) -> None:
+        self.rig = rig
+        self._poses = np.ascontiguousarray([camera.camera_from_world[:3] for camera in rig.cameras])
+        self._sizes = np.array([_rays_of_border(camera) for camera in rig.cameras])
+        self._rules = Rules(gate, EVIDENCE, UNSEEN, EXPECTED, REACH, MAX_STD)
+
+    def find(self, views: Views, expected: Floats = NONE_EXPECTED) -> RoomPoints:
+        """Return the points that the balls of one moment show.
+
+        Parameters
+        ----------
+        views : sequence of Balls
+            What each camera sees; no balls where an image is missing.
+        expected : ndarray, shape (n_expected, 3), mm
+            Where markers are expected by the time before.
+
+        Raises
+        ------
+        InputError
+            If there are not as many views as cameras.
+        """
+        cameras = self.rig.cameras
+        if len(views) != len(cameras):
+            raise InputError(f"{len(views)} views of {len(cameras)} cameras; give one of each, without balls if empty")
+        seen = [
+            view_of(camera, balls.centres, np.fmax(balls.std, self.rig.noise))
+            for camera, balls in zip(cameras, views, strict=True)
+        ]
+        starts = np.concatenate([[0], np.cumsum([len(balls) for balls in views])]).astype(np.intp)
+        rays, spread = np.concatenate([one.rays for one in seen]), np.concatenate([one.spread for one in seen])
+        room = Room(self._poses, self._sizes, starts, rays, spread)
+        found = match_room(room, np.array(expected, dtype=np.float64, order="C"), self._rules)
+        freedom = 2 * (found.balls >= 0).sum(axis=1) - 3
+        misfit = np.sqrt(found.squares / np.maximum(freedom, 1))
+        return RoomPoints(found.points, found.covariances, found.balls, misfit, found.scores)
+
+
+def find_points(views: Views, rig: CameraRig) -> RoomPoints:
+    """Return the points that the balls of one moment show.
+
+    Parameters
+    ----------
+    views : sequence of Balls
+        What each camera sees.
+    rig : CameraRig
+        The cameras.
+
+    Examples
+    --------
+    >>> from skelgen.capture.optics import project
+    >>> from skelgen.capture.room.simulated import room_rig
+    >>> from skelgen.capture.room.values import balls_at
+    >>> rig, place = room_rig(4), np.array([[100.0, 200.0, 900.0]])
+    >>> found = find_points([balls_at(project(camera, place), 0.05) for camera in rig.cameras], rig)
+    >>> found.points.round(3), found.n_cameras
+    (array([[100., 200., 900.]]), array([4]))
+    """
+    return PointMatcher(rig).find(views)
+
+
+def _rays_of_border(camera: Camera) -> Floats:
+    """Smallest x and y, largest x and y of the rays that an image shows."""
+    x, y = np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 9)
+    border = [np.stack(np.broadcast_arrays(a, b), axis=-1) for a in (x[0], x[-1]) for b in (y,)]
+    border += [np.stack(np.broadcast_arrays(a, b), axis=-1) for a in (x,) for b in (y[0], y[-1])]
+    rays = undistort(camera, np.concatenate(border))
+    return np.concatenate([np.nanmin(rays, axis=0), np.nanmax(rays, axis=0)])

@@ -1,0 +1,200 @@
+"""A simulated room: cameras around it, a wand that is waved in it, a person whose body hides markers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skelgen.capture.optics import in_image, project
+from skelgen.capture.room.values import balls_at
+from skelgen.capture.values import Balls
+from skelgen.geometry.rotations import transform_from
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import Camera, CameraRig
+from skelgen.simulation import Structure, Truth, find_structure, simulate
+from skelgen.simulation.markers import blocked_by_limbs
+from skelgen.simulation.motion import smooth_curves
+
+WAND = (0.0, 180.0, 500.0)
+"""mm; the balls of a wand along it: which end is which shows in every image."""
+
+ROOM_RATE = 100.0
+"""Hz; images a second."""
+
+_HEIGHTS = (2600.0, 1700.0)  # mm: cameras hang high and low in turn
+_LOOKED_AT = np.array([0.0, 0.0, 950.0])  # mm
+_FOCAL = 0.8  # of the width: 64 degrees across
+_LENS = np.array([-0.12, 0.06, 0.0008, -0.0006, 0.0])
+_SLOW, _TURNING = (0.15, 0.6), (0.1, 0.5)  # Hz
+_WAVED = np.array([[1500.0, 1500.0, 750.0]])  # mm about the middle
+_NOBODY = -1
+
+
+def room_rig(
+    n_cameras: int = 8, size: tuple[int, int] = (1280, 1024), *, side: float = 4000.0, noise: float = 0.05
+) -> CameraRig:
+    """Return cameras around a room, all looking at its middle.
+
+    Parameters
+    ----------
+    n_cameras : int
+        How many.
+    size : tuple of int, px
+        Width and height of their images.
+    side : float, mm
+        Of the square that is seen; its middle on the floor is the origin, z points up.
+    noise : float, px
+        Of a ball's centre along one axis.
+    """
+    width, height = size
+    matrix = np.array([[_FOCAL * width, 0, width / 2 - 0.5], [0, _FOCAL * width, height / 2 - 0.5], [0, 0, 1.0]])
+    rng = np.random.default_rng(n_cameras)
+    cameras = []
+    for number in range(n_cameras):
+        turn = 2 * np.pi * (number + 0.5) / n_cameras
+        place = np.array([np.cos(turn), np.sin(turn), 0.0]) * side * 0.85
+        place[2] = _HEIGHTS[number % len(_HEIGHTS)]
+        own = matrix.copy()
+        own[[0, 1, 0, 1], [0, 1, 2, 2]] += rng.normal(scale=(6.0, 6.0, 8.0, 8.0))
+        cameras.append(
+            Camera(width, height, own, _LENS * rng.uniform(0.8, 1.2, 5), _looking(place), f"camera {number + 1}")
+        )
+    return CameraRig(cameras, noise)
+
+
+def _looking(place: Floats) -> Floats:
+    """camera_from_world of a camera that looks at the middle of the room, upright."""
+    ahead = (_LOOKED_AT - place) / np.linalg.norm(_LOOKED_AT - place)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    turn = np.stack([right, np.cross(ahead, right), ahead])
+    return transform_from(turn, -turn @ place)
+
+
+@dataclass(frozen=True, eq=False)
+class RoomScene:
+    """Balls that move in a room.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_frames, n_balls, 3), mm
+        Where they are.
+    hidden : ndarray of bool, shape (n_frames, n_cameras, n_balls)
+        Whether something stands before them.
+    rate : float, Hz
+        Frames a second.
+    truth : Truth or None
+        Of a person: all that stages are judged by.
+    """
+
+    positions: Floats
+    hidden: Bools
+    rate: float = ROOM_RATE
+    truth: Truth | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """Length of the scene."""
+        return len(self.positions)
+
+
+def wand_scene(
+    rig: CameraRig, n_frames: int, distances: Sequence[float] = WAND, *, rate: float = ROOM_RATE, seed: int = 0
+) -> RoomScene:
+    """Return a wand that is waved through the room.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    n_frames : int
+        How long.
+    distances : sequence of float, mm
+        Where its balls are along it.
+    rate : float, Hz
+        Frames a second.
+    seed : int
+        Of the motion.
+    """
+    rng = np.random.default_rng(seed)
+    middle = _LOOKED_AT + 1.6 * _WAVED * smooth_curves(rng, n_frames, rate, 3, _SLOW)
+    turning = smooth_curves(rng, n_frames, rate, 3, _TURNING)
+    along = turning / np.linalg.norm(turning, axis=1, keepdims=True)
+    offsets = np.array(distances, dtype=np.float64)
+    offsets -= offsets.mean()
+    positions = middle[:, np.newaxis] + offsets[:, np.newaxis] * along[:, np.newaxis]
+    return RoomScene(positions, np.zeros((n_frames, len(rig.cameras), len(offsets)), dtype=np.bool_), rate)
+
+
+def person_scene(
+    rig: CameraRig, n_frames: int = 600, structure: Structure | str = "human", *, seed: int = 0, **options: Any
+) -> RoomScene:
+    """Return a person in the room, whose limbs hide markers from cameras.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    n_frames : int
+        How long.
+    structure : Structure or str
+        Who moves.
+    seed : int
+        Of the motion.
+    **options
+        Of `skelgen.simulate`: ``rate``, ``walk``, ``motion_range``, ...
+    """
+    body = find_structure(structure, seed) if isinstance(structure, str) else structure
+    wanted = {"rate": ROOM_RATE, "walk": 700.0} | options | {"labelled": True, "n_frames": n_frames}
+    made = simulate(body, seed=seed, **wanted)
+    truth = made.truth
+    middle = truth.marker_positions.mean(axis=(0, 1))
+    shift = np.array([-middle[0], -middle[1], 0.0])
+    positions, poses = truth.marker_positions + shift, truth.world_from_limb.copy()
+    poses[..., :3, 3] += shift
+    hidden = np.stack([blocked_by_limbs(body, poses, positions, place) for place in rig.places], axis=1)
+    there = replace(
+        truth, marker_positions=positions, world_from_limb=poses, joint_positions=truth.joint_positions + shift
+    )
+    return RoomScene(positions, hidden, float(wanted["rate"]), there)
+
+
+def blobs_of(
+    scene: RoomScene, frame: int, rig: CameraRig, rng: np.random.Generator, merged: float = 4.0
+) -> tuple[list[Balls], list[Ints]]:
+    """Return the balls that all images of a frame show, and which of the scene they are.
+
+    Parameters
+    ----------
+    scene : RoomScene
+        What moves.
+    frame : int
+        Which moment.
+    rig : CameraRig
+        The cameras; their noise is added.
+    rng : Generator
+        Noise, and the order of the balls.
+    merged : float, px
+        Balls nearer than this are seen as one in their middle, which is none of them: -1.
+    """
+    views, numbers = [], []
+    for index, camera in enumerate(rig.cameras):
+        centres = project(camera, scene.positions[frame])
+        seen = np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, index])
+        centres, seen = _merged(centres[seen], seen, merged)
+        order = rng.permutation(len(seen))
+        views.append(balls_at(centres[order] + rng.normal(scale=rig.noise, size=(len(order), 2)), rig.noise))
+        numbers.append(seen[order])
+    return views, numbers
+
+
+def _merged(centres: Floats, numbers: Ints, reach: float) -> tuple[Floats, Ints]:
+    """Balls that are nearer to each other than this as one."""
+    pairs = cKDTree(centres).query_pairs(reach, output_type="ndarray") if len(centres) > 1 else np.empty((0, 2), int)
+    if not len(pairs):
+        return centres, numbers
+    middle = centres[pairs].mean(axis=1)
+    alone = np.setdiff1d(np.arange(len(centres)), pairs)
+    return np.concatenate([centres[alone], middle]), np.append(numbers[alone], np.full(len(pairs), _NOBODY))

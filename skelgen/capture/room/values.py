@@ -1,0 +1,69 @@
+"""What the steps of a capture by many cameras hand on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.capture.values import Balls, StereoPoints
+from skelgen.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class RoomPoints:
+    """Points in space from the images of one moment, the surest first; no ball belongs to two.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        In the rig's world.
+    covariance : ndarray, shape (n_points, 3, 3), mm^2
+        From the noise in all images.
+    balls : ndarray of intp, shape (n_points, n_cameras)
+        The ball of each camera that sees the point; -1 of the others.
+    misfit : ndarray, shape (n_points,)
+        Root mean square misfit of its balls by degree of freedom, in standard deviations: 1 on average.
+    evidence : ndarray, shape (n_points,)
+        How much more likely it is a marker than chance [nats].
+    """
+
+    points: Floats
+    covariance: Floats
+    balls: Ints
+    misfit: Floats
+    evidence: Floats
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def n_cameras(self) -> Ints:
+        """How many cameras see each point, shape (n_points,)."""
+        return np.asarray((self.balls >= 0).sum(axis=1))
+
+    def as_stereo(self) -> StereoPoints:
+        """The points for those who look for bodies: none shares a ball with another."""
+        n = len(self)
+        none, numbers = np.zeros(n), np.arange(n)
+        return StereoPoints(self.points, self.covariance, numbers, numbers, none, none > 0)
+
+
+def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:
+    """Return balls at known places, as a detection would find them.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n_balls, 2), px
+        Where they are.
+    std : float, px
+        Standard deviation of a centre along one axis.
+    area : float, px
+        Of each ball.
+    """
+    n = len(centres)
+    area_of_each, brightness = np.full(n, area), np.full(n, 130.0 * area)
+    return Balls(centres, area_of_each, brightness, np.full(n, std), np.zeros(n, dtype=np.bool_))
+
+
+Views = Sequence[Balls]
+"""What all cameras see at one moment, in their order."""
