@@ -14,8 +14,9 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, CameraRig
 from skelgen.simulation import Structure, Truth, find_structure, simulate
-from skelgen.simulation.markers import blocked_by_limbs
+
 from skelgen.simulation.motion import smooth_curves
+from skelgen.simulation.visibility import blocked_by_limbs
 
 WAND = (0.0, 180.0, 500.0)
 """mm; the balls of a wand along it: which end is which shows in every image."""
