@@ -14,7 +14,6 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, CameraRig
 from skelgen.simulation import Structure, Truth, find_structure, simulate
-
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.visibility import blocked_by_limbs
 
