@@ -15,6 +15,11 @@ what the ratio of s to e usually is, which says how much of it is chance.
 Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap says which two of the
 three joints are there. The rotations do: a hinge leaves nothing but noise across its axis. It costs less by the factor
 eta.
+
+How near limbs stay to each other tells neighbours, too, as log odds o. Gaps of true joints may be x times what is
+expected as often as :math:`x^{-1/b}`: b is the mean of how far the logarithms of these ratios lie from their median.
+Where noise is all there is, b is some 0.05, through 3 mm of soft tissue 0.3, on people 1. A cost that is x times
+another thus speaks against a joint by :math:`\log(x) / b`, and both together by the cost times :math:`e^{-b o}`.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,6 +45,15 @@ CHANCE_SPREAD = 4.0
 ENOUGH_RATIOS = 8
 """Fewer joints say nothing of how their ratios are spread."""
 
+MOST_SPREAD = 1.0
+"""Largest mean deviation of the logarithms of the ratios of gaps to expected gaps: that of people."""
+
+UNKNOWN_SPREAD, LEAST_RATIOS = 0.4, 3
+"""Where fewer joints than that have an expected gap: descents leave gaps of their own."""
+
+LEAST_RATIO = 0.1
+"""Of a gap to the expected one: in exact takes all are smaller, and by what rounding makes of them."""
+
 HINGE_PART = 0.8
 """Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
 times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
@@ -47,8 +61,8 @@ times the noise, no pair of limbs that has no hinge by less than 2.5 times; the 
 USUAL_PART = 0.25
 """Of all pairs of limbs turn less than what counts as usual: limbs of a joint turn less than those far apart."""
 
-ROUNDS = 3
-"""Of tree and usual wandering, each from the other."""
+ROUNDS = 4
+"""Of tree and what is usual in it, each from the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +91,7 @@ class JointCosts:
 
 
 def comparable_costs(
-    guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: float, remoteness: Floats | float = 1.0
+    guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: float, odds: Floats | float = 0.0
 ) -> JointCosts:
     """Return costs that can be compared.
 
@@ -89,8 +103,8 @@ def comparable_costs(
         Number of limbs.
     alpha : float, mm
         Weight of the mean distance between joint and markers.
-    remoteness : ndarray, shape (n_limbs, n_limbs), optional
-        How much dearer each joint is because its limbs do not stay near each other.
+    odds : ndarray, shape (n_limbs, n_limbs), optional
+        Log odds that limbs are joined, by how near each other they stay.
     """
     squares = _table(guesses, lambda guess: guess.square, n_limbs, np.inf)
     possible = np.isfinite(squares)
@@ -105,20 +119,22 @@ def comparable_costs(
     upper = np.triu(possible, 1)
     usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
     stillness = np.maximum(1.0, (usual / moves) ** 2)
-    wandering, chance, costs, expected = 0.0, CHANCE, squares, noise
+    wandering, chance, spread, costs, order, expected = 0.0, CHANCE, MOST_SPREAD, squares, squares, noise
     for _ in range(ROUNDS):
         expected = noise + wandering
         unexplained = np.maximum(0.0, squares - chance * expected)
         costs = np.maximum(squares, expected) + UNEXPLAINED_WEIGHT * unexplained
         costs = np.where(possible, kinds * (costs + hidden * expected * stillness + far), np.inf)
         np.fill_diagonal(costs, 0.0)
-        parents = spanning_forest(remoteness * costs)
+        order = costs * np.exp(-spread * odds)
+        parents = spanning_forest(order)
         children = np.flatnonzero(parents >= 0)
         if len(children):
             edges = children, parents[children]
             wandering = max(float(np.median(squares[edges] - noise[edges])), 0.0)
-            chance = _chance(squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny))
-    return JointCosts(costs, remoteness * costs, squares, expected, turns)
+            ratios = squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny)
+            chance, spread = _chance(ratios), _spread(ratios[np.isfinite(turns[edges])])
+    return JointCosts(costs, order, squares, expected, turns)
 
 
 def _chance(ratios: Floats) -> float:
@@ -128,6 +144,14 @@ def _chance(ratios: Floats) -> float:
     middle = float(np.median(ratios))
     spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(ratios - middle)))
     return float(np.clip(middle + CHANCE_SPREAD * spread, 1.0, CHANCE))
+
+
+def _spread(ratios: Floats) -> float:
+    """Mean deviation of their logarithms, as the median says it of a Laplace distribution: a wrong joint is no matter."""
+    if len(ratios) < LEAST_RATIOS:
+        return UNKNOWN_SPREAD
+    logarithms = np.log(np.maximum(ratios, LEAST_RATIO))
+    return min(float(np.median(np.abs(logarithms - np.median(logarithms))) / np.log(2)), MOST_SPREAD)
 
 
 def _table(

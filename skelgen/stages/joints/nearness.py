@@ -34,9 +34,6 @@ TINY = 1e-3
 SUREST = 8.0
 """Largest log odds: more would leave joint costs no say."""
 
-TRUST = 0.4
-"""Of the log odds that counts beside joint costs, which tell the same in part."""
-
 FEATURES = (
     "how far",
     "how unsteady",
@@ -105,8 +102,8 @@ SQUARE_WEIGHTS = (
 )
 
 
-def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
-    """Return by how much dearer a joint between each two limbs is because they do not stay near each other.
+def neighbour_odds(segments: Sequence[Segment], frames: Ints) -> Floats:
+    """Return the log odds that each two limbs are joined, by how near each other they stay.
 
     Parameters
     ----------
@@ -118,16 +115,15 @@ def remoteness(segments: Sequence[Segment], frames: Ints) -> Floats:
     Returns
     -------
     ndarray, shape (n_limbs, n_limbs)
-        Without unit; 1 where neither is more likely, also where limbs are never seen together.
+        0 where nothing is known: on the diagonal, where limbs are never seen together, and if limbs are few.
     """
     if len(segments) < ENOUGH_LIMBS:
-        return np.ones((len(segments), len(segments)))
+        return np.zeros((len(segments), len(segments)))
     features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])
     odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
-    odds = np.nan_to_num(odds + odds.T) / 2
-    shares = np.exp(-TRUST * np.clip(odds, -SUREST, SUREST))
-    np.fill_diagonal(shares, 1.0)
-    return np.asarray(shares)
+    odds = np.clip(np.nan_to_num(odds + odds.T) / 2, -SUREST, SUREST)
+    np.fill_diagonal(odds, 0.0)
+    return np.asarray(odds)
 
 
 def neighbour_features(markers: Sequence[Floats]) -> Floats:

@@ -46,8 +46,8 @@ class PairSearch:
         Seed of the annealing jitter.
     monitor : Monitor
         Told of progress.
-    remoteness : ndarray, shape (n_limbs, n_limbs), optional
-        How far limbs are from being neighbours: two without poses are tried if one is among the nearest of the other.
+    odds : ndarray, shape (n_limbs, n_limbs), optional
+        Log odds that limbs are neighbours: two without poses are tried if one is among the likeliest of the other.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class PairSearch:
         parameters: JointParameters,
         seed: int,
         monitor: Monitor,
-        remoteness: Floats | None = None,
+        odds: Floats | None = None,
     ) -> None:
-        self._segments, self._frames, self._remoteness = list(segments), frames, remoteness
+        self._segments, self._frames, self._odds = list(segments), frames, odds
         self._sampled = [segment.at(frames) for segment in segments]
         self._parameters, self._seed, self._monitor = parameters, seed, monitor
         self._typical = typical_variance(segments)
@@ -90,11 +90,11 @@ class PairSearch:
         return any(self._segments[limb].shape.has_pose for limb in pair) or self._rank(pair) < NEAREST
 
     def _rank(self, pair: Pair) -> int:
-        """Number of limbs that are nearer to one of two than the other is: the smaller of both numbers."""
-        if self._remoteness is None:
+        """Number of limbs that are likelier neighbours of one of two than the other is: the smaller of both numbers."""
+        if self._odds is None:
             return 0
         one, other = pair
-        return int((self._remoteness[[one, other]] < self._remoteness[one, other]).sum(axis=1).min())
+        return int((self._odds[[one, other]] > self._odds[one, other]).sum(axis=1).min())
 
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""

@@ -12,7 +12,7 @@ from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs
 from skelgen.stages.joints.edge_certainty import with_certainty
-from skelgen.stages.joints.nearness import remoteness
+from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
 from skelgen.stages.joints.segments import make_segments, markers_of_limbs, sample_frames
@@ -65,9 +65,9 @@ def find_joints(
     markers = markers_of_limbs(trajectories.positions, limbs, int(parameters.samples))
     n_frames, frames = len(markers[0]), sample_frames(len(markers[0]), parameters)
     segments = make_segments(markers, frames)
-    far = remoteness(segments, frames)
-    guesses = PairSearch(segments, frames, parameters, seed, monitor, far).guesses()
-    costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, far)
+    odds = neighbour_odds(segments, frames)
+    guesses = PairSearch(segments, frames, parameters, seed, monitor, odds).guesses()
+    costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
     radius = usual_radius(segments, frames) if parameters.separate else None
     tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
     joints, segments = place_joints(segments, frames, tree.parents, parameters, seed, monitor, guesses)

@@ -2,7 +2,8 @@
 
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
 that have nothing to do with each other; or it is much dearer than joints of this take are, lies far from all markers,
-and could as well be another edge, because no place is better than the others. It is cut, and bodies are separate trees.
+and could as well be another edge, because no place is better than the others. If noise does not explain its gap, it is
+cut, and bodies are separate trees.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -173,12 +174,12 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     dear, squares = costs.comparable[children, above], costs.squares[children, above]
     pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
     distances = np.array([guesses[pair].distance for pair in pairs])
-    unexplained = squares > costs.expected[children, above]
-    false = unexplained & (np.sqrt(3 * squares) > LOOSE * radius)
+    false = np.sqrt(3 * squares) > LOOSE * radius
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
+    false &= squares > costs.expected[children, above]
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 
 

@@ -8,7 +8,7 @@ import pytest
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints import find_joints
-from skelgen.stages.joints.nearness import remoteness
+from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.segments import make_segments
 
 
@@ -35,7 +35,7 @@ def hanging_arms(scale=1.0):
 
 def table(take, limbs):
     frames = np.arange(take.n_frames)
-    return remoteness(
+    return neighbour_odds(
         make_segments([take.positions[:, limbs.markers_of(k)] for k in range(limbs.n_limbs)], frames), frames
     )
 
@@ -47,15 +47,15 @@ def test_arms_that_hang_still_are_not_joined_to_each_other():
     }
 
 
-def test_remoteness_has_no_scale_and_is_symmetric():
+def test_odds_have_no_scale_and_are_symmetric():
     one, other = table(*hanging_arms()), table(*hanging_arms(10.0))
     np.testing.assert_allclose(one, other)
     np.testing.assert_array_equal(one, one.T)
-    assert one[1, 2] < one[1, 3] < one[1, 6]
+    assert one[1, 2] > one[1, 3] > one[1, 6]
 
 
 @pytest.mark.parametrize("lost", [slice(0, 60), slice(0, 120)])
-def test_limb_that_is_hardly_seen_has_a_finite_remoteness(lost):
+def test_limb_that_is_hardly_seen_has_finite_odds(lost):
     take, limbs = hanging_arms()
     positions = take.positions.copy()
     positions[lost, -1] = np.nan
