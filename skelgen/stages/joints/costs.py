@@ -147,7 +147,7 @@ def _chance(ratios: Floats) -> float:
 
 
 def _spread(ratios: Floats) -> float:
-    """Mean deviation of their logarithms, as the median says it of a Laplace distribution: a wrong joint is no matter."""
+    """Mean deviation of the logarithms, by their median deviation as of Laplace's distribution: some may be wrong."""
     if len(ratios) < LEAST_RATIOS:
         return UNKNOWN_SPREAD
     logarithms = np.log(np.maximum(ratios, LEAST_RATIO))
