@@ -13,7 +13,7 @@ from skelgen_formats.registry import COLUMNS as FORMAT_COLUMNS
 from skelgen_formats.registry import formats_table, known_formats
 
 from skelgen.app.configuration import all_parameter_classes
-from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.parameters import Declaration, StageParameters
 
 PACKAGE = "skelgen-mocap"
@@ -56,6 +56,8 @@ program are read, and told to have none: eigenvectors and roots come from librar
 """
 CAPTURE = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
 `<detection><parameter name="min_area" value="25"/></detection>`."""
+SEARCH = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
+`<search><parameter name="max_distance" value="2.5"/></search>`."""
 
 LICENCES = """# Licences of what skelgen installs
 
@@ -132,7 +134,8 @@ All else that a project holds is lost; the project file `.skelgen` keeps everyth
 def parameters_markdown() -> str:
     """Return the text of docs/parameters.md."""
     sections = [_section(declared) for declared in all_parameter_classes()]
-    return "\n".join([PARAMETERS, *sections, _section(DetectionParameters, CAPTURE)])
+    capture = [_section(DetectionParameters, CAPTURE), _section(BodyParameters, SEARCH)]
+    return "\n".join([PARAMETERS, *sections, *capture])
 
 
 def formats_markdown() -> str:

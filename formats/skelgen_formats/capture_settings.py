@@ -13,8 +13,10 @@ frame is the world unless its ``camera_from_world`` says otherwise::
           <camera_from_world>...16 numbers...</camera_from_world>
         </left>
         <right ...>...</right>
+        <covariance>...900 numbers, of the calibrated cameras; may be left out...</covariance>
       </rig>
       <detection><parameter name="..." value="..."/></detection>
+      <search><parameter name="max_distance" value="5.0"/></search>
       <body name="upper"><point std="0.1 0.1 0.1">0 0 0</point>...</body>
       <joint name="elbow" kind="hinge" parent="upper" child="lower">
         <parent_from_joint>...16 numbers...</parent_from_joint>
@@ -104,18 +106,27 @@ _PLACED = Element(optional=("std", "axis_std"), numbers=16)
 _LAYOUT: Mapping[str, Element] = {
     ROOT: Element(
         required=("version", "unit"),
-        children={"source": _AT_MOST_ONE, "rig": _ONE, "detection": _AT_MOST_ONE, "body": _ANY, "joint": _ANY},
+        children={
+            "source": _AT_MOST_ONE,
+            "rig": _ONE,
+            "detection": _AT_MOST_ONE,
+            "search": _AT_MOST_ONE,
+            "body": _ANY,
+            "joint": _ANY,
+        },
     ),
     "source": Element(),
-    "rig": Element(required=("noise",), children={LEFT: _ONE, RIGHT: _ONE}),
+    "rig": Element(required=("noise",), children={LEFT: _ONE, RIGHT: _ONE, "covariance": _AT_MOST_ONE}),
     LEFT: _CAMERA,
     RIGHT: _CAMERA,
     "matrix": Element(numbers=9),
     "distortion": Element(numbers=5),
     "camera_from_world": _POSE,
+    "covariance": Element(numbers=(2 * N_CAMERA_STD) ** 2),
     "detection": Element(children={"parameter": _ANY}),
+    "search": Element(children={"parameter": _ANY}),
     "parameter": Element(required=("name", "value")),
-    "body": Element(required=("name",), children={"point": _ANY}),
+    "body": Element(required=("name",), optional=("noise",), children={"point": _ANY}),
     "point": Element(optional=("std",), numbers=3),
     "joint": Element(
         required=("name", "kind", "parent", "child"), children={"parent_from_joint": _ONE, "child_from_joint": _ONE}
@@ -139,16 +150,18 @@ _Layout = Mapping[str, Element]
 _Value = TypeVar("_Value")
 
 
-def read_settings(path: Path | str, detection: type[StageParameters] | None = None) -> CaptureSettings:
+def read_settings(
+    path: Path | str, detection: type[StageParameters] | None = None, search: type[StageParameters] | None = None
+) -> CaptureSettings:
     """Read the settings of a stereo capture.
 
     Parameters
     ----------
     path : Path or str
         The file.
-    detection : StageParameters class, optional
-        What the detection declares; its parameters are then checked with their lines. Without it any name and
-        value is taken.
+    detection, search : StageParameters class, optional
+        What the detection of balls and the search for bodies declare; their parameters are then checked with their
+        lines. Without it any name and value is taken.
 
     Returns
     -------
@@ -160,7 +173,7 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
         If the file cannot be read, is no well-formed XML, holds an unknown name, lacks one that must be there, or a
         value is not what it must be; the sentence says file, line and what is allowed.
     """
-    settings = read_any_settings(path, detection)
+    settings = read_any_settings(path, detection, search)
     if isinstance(settings, RoomSettings):
         raise FormatError(
             Path(path),
@@ -171,13 +184,13 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
 
 
 def read_any_settings(
-    path: Path | str, detection: type[StageParameters] | None = None
+    path: Path | str, detection: type[StageParameters] | None = None, search: type[StageParameters] | None = None
 ) -> CaptureSettings | RoomSettings:
     """Read the settings of a capture by two cameras, or by those of a room; errors as of `read_settings`.
 
     Parameters
     ----------
-    path, detection
+    path, detection, search
         As of `read_settings`.
     """
     path = Path(path)
@@ -194,13 +207,16 @@ def read_any_settings(
     bodies = [_body(path, element) for element in _distinct(path, root.iterfind("body"))]
     names = [body.name for body in bodies]
     joints = [_joint(path, element, names) for element in _distinct(path, root.iterfind("joint"))]
-    source, found = (root.findtext("source") or "").strip(), _detection(path, root, detection)
+    source = (root.findtext("source") or "").strip()
+    found = [_parameters(path, root, *of) for of in (("detection", detection), ("search", search))]
     if is_room:
         std = [_numbers(path, one) if one is not None else _EXACT for one in (eye.find("std") for eye in elements)]
         room = _built(path, cameras, lambda: CameraRig(eyes, noise, np.array(std)))
-        return RoomSettings(room, bodies, joints, source, found)
-    rig = _built(path, cameras, lambda: StereoRig(eyes[0], eyes[1], noise))
-    return CaptureSettings(rig, bodies, joints, source, found)
+        return RoomSettings(room, bodies, joints, source, *found)
+    spread = cameras.find("covariance")
+    covariance = None if spread is None else _numbers(path, spread).reshape(2 * N_CAMERA_STD, -1)
+    rig = _built(path, cameras, lambda: StereoRig(eyes[0], eyes[1], noise, covariance))
+    return CaptureSettings(rig, bodies, joints, source, *found)
 
 
 _EXACT = np.zeros(N_CAMERA_STD)
@@ -249,7 +265,8 @@ def _body(path: Path, element: Any) -> BodyTarget:
     std = [_attribute_numbers(path, point, "std", 3) for point in element]
     if not points:
         raise _error(path, element, f"body {element.get('name')!r} has no <point>; a body has some, 4 or more")
-    return _built(path, element, lambda: BodyTarget(element.get("name"), np.array(points), np.array(std)))
+    noise = 0.0 if element.get("noise") is None else _number(path, element, "noise")
+    return _built(path, element, lambda: BodyTarget(element.get("name"), np.array(points), np.array(std), noise))
 
 
 def _joint(path: Path, element: Any, bodies: list[str]) -> TargetJoint:
@@ -265,15 +282,15 @@ def _joint(path: Path, element: Any, bodies: list[str]) -> TargetJoint:
     return _built(path, element, lambda: TargetJoint(name, kind, parent, child, poses[0], poses[1], std, axis_std))
 
 
-def _detection(path: Path, root: Any, declared: type[StageParameters] | None) -> dict[str, ParameterValue]:
-    element = root.find("detection")
+def _parameters(path: Path, root: Any, of: str, declared: type[StageParameters] | None) -> dict[str, ParameterValue]:
+    element = root.find(of)
     if element is None:
         return {}
     known = None if declared is None else {entry.name: entry for entry in declared.declarations()}
-    return {child.get("name"): _detection_value(path, child, known) for child in _distinct(path, element.iterfind("*"))}
+    return {child.get("name"): _value_of(path, child, known) for child in _distinct(path, element.iterfind("*"))}
 
 
-def _detection_value(path: Path, element: Any, known: dict[str, Declaration] | None) -> ParameterValue:
+def _value_of(path: Path, element: Any, known: dict[str, Declaration] | None) -> ParameterValue:
     name, text = element.get("name"), element.get("value")
     if known is None:
         try:
@@ -282,7 +299,7 @@ def _detection_value(path: Path, element: Any, known: dict[str, Declaration] | N
             return str(text)
     if name not in known:
         names = ", ".join(closest_first(name, list(known)))
-        raise _error(path, element, f"the detection has no parameter {name!r}; it has {names}")
+        raise _error(path, element, f"the {element.getparent().tag} has no parameter {name!r}; it has {names}")
     try:
         value: ParameterValue = known[name].check(text)
     except ParameterError as error:
@@ -396,17 +413,21 @@ def _inside(settings: CaptureSettings | RoomSettings) -> Iterator[str]:
     if isinstance(settings, CaptureSettings):
         yield from _camera_lines(LEFT, settings.rig.left)
         yield from _camera_lines(RIGHT, settings.rig.right)
+        if settings.rig.covariance is not None:
+            yield from _matrix("    ", "covariance", "", settings.rig.covariance)
     else:
         for camera, std in zip(settings.rig.cameras, np.asarray(settings.rig.std), strict=True):
             yield from _camera_lines(CAMERA, camera, std)
     yield "  </rig>"
-    if settings.detection:
-        yield "  <detection>"
-        for name, value in settings.detection.items():
-            yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
-        yield "  </detection>"
+    for tag, parameters in (("detection", settings.detection), ("search", settings.search)):
+        if parameters:
+            yield f"  <{tag}>"
+            for name, value in parameters.items():
+                yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
+            yield f"  </{tag}>"
     for body in settings.bodies:
-        yield f"  <body name={quoteattr(body.name)}>"
+        noise = f' noise="{float(body.noise)!r}"' if body.noise else ""
+        yield f"  <body name={quoteattr(body.name)}{noise}>"
         for point, std in zip(body.points, np.asarray(body.std), strict=True):
             yield f'    <point std="{_text(std)}">{_text(point)}</point>'
         yield "  </body>"

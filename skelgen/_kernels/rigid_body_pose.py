@@ -92,7 +92,7 @@ class PosedBody(NamedTuple):
     rms : float, mm
         Root mean square distance of the balls from their points.
     misfit : float
-        Sum of the squared distances in standard deviations.
+        Sum of the squared distances in standard deviations, the floor added to these.
     is_sound : bool
         Whether enough balls are within the gate, and near enough.
     """
@@ -153,6 +153,56 @@ def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools,
             n_matched += 1
     rms = math.sqrt(total / n_matched)
     return PosedBody(pose, covariance, matched, rms, misfit, rms <= rules.max_distance)
+
+
+class WeighedPose(NamedTuple):
+    """A pose by the noise of its points.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (4, 4), mm
+        World from body.
+    covariance : ndarray, shape (6, 6)
+        Of a small rotation about the world's axes [rad] and a shift [mm]; larger where the balls are off by more than
+        their points' covariances explain, as of balls that are half hidden.
+    noise : float
+        Root mean square distance of the balls in the standard deviations that this says, the pose's freedoms taken off.
+    """
+
+    pose: Floats
+    covariance: Floats
+    noise: float
+
+
+LIKELY = 2.0
+"""Standard deviations of a normal variable up to which the balls' distances are noise: 98 of 100 poses."""
+
+
+@kernel
+def weigh_pose(target: TargetTable, scene: PointTable, matched: Ints) -> WeighedPose:
+    """Fit the pose of a matched body once more.
+
+    Parameters
+    ----------
+    target : TargetTable
+        k balls.
+    scene : PointTable
+        n points.
+    matched : ndarray of intp, shape (k,)
+        The point that each ball is; -1 where none is, three at least.
+    """
+    pose, covariance = _fit_pose(target, scene, matched)
+    squares, n_matched = 0.0, 0
+    for ball in range(len(matched)):
+        if matched[ball] >= 0:
+            squares += _squared_deviation(target, scene, matched[ball], ball, pose, 0.0)
+            n_matched += 1
+    n_free = max(3 * n_matched - 6, 1)
+    excess = max(1.0, squares / chi_squared_limit(n_free, LIKELY))
+    for row in range(6):
+        for column in range(6):
+            covariance[row, column] *= excess
+    return WeighedPose(pose, covariance, math.sqrt(squares / excess / n_free))
 
 
 @kernel

@@ -17,12 +17,12 @@ import numpy as np
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
-from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
+from skelgen.capture.bodies import BodyFinder, check_targets, resolved_points
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
-from skelgen.capture.live import Captured, MotionCapture, PointFinder
-from skelgen.capture.markers import misfit_in_space
+from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_parameters
+from skelgen.capture.markers import ImageHealth, misfit_in_space
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
@@ -34,10 +34,10 @@ RECORDINGS = (".mfml", ".c3d")
 
 
 def read_capture_settings(path: Path) -> CaptureSettings:
-    """Read settings, the parameters of the detection checked with their lines; errors as `read_settings`."""
-    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
+    """Read settings, the parameters of the capture checked with their lines; errors as `read_settings`."""
+    from skelgen.capture.parameters import BodyParameters, DetectionParameters  # noqa: PLC0415 - a second
 
-    return read_settings(path, DetectionParameters)
+    return read_settings(path, DetectionParameters, BodyParameters)
 
 
 def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource:
@@ -67,7 +67,6 @@ def capture(
     source: FrameSource,
     record: Sequence[Path] = (),
     prediction: PredictionParameters | None = None,
-    bodies: BodyParameters | None = None,
     n_frames: int | None = None,
 ) -> Generator[Captured, None, None]:
     """Run a capture; closing the iterator ends it cleanly.
@@ -82,8 +81,6 @@ def capture(
         Files that are recorded while it runs, with the suffixes of `RECORDINGS`.
     prediction : PredictionParameters, optional
         Predict and smooth poses.
-    bodies : BodyParameters, optional
-        Limits of the search for bodies.
     n_frames : int, optional
         Pairs at most.
 
@@ -96,7 +93,7 @@ def capture(
     for path in record:
         _check_recording(path, settings)
     with ExitStack() as stack:
-        live = stack.enter_context(MotionCapture(settings, bodies, prediction))
+        live = stack.enter_context(MotionCapture(settings, prediction))
         pairs = stack.enter_context(source)
         recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
         for captured in live.run(islice(pairs, n_frames)):
@@ -132,23 +129,34 @@ def calibrate_body_of(
     """
     frames = _points_of(settings, source, n_frames, monitor)
     others = [body for body in settings.bodies if body.name != name]
-    done = calibrate_body(frames, name, n_balls, others, monitor=monitor)
-    return _with_body(settings, done.target), replace(done, notices=(*done.notices, *_outdated(settings, name)))
+    done = calibrate_body(frames, name, n_balls, others, search_parameters(settings), monitor)
+    new = _with_body(settings, done, settings.rig.noise)
+    return new, replace(done, notices=(*done.notices, *_outdated(settings, name)))
 
 
-def _with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
-    """Return settings with a target, in place of one of the same name.
+def _with_body(settings: CaptureSettings, done: BodyCalibration, stated: float) -> CaptureSettings:
+    """Return settings with a target, in place of one of the same name; the noisiest target is the noise of the rig.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        What the capture knows.
+    done : BodyCalibration
+        The target.
+    stated : float, px
+        Noise of the rig that it was calibrated with.
 
     Raises
     ------
     InputError
         If it can be taken for another one of them.
     """
-    names = [body.name for body in settings.bodies]
+    target, names = replace(done.target, noise=done.image_noise(stated)), [body.name for body in settings.bodies]
     bodies = [target if body.name == target.name else body for body in settings.bodies]
     bodies = bodies if target.name in names else [*bodies, target]
-    check_targets(bodies)
-    return replace(settings, bodies=bodies)
+    check_targets(bodies, search_parameters(settings))
+    noise = max(body.noise for body in bodies) or settings.rig.noise
+    return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
 
 
 def _outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
@@ -184,7 +192,7 @@ def calibrate_joints_of(
     if len(settings.bodies) < 2:
         raise InputError("joints are between two targets; calibrate them first: skelgen calibrate body")
     frames = _points_of(settings, source, n_frames, monitor)
-    finder = BodyFinder(settings.bodies)
+    finder = BodyFinder(settings.bodies, search_parameters(settings))
     monitor.begin("bodies")
     found: list[list[FoundBody]] = [finder.find(points) for points in with_progress(frames, len(frames), monitor)]
     done = calibrate_joints(found, [body.name for body in settings.bodies], requests, source.rate)
@@ -216,13 +224,18 @@ def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSet
 def _points_of(
     settings: CaptureSettings, source: FrameSource, n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
-    """Points of every pair of a source."""
+    """Points of every pair of a source; refused if hardly any ball fits both images, as of exchanged cameras."""
     monitor.begin("images")
-    finder = PointFinder(settings)
+    finder, health, found = PointFinder(settings), ImageHealth(settings.rig), []
     finder.load()
     with source as pairs:
         total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
-        return [finder.find(pair)[2] for pair in with_progress(islice(pairs, n_frames), total, monitor)]
+        for pair in with_progress(islice(pairs, n_frames), total, monitor):
+            left, right, points = finder.find(pair)
+            health.look(pair, left, right, points)
+            found.append(points)
+    health.check(source.name)
+    return found
 
 
 def _check_recording(path: Path, settings: CaptureSettings) -> None:
@@ -337,8 +350,10 @@ def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -
     return len(settings.bodies) + len(settings.joints)
 
 
-def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str, ...]:
+def add_body(path: Path, used: CaptureSettings, done: BodyCalibration) -> tuple[str, ...]:
     """Add a target to a settings file, in place of one of the same name; return what the user should know.
+
+    The noise that the balls of the noisiest target showed is that of the rig from then on.
 
     Parameters
     ----------
@@ -346,7 +361,7 @@ def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str
         The file; if it is not there, it is written with the settings that were used.
     used : CaptureSettings
         The settings that were used for the calibration.
-    target : BodyTarget
+    done : BodyCalibration
         What was calibrated.
 
     Raises
@@ -356,8 +371,8 @@ def add_body(path: Path, used: CaptureSettings, target: BodyTarget) -> tuple[str
         taken for another one.
     """
     settings = _stored(path, used)
-    write_settings(_with_body(settings, target), path)
-    return _outdated(settings, target.name)
+    write_settings(_with_body(settings, done, used.rig.noise), path)
+    return _outdated(settings, done.target.name)
 
 
 def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration) -> None:

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
+from skelgen.capture.error_propagation import (
+    HINGE,
+    angle_covariance,
+    calibration_covariances,
+    point_covariances,
+    pose_covariances,
+    seen_by_both,
+)
 from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
@@ -103,6 +110,8 @@ def errors_by_distance(
     joints = settings.joints or typical_joints()
     targets = {body.name: body for body in (*settings.bodies, *typical_pair())}
     curves = [_of_ball(settings.rig, places)]
+    if settings.rig.covariance is not None:
+        curves.append(_of_calibration(settings.rig, places))
     for body in bodies:
         curves += _of_body(settings.rig, body, places, turns)
     curves += [_of_joint(settings.rig, joint, targets, places, turns) for joint in joints]
@@ -135,6 +144,13 @@ def _of_ball(rig: StereoRig, places: Floats) -> Curve:
     covariances = point_covariances(rig, places)
     covariances[~seen_by_both(rig, places)] = np.nan
     return Curve("ball", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
+
+
+def _of_calibration(rig: StereoRig, places: Floats) -> Curve:
+    """What the cameras' calibration adds to the errors of a ball, the same in all frames."""
+    covariances = calibration_covariances(rig, places)
+    covariances[~seen_by_both(rig, places)] = np.nan
+    return Curve("place, by the cameras' calibration", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
 
 
 def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[Curve]:

@@ -125,9 +125,7 @@ class MotionCapture:
     Parameters
     ----------
     settings : CaptureSettings
-        Cameras, targets, joints, parameters of the detection.
-    bodies : BodyParameters, optional
-        Limits of the search for bodies.
+        Cameras, targets, joints, parameters of the detection and of the search for targets.
     prediction : PredictionParameters, optional
         Predict and smooth poses; they are as found if it is left out.
     threads : bool, optional
@@ -151,7 +149,6 @@ class MotionCapture:
     def __init__(
         self,
         settings: CaptureSettings,
-        bodies: BodyParameters | None = None,
         prediction: PredictionParameters | None = None,
         threads: bool | None = None,
     ) -> None:
@@ -160,7 +157,7 @@ class MotionCapture:
         self._executor = ThreadPoolExecutor(n_threads, "capture") if wanted else None
         self.settings = settings
         self._points = PointFinder(settings, self._executor)
-        self._bodies = BodyFinder(settings.bodies, bodies, self._executor)
+        self._bodies = BodyFinder(settings.bodies, search_parameters(settings), self._executor)
         names = [body.name for body in settings.bodies]
         self._prediction = None if prediction is None else Prediction(names, prediction)
         self._watch = RigWatch(settings.rig)
@@ -225,6 +222,11 @@ class MotionCapture:
         bodies = {body.name: body for body in found}
         angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
         return bodies, {name: angle for name, angle in angles.items() if angle is not None}
+
+
+def search_parameters(settings: CaptureSettings) -> BodyParameters:
+    """Return the limits of the search for targets that settings state."""
+    return BodyParameters.from_mapping(settings.search, "search")
 
 
 def trial_pair(rig: StereoRig) -> FramePair:

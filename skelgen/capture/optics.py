@@ -20,7 +20,7 @@ from skelgen._kernels.stereo_matching import Geometry, View, find_pairs
 from skelgen.capture.values import Balls, StereoPoints
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import Camera, StereoRig
+from skelgen.model.rig import TYPICAL_NOISE, Camera, StereoRig
 
 GATE = 5.0
 """Standard deviations from the epipolar constraint up to which a pair is kept: of two million true pairs one is lost,
@@ -301,7 +301,7 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
     rig : StereoRig
         The cameras; its noise is the least that a centre has.
     gate : float
-        Pairs farther from the epipolar constraint than so many standard deviations are left out.
+        Pairs farther from the epipolar constraint than so many standard deviations, of 0.1 px at least, are left out.
 
     Returns
     -------
@@ -310,14 +310,19 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
     """
     left_std, right_std = np.fmax(left.std, rig.noise), np.fmax(right.std, rig.noise)
     views = view_of(rig.left, left.centres, left_std), view_of(rig.right, right.centres, right_std)
-    geometry = geometry_of(rig)
-    pairs = find_pairs(*views, geometry, gate)
+    geometry, wide = geometry_of(rig), views
+    if rig.noise < TYPICAL_NOISE:  # calibrations err by more than balls that are seen whole, and so do half hidden ones
+        stds = np.fmax(left_std, TYPICAL_NOISE), np.fmax(right_std, TYPICAL_NOISE)
+        wide = view_of(rig.left, left.centres, stds[0]), view_of(rig.right, right.centres, stds[1])
+    pairs = find_pairs(*wide, geometry, gate)
     found = _triangulate_pairs(rig, *views, geometry, pairs)
     is_point = np.isfinite(found.covariance[:, 0, 0])
     first, second = pairs[is_point].T
     distance = np.hypot(found.shifts[is_point, 0] * left_std[first], found.shifts[is_point, 1] * right_std[second])
     shared = _is_shared(first, len(left)) | _is_shared(second, len(right))
-    return StereoPoints(found.points[is_point], found.covariance[is_point], first, second, distance, shared)
+    typical = np.fmax(np.fmin(left_std[first], right_std[second]), TYPICAL_NOISE)
+    slack = (typical / np.fmin(left_std[first], right_std[second])) ** 2
+    return StereoPoints(found.points[is_point], found.covariance[is_point], first, second, distance, shared, slack)
 
 
 def _is_shared(balls: Ints, n_balls: int) -> Bools:

@@ -86,7 +86,7 @@ class DetectionParameters(StageParameters):
 
 @dataclass(frozen=True)
 class BodyParameters(StageParameters):
-    """Parameters of `find_bodies`."""
+    """How rigid bodies are searched for among the points (Gaschler 2011, 3.3)."""
 
     stage: ClassVar[str] = "bodies"
 

@@ -60,6 +60,9 @@ class StereoPoints:
         How far the balls were from seeing one point, before the correction.
     ambiguous : ndarray of bool, shape (n_points,)
         Whether another candidate shares one of the balls.
+    slack : ndarray, shape (n_points,), optional
+        By how much larger the covariances are taken in the search for bodies than noise makes them, so that balls that
+        are half hidden are found; not at all if not given.
     """
 
     points: Floats
@@ -68,6 +71,7 @@ class StereoPoints:
     right: Ints
     epipolar_distance: Floats
     ambiguous: Bools
+    slack: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -84,11 +88,14 @@ class FoundBody:
     world_from_body : ndarray, shape (4, 4), translation in mm
         Its pose.
     covariance : ndarray, shape (6, 6)
-        Of a small turn about the world's axes [rad] and a shift [mm], in this order.
+        Of a small turn about the world's axes [rad] and a shift [mm], in this order; larger where the balls are off by
+        more than noise explains.
     points : ndarray of intp, shape (n_target_points,)
         The point in space that each ball of the target is; -1 where none is.
     rms : float, mm
         Root mean square distance of the points from the posed target.
+    noise : float
+        The same in stated standard deviations, the pose's freedoms taken off: 1 where these are true.
     """
 
     name: str
@@ -96,6 +103,7 @@ class FoundBody:
     covariance: Floats
     points: Ints
     rms: float
+    noise: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,7 @@ def _rounded(value: float) -> float | None:
 
 def _mapping(found: StereoCalibration, output: Path) -> dict[str, object]:
     from skelgen.capture.calibration.table import INTRINSIC, intrinsic
+    from skelgen.geometry.rotations import vector_from_matrix
 
     left, right = (intrinsic(eye) for eye in (found.rig.left, found.rig.right))
     return {
@@ -180,6 +181,11 @@ def _mapping(found: StereoCalibration, output: Path) -> dict[str, object]:
         "left_std": dict(zip(INTRINSIC, found.left_std.tolist(), strict=True)),
         "right": dict(zip(INTRINSIC, right, strict=True)),
         "right_std": dict(zip(INTRINSIC, found.right_std.tolist(), strict=True)),
+        "rotation_rad": vector_from_matrix(found.rig.right_from_left[:3, :3]).tolist(),
+        "rotation_std_rad": found.rotation_std.tolist(),
+        "angle_std_rad": found.turn_std,
+        "translation_mm": found.rig.right_from_left[:3, 3].tolist(),
+        "translation_std_mm": found.translation_std.tolist(),
         "baseline_mm": found.rig.baseline,
         "baseline_std_mm": found.baseline_std,
         "pairs": _pair_rows(found),

@@ -154,11 +154,14 @@ def calibrate_body(
     screen.note(done.notices)
     screen.table(f"Target {name}", ball_rows(done.target))
     screen.say(done.verdict.sentences[0])
+    if new.rig.noise != rig.rig.noise:
+        screen.say(f"noise of the rig: {new.rig.noise:.3f} px, as seen in the images; it was {rig.rig.noise:.3f}")
     screen.say(f"written: {output or settings}")
     screen.json(
         {
             "file": str(output or settings),
             "name": name,
+            "noise_px": new.rig.noise,
             "points_mm": done.target.points.tolist(),
             "std_mm": np.asarray(done.target.std).tolist(),
             "noise": done.noise,

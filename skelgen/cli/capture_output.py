@@ -7,13 +7,11 @@ import numpy as np
 from skelgen.capture.angles import angle_names
 from skelgen.capture.live import Captured
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.joints.angles import angle_deviations
-from skelgen.model import Joint
+from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.rig import CaptureSettings, TargetJoint
 
 _PLACE = ("x", "y", "z")
 _TURN = ("rx", "ry", "rz")
-_FREE = Joint(0, 1, np.zeros(3), np.zeros(3), "ball", None, np.zeros(3))  # whose angles are a rotation vector
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class Columns:
         if self.errors:
             values += np.sqrt(np.diag(found.covariance)[3:]).tolist()
             # of a rotation vector, from the covariance of small turns about the world's axes
-            values += angle_deviations(_FREE, turn[np.newaxis], found.covariance[np.newaxis, :3, :3])[0].tolist()
+            values += rotation_vector_deviations(turn[np.newaxis], found.covariance[np.newaxis, :3, :3])[0].tolist()
         return values
 
     def _angles(self, captured: Captured, joint: TargetJoint) -> list[float]:

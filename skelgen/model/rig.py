@@ -21,6 +21,10 @@ TYPICAL_NOISE = 0.1
 
 JOINT_TYPES = ("ball", "hinge")
 
+N_CAMERA_STD = 4 + N_DISTORTION + 6
+"""Numbers of a camera that a calibration measures: fx, fy, cx, cy, the lens, its turn and its shift against the first
+camera, about and along its own axes."""
+
 ParameterValue = float | bool | str
 """What a parameter of the detection may be set to."""
 
@@ -79,14 +83,23 @@ class StereoRig:
         Both placed in one world.
     noise : float, px
         Standard deviation of a ball's centre along one axis of an image, calibration included.
+    covariance : ndarray, shape (30, 30), optional
+        Of the numbers of both cameras (`N_CAMERA_STD` of each), by their calibration; None if unknown.
     """
 
     left: Camera
     right: Camera
     noise: float = TYPICAL_NOISE
+    covariance: Floats | None = None
 
     def __post_init__(self) -> None:
         _check_noise(self.noise)
+        if self.covariance is not None:
+            n_numbers = 2 * N_CAMERA_STD
+            covariance = check_floats(self.covariance, (n_numbers, n_numbers), "covariance of the rig", finite=True)
+            if (np.diag(covariance) < 0).any():
+                raise InputError("the covariance of the rig has a variance below 0")
+            set_fields(self, covariance=covariance)
         if self.baseline == 0.0:
             raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
 
@@ -103,9 +116,6 @@ class StereoRig:
 
 CAMERAS_OF_A_ROOM = (2, 16)
 """Fewest and most cameras around a room."""
-
-N_CAMERA_STD = 4 + N_DISTORTION + 6
-"""Deviations that a camera of a room has: fx, fy, cx, cy, the lens, its turn and its shift."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,17 +182,22 @@ class BodyTarget:
         Balls in the body's own frame.
     std : ndarray, shape (n_points, 3), mm
         Standard deviations of `points`, from the calibration; zeros where they are taken as exact.
+    noise : float, px
+        Standard deviation of the balls' centres in the images, as the calibration saw them; 0 if it is unknown.
     """
 
     name: str
     points: Floats
     std: Floats | None = None
+    noise: float = 0.0
 
     def __post_init__(self) -> None:
         check_names([self.name], 1, "target")
         points = check_floats(self.points, (None, 3), f"points of body {self.name!r}", finite=True)
         std = np.zeros_like(points) if self.std is None else self.std
         std = check_floats(std, points.shape, f"std of body {self.name!r}", finite=True)
+        if not 0.0 <= self.noise < np.inf:
+            raise InputError(f"the noise of body {self.name!r} is {self.noise:g} px; it must be 0 or more")
         set_fields(self, points=points, std=std)
 
 
@@ -244,8 +259,8 @@ class CaptureSettings:
         Joints between those bodies; their names differ.
     source : str
         Where frames come from, e.g. ``firewire:``; empty if it is stated elsewhere.
-    detection : mapping of str to number, bool or str
-        Parameters of the detection that differ from their defaults.
+    detection, search : mapping of str to number, bool or str
+        Parameters of the detection of balls and of the search for bodies that differ from their defaults.
     """
 
     rig: StereoRig
@@ -253,11 +268,12 @@ class CaptureSettings:
     joints: Sequence[TargetJoint] = ()
     source: str = ""
     detection: Mapping[str, ParameterValue] = field(default_factory=dict)
+    search: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_targets(self.bodies, self.joints)
-        detection = MappingProxyType(dict(self.detection))
-        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection)
+        detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
+        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +284,7 @@ class RoomSettings:
     ----------
     rig : CameraRig
         The cameras.
-    bodies, joints, source, detection
+    bodies, joints, source, detection, search
         As of `CaptureSettings`.
     """
 
@@ -277,11 +293,12 @@ class RoomSettings:
     joints: Sequence[TargetJoint] = ()
     source: str = ""
     detection: Mapping[str, ParameterValue] = field(default_factory=dict)
+    search: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_targets(self.bodies, self.joints)
-        detection = MappingProxyType(dict(self.detection))
-        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection)
+        detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
+        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
 
 
 def room_of(settings: CaptureSettings | RoomSettings) -> RoomSettings:
@@ -290,8 +307,9 @@ def room_of(settings: CaptureSettings | RoomSettings) -> RoomSettings:
         return settings
     pair = settings.rig
     named = [replace(camera, name=side) for camera, side in ((pair.left, "left"), (pair.right, "right"))]
-    rig = CameraRig(named, pair.noise)
-    return RoomSettings(rig, settings.bodies, settings.joints, settings.source, settings.detection)
+    std = None if pair.covariance is None else np.sqrt(np.diag(pair.covariance)).reshape(2, N_CAMERA_STD)
+    rig = CameraRig(named, pair.noise, std)
+    return RoomSettings(rig, settings.bodies, settings.joints, settings.source, settings.detection, settings.search)
 
 
 def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:

@@ -16,7 +16,7 @@ from skelgen.capture.sources import open_source
 from skelgen.cli import main
 from skelgen.errors import CaptureError, InputError, SkelgenError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model.rig import BodyTarget, CaptureSettings
+from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
 
 NAMES = {"upper arm": "shoulder", "lower arm": "elbow"}
 
@@ -277,3 +277,15 @@ def test_producer_in_settings_is_loaded_only_where_it_is_named_by_hand(known, tm
     with pytest.raises(CaptureError, match="--source"):
         source_of(settings)
     assert source_of(settings, text).name == text
+
+
+@pytest.mark.parametrize("what", ["body", "joints"])
+def test_exchanged_cameras_are_told_by_the_calibration(what, known):
+    rig = known.rig
+    exchanged = replace(known, rig=StereoRig(rig.right, rig.left, rig.noise))
+    source = simulated_rig("arm", n_frames=12)
+    with pytest.raises(InputError, match="they do if exchanged: the cameras are swapped"):
+        if what == "body":
+            calibrate_body_of(exchanged, source, "torso")
+        else:
+            calibrate_joints_of(exchanged, source)

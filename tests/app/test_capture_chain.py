@@ -83,6 +83,24 @@ def test_joints_are_those_that_were_wished(settings):
     ]
 
 
+def test_noise_of_the_rig_is_that_of_its_images(settings):
+    found = read_settings(settings)
+    assert 0.005 < found.rig.noise < 0.03  # px; simulated centres err by 0.01, and 0.1 is what nobody has measured
+    assert found.rig.noise == max(body.noise for body in found.bodies)
+
+
+def test_stated_deviations_are_those_of_the_errors(captured, truth):
+    """Each target's frame is where the calibration put it: errors are from the mean place in the true frame."""
+    for name in ("upper arm", "lower arm"):
+        poses = truth[name]
+        places = columns(captured[0], name, (".x", ".y", ".z"), "mm")
+        inside = np.einsum("fji,fj->fi", poses[:, :3, :3], places - poses[:, :3, 3])
+        off = np.sqrt(((inside - np.nanmean(inside, axis=0)) ** 2).sum(axis=1))
+        stated = columns(captured[0], name, (".x", ".y", ".z"), "mm", " std")
+        assert 0.2 < np.median(off) / np.median(np.sqrt((stated**2).sum(axis=1))) < 2.0  # it was a tenth
+        assert np.corrcoef(off, np.sqrt((stated**2).sum(axis=1)))[0, 1] > (0.8 if off.max() > 0.1 else -1.0)
+
+
 def test_every_pair_has_a_line(captured):
     table, _ = captured
     np.testing.assert_array_equal(table["frame"], np.arange(N_FRAMES))

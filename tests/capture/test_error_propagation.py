@@ -1,10 +1,17 @@
 """Predicted scatter against what really scatters: points, bodies, angles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skelgen.capture.bodies.finder import find_bodies
-from skelgen.capture.error_propagation import angle_covariance, point_covariances, pose_covariances
+from skelgen.capture.error_propagation import (
+    angle_covariance,
+    calibration_covariances,
+    point_covariances,
+    pose_covariances,
+)
 from skelgen.capture.errors_by_distance import (
     ARM,
     errors_by_distance,
@@ -185,3 +192,28 @@ def test_what_the_cameras_do_not_see_has_no_error():
 def test_distances_that_are_none_are_refused(distances):
     with pytest.raises(InputError, match="above 0"):
         errors_by_distance(CaptureSettings(reference_rig()), distances)
+
+
+def test_errors_of_the_calibration_move_points_as_stated():
+    """Cameras that err by their covariance see one point elsewhere, by the covariance that is stated."""
+    rng, rig = np.random.default_rng(3), reference_rig()
+    std = np.zeros(30)
+    std[[0, 1, 15, 16]], std[[2, 3, 17, 18]], std[[4, 19]] = 0.4, 0.8, 0.003
+    std[24:27], std[27:] = 0.0005, 0.3
+    known = replace(rig, covariance=np.diag(std**2))
+    point = view_centre(rig, 1000.0)[np.newaxis] + [[80.0, -40.0, 30.0]]
+    seen, found = [project(eye, point) for eye in (rig.left, rig.right)], []
+    for _ in range(400):
+        error = std * rng.normal(size=30)
+        eyes = []
+        for eye, own in zip((rig.left, rig.right), error.reshape(2, 15), strict=True):
+            matrix, pose = eye.matrix.copy(), eye.camera_from_world.copy()
+            matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:4]
+            pose[:3, :3] = matrix_from_vector(own[9:12]) @ pose[:3, :3]
+            pose[:3, 3] += own[12:]
+            eyes.append(replace(eye, matrix=matrix, distortion=eye.distortion + own[4:9], camera_from_world=pose))
+        found.append(triangulate(StereoRig(*eyes), *seen).points[0])
+    stated = calibration_covariances(known, point)[0]
+    np.testing.assert_allclose(np.std(found, axis=0), np.sqrt(np.diag(stated)), rtol=0.15)
+    curves = errors_by_distance(CaptureSettings(known), [1000.0]).curves
+    assert [curve.what for curve in curves][:2] == ["ball", "place, by the cameras' calibration"]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skelgen.app.capture import ball_positions
 from skelgen.capture.bodies import propose_targets, resolved_points
+from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import SimulatedRig, Wandering, scene_of_bodies, simulated_rig
@@ -76,3 +79,33 @@ def test_candidates_that_share_a_ball_are_resolved_by_the_bodies(seen):
         away = np.linalg.norm(at - source.scene.points[index], axis=1)
         assert np.nanmax(away, initial=0.0) < 5.0  # mm: a ghost is as far off as balls are apart
     assert n_ambiguous > 20
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.02])
+def test_predicted_poses_of_rendered_targets_are_never_worse(noise):
+    """The noise that the rig states is far too large, or nearly right."""
+    source, errors = simulated_rig("arm", n_frames=60), {}
+    settings = replace(source.settings, rig=replace(source.settings.rig, noise=noise))
+    pairs = [source.render(index)[0] for index in range(60)]
+    for prediction in (None, PredictionParameters()):
+        with MotionCapture(settings, prediction, threads=False) as capture:
+            found = [capture.see(pair).bodies for pair in pairs]
+        for number, target in enumerate(settings.bodies):
+            true = source.scene.world_from_body[:, number] @ np.append(target.points.mean(axis=0), 1.0)
+            middles = [
+                bodies[target.name].world_from_body @ np.append(target.points.mean(axis=0), 1.0) - true[frame]
+                for frame, bodies in enumerate(found)
+                if target.name in bodies
+            ]
+            errors.setdefault(target.name, []).append(np.sqrt((np.array(middles) ** 2).sum(axis=1).mean()))
+    for raw, smooth in errors.values():
+        assert smooth < 1.02 * raw
+
+
+def test_limits_of_the_search_come_from_the_settings():
+    source = simulated_rig("arm", n_frames=1)
+    points = MotionCapture(source.settings, threads=False).see(source.render(0)[0]).points
+    narrow = replace(source.settings, search={"max_distance": 0.01})
+    noisy = replace(points, points=points.points + np.random.default_rng(0).normal(size=points.points.shape) / 10)
+    assert len(MotionCapture(source.settings, threads=False).recognise(noisy, 0.0)[0]) == 3
+    assert len(MotionCapture(narrow, threads=False).recognise(noisy, 0.0)[0]) == 0

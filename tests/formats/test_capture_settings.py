@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from skelgen_formats.capture_settings import read_any_settings, read_settings, write_settings
 
+from skelgen.capture.parameters import BodyParameters
 from skelgen.errors import FormatError, WriteError
 from skelgen.model.rig import BodyTarget, Camera, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.parameters import StageParameters, declare
@@ -38,7 +39,10 @@ def known():
     std = rng.uniform(size=(2, 3))
     hinge = TargetJoint("elbow", "hinge", "upper", "lower", turn, shift, std, np.array([0.1, 1 / 3]))
     ball = TargetJoint("spare", "ball", "lower", "upper", shift, turn)
-    return CaptureSettings(StereoRig(left, right, 0.13), bodies, [hinge, ball], "folder: a & b", {"rows": 8.0})
+    bodies[1] = replace(bodies[1], noise=0.017)
+    slopes = rng.normal(size=(30, 30))
+    rig = StereoRig(left, right, 0.13, slopes @ slopes.T)
+    return CaptureSettings(rig, bodies, [hinge, ball], "folder: a & b", {"rows": 8.0}, {"gap": 4.0})
 
 
 @pytest.fixture
@@ -74,6 +78,9 @@ def test_what_is_written_is_read_bit_for_bit(known, path):
         assert one.name == other.name
         np.testing.assert_array_equal(one.points, other.points)
         np.testing.assert_array_equal(one.std, other.std)
+        assert one.noise == other.noise
+    np.testing.assert_array_equal(found.rig.covariance, known.rig.covariance)
+    assert dict(found.search) == {"gap": 4.0}
     for one, other in zip(found.joints, known.joints, strict=True):
         assert (one.name, one.kind, one.parent, one.child) == (other.name, other.kind, other.parent, other.child)
         for name in ("parent_from_joint", "child_from_joint", "std", "axis_std"):
@@ -142,7 +149,7 @@ def test_parameters_of_the_detection_are_those_that_it_declares(path, new, sente
 def test_missing_part_is_named(path):
     text = re.sub("(?s)<right .*</right>", "", path.read_text())
     path.write_text(text)
-    with pytest.raises(FormatError, match="<rig> lacks <right>; it holds <right>, <left>"):
+    with pytest.raises(FormatError, match="<rig> lacks <right>; it holds <right>, <covariance>, <left>"):
         read_settings(path)
 
 
@@ -213,3 +220,15 @@ def test_mistakes_in_cameras_of_a_room_have_a_line(room, tmp_path, old, new, sen
     (tmp_path / "room.xml").write_text(re.sub(old, new, (tmp_path / "room.xml").read_text(), count=1))
     with pytest.raises(FormatError, match=sentence):
         read_any_settings(tmp_path / "room.xml")
+
+
+def test_limits_of_the_search_are_checked_with_their_line(known, tmp_path):
+    path = tmp_path / "settings.xml"
+    write_settings(replace(known, search={"max_distance": 2.5, "penalty": 2.0, "queue": 30}), path)
+    found = read_settings(path, search=BodyParameters).search
+    assert dict(found) == {"max_distance": 2.5, "penalty": 2.0, "queue": 30}
+    message, line = refused(path, 'value="30"', 'value="0"', search=BodyParameters)
+    assert "queue" in message
+    assert "queue" in line
+    message, _ = refused(path, "max_distance", "max_distanse", search=BodyParameters)
+    assert "the search has no parameter 'max_distanse'; it has max_distance" in message

@@ -86,8 +86,8 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
 
     def adding(self, found: BodyCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
         """Return what adds the target to settings, under the name that stands in the form by now."""
-        target = replace(found.target, name=self._name)
-        return lambda path, used: add_body(path, used, target)
+        named = replace(found, target=replace(found.target, name=self._name))
+        return lambda path, used: add_body(path, used, named)
 
     def follow(self) -> None:
         """Enable what can be done now."""

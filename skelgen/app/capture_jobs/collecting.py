@@ -30,7 +30,7 @@ from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointTa
 from skelgen.capture.calibration.verdict import PairSeen
 from skelgen.capture.health import RigWatch
 from skelgen.capture.images import opencv
-from skelgen.capture.live import PointFinder
+from skelgen.capture.live import PointFinder, search_parameters
 from skelgen.capture.optics import triangulate
 from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
@@ -258,15 +258,16 @@ class BodyCollector(TargetCollector[BodyProgress]):
         """
         if self.settings is None:
             raise InputError("no frames of the target were taken yet")
-        others = _others(self.settings, name)
-        return calibrate_body(self._taking.frames, name, n_balls, others, monitor=monitor)
+        others, search = _others(self.settings, name), search_parameters(self.settings)
+        return calibrate_body(self._taking.frames, name, n_balls, others, search, monitor)
 
     def _without_file(self, settings: CaptureSettings) -> CaptureSettings:
         """Leave out the targets: they are what is to be calibrated."""
         return replace(settings, bodies=(), joints=())
 
     def _begin(self, settings: CaptureSettings) -> None:
-        self._taking = BodyTaking(self._name, self._n_balls, _others(settings, self._name))
+        others = _others(settings, self._name)
+        self._taking = BodyTaking(self._name, self._n_balls, others, search_parameters(settings))
 
     def _take(self, points: StereoPoints) -> Mapping[int, FoundBody]:
         found = self._taking.add(points)
@@ -307,7 +308,7 @@ class JointCollector(TargetCollector[JointProgress]):
         return calibrate_joints(self._taking.frames, self._taking.names, requests, self._rate)
 
     def _begin(self, settings: CaptureSettings) -> None:
-        self._taking = JointTaking(settings.bodies)
+        self._taking = JointTaking(settings.bodies, search_parameters(settings))
 
     def _take(self, points: StereoPoints) -> Mapping[int, FoundBody]:
         if self._taking is None:

@@ -15,6 +15,7 @@ from skelgen._kernels.rigid_body_pose import (
     TargetTable,
     chi_squared_limit,
     fit_body,
+    weigh_pose,
 )
 from skelgen._kernels.rigid_body_search import Search, find_matching, point_distances
 from skelgen.capture.bodies.design import check_targets
@@ -142,10 +143,13 @@ class BodyFinder:
                     free &= np.isfinite(scene.distances[taken]).all(axis=0)  # nor points that share a ball with them
                 else:
                     left.append(body)  # another body has its points: search again among those that are left
-        return [
-            FoundBody(self.targets[body].name, posed.pose, posed.covariance, posed.matched, float(posed.rms))
-            for body, posed in sorted(found.items())
-        ]
+        return [self._weighed(body, posed, points) for body, posed in sorted(found.items())]
+
+    def _weighed(self, body: int, posed: PosedBody, points: StereoPoints) -> FoundBody:
+        """A body that was found, posed by the noise of its points without slack."""
+        scene = table_of_points(points, has_slack=False)
+        pose, covariance, noise = weigh_pose(self._tables[body], scene, posed.matched)
+        return FoundBody(self.targets[body].name, pose, covariance, posed.matched, float(posed.rms), float(noise))
 
     def _candidates(
         self, scene: PointTable, bodies: Sequence[int], free: Bools, expected: Mapping[str, ExpectedPose]
@@ -252,9 +256,19 @@ def table_of_target(target: BodyTarget) -> TargetTable:
     return TargetTable(points, variances, distances, spread)
 
 
-def table_of_points(found: StereoPoints) -> PointTable:
-    """Return the points of one frame with the distances between them."""
+def table_of_points(found: StereoPoints, *, has_slack: bool = True) -> PointTable:
+    """Return the points of one frame with the distances between them.
+
+    Parameters
+    ----------
+    found : StereoPoints
+        Of the frame.
+    has_slack : bool
+        Whether their covariances are enlarged for the search.
+    """
     points, covariances = np.array(found.points, order="C"), np.array(found.covariance, order="C")
+    if has_slack and found.slack is not None:
+        covariances *= found.slack[:, np.newaxis, np.newaxis]
     left, right = (np.array(side, dtype=np.intp) for side in (found.left, found.right))
     return PointTable(points, covariances, *point_distances(points, covariances, left, right))
 

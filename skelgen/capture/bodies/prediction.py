@@ -6,7 +6,9 @@ covariance. The prediction for the next frame says where to look for the balls. 
 the found ones, but lag behind sudden motion.
 
 The jerk adapts to the motion, for rotation and shift apart: innovations that are larger than expected raise it, smaller
-ones lower it. So a body at rest is smoothed more than one that is waved about.
+ones lower it. So a body at rest is smoothed more than one that is waved about. The noise of the found poses is measured
+by how far balls were from where their target puts them, in the last second: with a noise that is stated too large,
+motion would be smoothed away.
 """
 
 import math
@@ -39,6 +41,12 @@ MAX_INNOVATION = 8.0
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
 _ROTATIONS = np.array([True, True, True, False, False, False])
 
+MEMORY = 60
+"""Frames over which the noise is measured: of five balls each tells nine numbers, so that it is known to 3 %."""
+
+LEAST_NOISE = 0.02
+"""Of the stated standard deviations: balls of exact images are no more certain than that."""
+
 DOUBT = 25.0
 """Squared Mahalanobis distance per freedom from the predicted pose, above which the filter starts anew."""
 
@@ -61,6 +69,19 @@ class PredictionParameters(StageParameters):
     )
 
 
+class MeasuredNoise:
+    """How far balls are from their target, in stated standard deviations, over the last frames."""
+
+    def __init__(self) -> None:
+        self._square, self._n = 0.0, 0
+
+    def applied(self, found: FoundBody) -> FoundBody:
+        """Return a body with its covariance as the balls of the last frames say, its own among them."""
+        self._n = min(self._n + 1, MEMORY)
+        self._square += (found.noise**2 - self._square) / self._n
+        return replace(found, covariance=max(self._square, LEAST_NOISE**2) * found.covariance)
+
+
 class BodyFilter:
     """Pose, velocity and acceleration of one body, from frame to frame.
 
@@ -77,6 +98,7 @@ class BodyFilter:
         self._state = BodyState(np.eye(4), np.zeros(12), np.eye(N_STATE))
         self._scales = np.ones(2)  # of the jerk of rotations and of shifts
         self._ahead: tuple[float, BodyState] | None = None  # what was predicted last, and for when
+        self._noise = MeasuredNoise()
 
     def expected(self, time: float) -> ExpectedPose | None:
         """Return where the body will be at a time [s]; None if it was not seen, or too long ago."""
@@ -95,6 +117,7 @@ class BodyFilter:
         found : FoundBody
             With its pose and covariance.
         """
+        found = self._noise.applied(found)
         if self._time is None or time - self._seen > self._parameters.hold or time < self._time:
             return self._begun(time, found)
         pose, covariance = (np.array(part, np.float64, order="C") for part in (found.world_from_body, found.covariance))

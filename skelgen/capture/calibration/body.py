@@ -7,7 +7,7 @@ in all other frames, among whatever else they hold; their points, put in order, 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -39,6 +39,9 @@ MAX_PROPOSED = 8
 DOUBTFUL_NOISE = 2.0
 """Residuals in stated deviations above which the rig's noise is wrong, or the target bends."""
 
+LEAST_NOISE = 0.005
+"""px; balls in images without any noise still err by so much."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyCalibration:
@@ -68,11 +71,26 @@ class BodyCalibration:
     turn: float
     notices: tuple[str, ...]
 
+    def image_noise(self, stated: float) -> float:
+        """Return the noise of the balls' centres [px]; 0 where too few frames, too little turning or bending hide it.
+
+        Parameters
+        ----------
+        stated : float, px
+            Noise of the rig that the points' covariances came from.
+        """
+        is_known = self.is_complete and self.noise <= DOUBTFUL_NOISE
+        return max(stated * self.noise, LEAST_NOISE) if is_known else 0.0
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it rests on enough frames, from enough sides."""
+        return self.n_frames >= ENOUGH_FRAMES and self.turn >= LEAST_TURN
+
     @property
     def verdict(self) -> Verdict:
         """What it is worth, in words."""
-        is_enough = self.n_frames >= ENOUGH_FRAMES and self.turn >= LEAST_TURN
-        grade = REPEAT if self.noise > DOUBTFUL_NOISE else GOOD if is_enough else USABLE
+        grade = REPEAT if self.noise > DOUBTFUL_NOISE else GOOD if self.is_complete else USABLE
         worst, n_tried = float(np.asarray(self.target.std).max()), self.n_frames + self.n_left_out
         first = (
             f"{grade.capitalize()}: its balls are known to {worst:.2f} mm, from {self.n_frames} of {n_tried} frames, "
@@ -128,8 +146,12 @@ def calibrate_body(
     n_frames = len(shape.world_from_body)
     turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
     turn = float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
-    notices = tuple(_notices(name, shape, turn))
-    return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, turn, notices)
+    done = BodyCalibration(
+        target, shape.noise, n_frames, len(chosen) - n_frames, turn, tuple(_notices(name, shape, turn))
+    )
+    if done.is_complete and shape.noise < 1.0:  # the balls are less noisy than the rig says
+        done = replace(done, target=replace(target, std=shape.noise * std))
+    return done
 
 
 def _typical_number(frames: Sequence[StereoPoints], fewest: int) -> int:

@@ -157,6 +157,22 @@ def _pixels(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
     return bent * focal + eye.matrix[:2, 2], by_intrinsic, by_point
 
 
+def slopes_of_camera(eye: Camera, points: Floats) -> tuple[Floats, Floats]:
+    """Return the derivatives of pixels by the numbers of a camera, shape (n, 2, 15), and by the points, shape (n, 2, 3).
+
+    Parameters
+    ----------
+    eye : Camera
+        Its `camera_from_world` is its place relative to the first camera's frame.
+    points : ndarray, shape (n, 3), mm
+        In the first camera's frame.
+    """
+    inside = _posed(eye.camera_from_world, points)
+    _, by_intrinsic, by_point = _pixels(eye, inside)
+    by_pose = _by_pose(by_point, inside - eye.camera_from_world[:3, 3])
+    return np.concatenate([by_intrinsic, by_pose], axis=-1), np.asarray(by_point @ eye.camera_from_world[:3, :3])
+
+
 def _lens_basis(flat: Floats) -> Floats:
     """The shift of a normalised point by each coefficient of the lens, shape (..., 2, 5)."""
     x, y = flat[..., 0], flat[..., 1]

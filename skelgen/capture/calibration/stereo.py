@@ -20,9 +20,10 @@ from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform
-from skelgen.geometry.rotations import nearest_rotation, transform_from
+from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import TYPICAL_NOISE, Camera, StereoRig
+from skelgen.model.rig import N_CAMERA_STD, TYPICAL_NOISE, Camera, StereoRig
 from skelgen.progress import SILENT, Monitor, with_progress
 
 Picture = Image | Path | str
@@ -45,7 +46,9 @@ class StereoCalibration:
     left_std, right_std : ndarray, shape (9,)
         Standard deviations of fx, fy, cx, cy [px], k1, k2, p1, p2, k3; zero where a number was held at zero.
     rotation_std : ndarray, shape (3,), rad
-        Of the right camera's turn, about its axes.
+        Of the rotation vector of right_from_left.
+    turn_std : float, rad
+        Of the angle of that turn.
     translation_std : ndarray, shape (3,), mm
         Of right_from_left's translation.
     baseline_std : float, mm
@@ -61,6 +64,7 @@ class StereoCalibration:
     left_std: Floats
     right_std: Floats
     rotation_std: Floats
+    turn_std: float
     translation_std: Floats
     baseline_std: float
     pairs: tuple[PairSeen, ...]
@@ -173,15 +177,28 @@ def _with_deviations(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCa
     left, right = (
         replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
     )
-    rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise))
+    covariance = np.zeros((2 * N_CAMERA_STD, 2 * N_CAMERA_STD))
+    measured = np.r_[:N_INTRINSIC, N_CAMERA_STD : 2 * N_CAMERA_STD]  # the left camera is where it is
+    covariance[np.ix_(measured, measured)] = adjusted.covariance
+    rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise), covariance)
     std = np.sqrt(np.diag(adjusted.covariance))
-    left_std, right_std, rotation_std, translation_std = np.split(std, [N_INTRINSIC, 2 * N_INTRINSIC, -3])
-    along = rig.right_from_left[:3, 3] / rig.baseline
-    baseline_std = float(np.sqrt(along @ adjusted.covariance[-3:, -3:] @ along))
+    left_std, right_std, _, translation_std = np.split(std, [N_INTRINSIC, 2 * N_INTRINSIC, -3])
+    turn, turn_covariance = rig.right_from_left[:3, :3], adjusted.covariance[-6:-3, -6:-3]
+    rotation_std = rotation_vector_deviations(turn[np.newaxis], turn_covariance[np.newaxis])[0]
+    turn_std = _deviation_along(vector_from_matrix(turn), turn_covariance)
+    baseline_std = _deviation_along(rig.right_from_left[:3, 3], adjusted.covariance[-3:, -3:])
     verdict = judge(rig, adjusted, baseline_std, seen)
     return StereoCalibration(
-        rig, adjusted.rms, left_std, right_std, rotation_std, translation_std, baseline_std, seen, verdict
+        rig, adjusted.rms, left_std, right_std, rotation_std, turn_std, translation_std, baseline_std, seen, verdict
     )
+
+
+def _deviation_along(vector: Floats, covariance: Floats) -> float:
+    """Standard deviation of a vector's length; without a direction that of its worst component."""
+    length = float(np.linalg.norm(vector))
+    if length == 0.0:
+        return float(np.sqrt(np.diag(covariance).max()))
+    return float(np.sqrt(vector @ covariance @ vector)) / length
 
 
 def _grey(picture: Picture) -> Image:

@@ -7,6 +7,7 @@ import numpy as np
 
 from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.calibration.stereo import StereoCalibration
+from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.rig import BodyTarget, Camera, TargetJoint
 
 Row = Mapping[str, str | int | float]
@@ -23,6 +24,11 @@ def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
         for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
     )
     rows = list(zip(INTRINSIC, left, right, strict=True))
+    turn = vector_from_matrix(found.rig.right_from_left[:3, :3])
+    turns = zip("xyz", np.degrees(turn).tolist(), np.degrees(found.rotation_std).tolist(), strict=True)
+    rows += [(f"rotation {axis} [degrees]", "", _with_std(*rest)) for axis, *rest in turns]
+    angle = float(np.degrees(np.linalg.norm(turn)))
+    rows.append(("angle between the cameras [degrees]", "", _with_std(angle, math.degrees(found.turn_std))))
     shifts = zip("xyz", found.rig.right_from_left[:3, 3].tolist(), found.translation_std.tolist(), strict=True)
     rows += [(f"translation {axis} [mm]", "", _with_std(*rest)) for axis, *rest in shifts]
     return [*rows, ("baseline [mm]", "", _with_std(found.rig.baseline, found.baseline_std))]

@@ -94,10 +94,18 @@ class BodyTaking:
         Its number of balls; by default the most frequent number of points in a frame.
     beside : sequence of BodyTarget
         Other targets, which it must not be taken for.
+    search : BodyParameters, optional
+        Limits of the search for it.
     """
 
-    def __init__(self, name: str, n_balls: int | None = None, beside: Sequence[BodyTarget] = ()) -> None:
-        self._name, self._n_balls, self._beside = name, n_balls, tuple(beside)
+    def __init__(
+        self,
+        name: str,
+        n_balls: int | None = None,
+        beside: Sequence[BodyTarget] = (),
+        search: BodyParameters | None = None,
+    ) -> None:
+        self._name, self._n_balls, self._beside, self._search = name, n_balls, tuple(beside), search
         self._kept: EvenFrames[StereoPoints] = EvenFrames()
         self._counts: Counter[int] = Counter()
         self._finder: BodyFinder | None = None
@@ -154,8 +162,8 @@ class BodyTaking:
         self._first, self._turn, self._problem = None, 0.0, ""
         try:
             shape = first_shape(points, self._name)
-            check_targets([*self._beside, shape])
-            self._finder = BodyFinder([shape])
+            check_targets([*self._beside, shape], self._search)
+            self._finder = BodyFinder([shape], self._search)
         except InputError as error:
             self._finder, self._problem = None, str(error)
 
@@ -174,6 +182,8 @@ class JointTaking:
     ----------
     targets : sequence of BodyTarget
         All that are looked for.
+    search : BodyParameters, optional
+        Limits of the search for them.
 
     Raises
     ------
@@ -181,12 +191,12 @@ class JointTaking:
         If a target can be taken for another one, or there is only one.
     """
 
-    def __init__(self, targets: Sequence[BodyTarget]) -> None:
+    def __init__(self, targets: Sequence[BodyTarget], search: BodyParameters | None = None) -> None:
         if len(targets) < 2:
             raise InputError("joints are between two targets; calibrate these first")
         self.names = [target.name for target in targets]
         self.n_frames, self._n_found = 0, Counter(dict.fromkeys(self.names, 0))
-        self._finder = BodyFinder(targets)
+        self._finder = BodyFinder(targets, search)
         self._kept: EvenFrames[list[FoundBody]] = EvenFrames()
 
     @property

@@ -83,7 +83,7 @@ class _Recording:
         self._tracks = BallTracks(size), BallTracks(size)
         self._store, self._balls = CandidateStore(), (BallStore(), BallStore())
         self._times: list[float] = []
-        self._health = _ImageHealth(settings.rig)
+        self._health = ImageHealth(settings.rig)
 
     def add(self, pair: FramePair) -> None:
         left, right, points = self._finder.find(pair)
@@ -119,8 +119,14 @@ class _Recording:
         return PointCloud(points, starts.astype(np.intp), np.array(self._times), attributes, name, notices)
 
 
-class _ImageHealth:
-    """Counts over a whole recording what is wrong with images and settings."""
+class ImageHealth:
+    """Counts over a whole recording what is wrong with images and settings.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras of the settings.
+    """
 
     def __init__(self, rig: StereoRig) -> None:
         self._rig = rig
@@ -130,6 +136,17 @@ class _ImageHealth:
         self._exchanged: list[float] = []
 
     def look(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> None:
+        """Take one more pair.
+
+        Parameters
+        ----------
+        pair : FramePair
+            The images.
+        left, right : Balls
+            What was found in them.
+        points : StereoPoints
+            Points in space.
+        """
         self._n_pairs += 1
         self._n_dropped += pair.dropped
         self._n_points += len(points)
@@ -154,6 +171,7 @@ class _ImageHealth:
             raise InputError(f"{name}: no ball is seen in both images of any pair" + (f"; {faults}" if faults else ""))
 
     def notices(self) -> tuple[str, ...]:
+        """Return what the user should know of the images."""
         notices = [
             f"{side} image of {count} of {self._n_pairs} pairs, first of number {first}: {fault}"
             for side, (count, first, fault) in self._faulty.items()

@@ -75,6 +75,20 @@ def angle_deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floa
     return np.asarray(np.sqrt(np.maximum(np.einsum("fai,fij,faj->fa", slopes, covariance, slopes), 0.0)))
 
 
+def rotation_vector_deviations(rotations: Floats, covariance: Floats) -> Floats:
+    """Return the standard deviations of rotation vectors [rad], shape (n, 3).
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n, 3, 3)
+        The rotations.
+    covariance : ndarray, shape (n, 3, 3), rad^2
+        Of small rotations that follow them, about the axes of the frame that they lead to.
+    """
+    origin = np.zeros(3)
+    return angle_deviations(Joint(0, 1, origin, origin, "ball", None, origin), rotations, covariance)
+
+
 def _slopes(joint: Joint, relative: Floats) -> Floats:
     """Derivatives of the angles by small rotations in the parent's axes, shape (n_frames, n_angles, 3)."""
     if joint.kind == "hinge" and joint.axis is not None:

@@ -66,15 +66,20 @@ def test_mirror_image_is_not_the_body(targets, make_scene):
     assert find_bodies(mirrored, targets[:1]) == []
 
 
+def first_of(points, n):
+    values = vars(points)
+    return StereoPoints(**{name: None if value is None else value[:n] for name, value in values.items()})
+
+
 def test_three_balls_are_no_proof(targets, make_scene):
     scene = make_scene(0, targets[:1], n_points=5, hidden=0.0)
-    three = StereoPoints(*(getattr(scene.points, name)[:3] for name in scene.points.__dataclass_fields__))
+    three = first_of(scene.points, 3)
     assert find_bodies(three, targets[:1]) == []
 
 
 def test_no_points_and_no_targets_give_no_bodies(targets, make_scene):
     scene = make_scene(0, targets)
-    none = StereoPoints(*(getattr(scene.points, name)[:0] for name in scene.points.__dataclass_fields__))
+    none = first_of(scene.points, 0)
     assert find_bodies(none, targets) == []
     assert find_bodies(scene.points, []) == []
 

@@ -8,8 +8,10 @@ import pytest
 pytest.importorskip("cv2")
 
 from skelgen.capture.calibration.stereo import calibrate_stereo, calibrate_views
+from skelgen.capture.calibration.table import camera_rows
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import FormatError, InputError
+from skelgen.geometry.rotations import vector_from_matrix
 
 SIZE = (640, 480)
 NAMES = [str(number) for number in range(1, 31)]
@@ -40,6 +42,25 @@ def test_errors_are_those_that_the_standard_deviations_say(seen_pairs, board):
         free = std > 0
         squares.append((((shared_numbers(found.rig) - shared_numbers(reference_rig()))[free] / std[free]) ** 2).mean())
     assert np.mean(squares) == pytest.approx(1.0, abs=0.4)
+
+
+def test_rotation_between_the_cameras_is_shown_with_its_deviation(seen_pairs, board):
+    found = calibrated(seen_pairs(8, noise=0.1), board)
+    rows = {name: right for name, _, right in camera_rows(found)}
+    true = np.degrees(np.linalg.norm(vector_from_matrix(reference_rig().right_from_left[:3, :3])))
+    angle, std = map(float, rows["angle between the cameras [degrees]"].split(" ± "))
+    assert 0 < std < 0.3
+    assert abs(angle - true) < 4 * std
+    assert all(" ± " in rows[f"rotation {axis} [degrees]"] for axis in "xyz")
+
+
+def test_covariance_of_the_rig_is_that_of_its_numbers(seen_pairs, board):
+    found = calibrated(seen_pairs(8, noise=0.1), board)
+    std = np.sqrt(np.diag(found.rig.covariance))
+    np.testing.assert_allclose(std[:9], found.left_std)
+    np.testing.assert_allclose(std[15:24], found.right_std)
+    np.testing.assert_allclose(std[27:], found.translation_std)
+    assert not std[9:15].any()  # the left camera's frame is the world
 
 
 def test_noise_of_the_corners_is_found(seen_pairs, board):
