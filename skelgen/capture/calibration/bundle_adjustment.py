@@ -158,7 +158,7 @@ def _pixels(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def slopes_of_camera(eye: Camera, points: Floats) -> tuple[Floats, Floats]:
-    """Return the derivatives of pixels by the numbers of a camera, shape (n, 2, 15), and by the points, shape (n, 2, 3).
+    """Return how pixels follow the numbers of a camera, shape (n, 2, 15), and the points, shape (n, 2, 3).
 
     Parameters
     ----------
