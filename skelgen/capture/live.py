@@ -1,17 +1,15 @@
 """The whole capture, pair by pair: images to balls, points, bodies and joint angles (Gaschler 2011, figure 2.1).
 
 Each image and each body has a thread of its own where there is more than one core. Lost pairs are always counted.
-Before cameras run, a trial pair of images loads all kernels. `Pictures` shows the cameras' pictures in windows of their
-own, with the balls that were found.
+Before cameras run, a trial pair of images loads all kernels.
 """
 
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -35,10 +33,6 @@ BALLS = np.array([[-100.0, 0.0], [0.0, 0.0], [11.0, 0.0], [0.0, 80.0]])
 
 RADIUS = 5.0
 """px; of a ball."""
-
-_MARK = (0, 255, 0)  # green, in OpenCV's order
-_MARK_SIZE = 9  # px
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,52 +244,3 @@ def _image(camera: Camera, points: Floats) -> Image:
         image[(columns - x) ** 2 + (rows - y) ** 2 <= RADIUS**2] = 255
     image.flags.writeable = False  # as those of sources are: functions are compiled anew for others
     return image
-
-
-class Pictures:
-    """Two windows; a context manager, which closes them.
-
-    Attributes
-    ----------
-    notice : str
-        Why nothing can be shown; empty if pictures are shown.
-    """
-
-    def __init__(self) -> None:
-        self.notice, self._cv2 = _opened()
-
-    def __enter__(self) -> Self:
-        """Windows open with the first pictures."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Close the windows."""
-        if self._cv2 is not None:
-            self._cv2.destroyAllWindows()
-
-    def show(self, captured: Captured) -> None:
-        """Show both pictures of a pair."""
-        if self._cv2 is None:
-            return
-        pair = captured.pair
-        for side, image, balls in (("left", pair.left, captured.left), ("right", pair.right, captured.right)):
-            coloured = self._cv2.cvtColor(image, self._cv2.COLOR_GRAY2BGR)
-            for x, y in balls.centres.round().astype(int).tolist():
-                self._cv2.drawMarker(coloured, (x, y), _MARK, self._cv2.MARKER_CROSS, _MARK_SIZE)
-            self._cv2.imshow(side, coloured)
-        self._cv2.waitKey(1)
-
-
-def _opened() -> tuple[str, Any]:
-    """Why there are no windows, and OpenCV if there can be some."""
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
-        return "there is no display, so that no pictures are shown (-n says so)", None
-    try:
-        import cv2  # noqa: PLC0415 - only here
-    except ImportError:
-        return "pictures need OpenCV: pip install 'skelgen-mocap[capture]' (-n captures without them)", None
-    try:
-        cv2.namedWindow("left")
-    except cv2.error:
-        return "this OpenCV shows no windows (it is the headless one), so that no pictures are shown (-n says so)", None
-    return "", cv2

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
 from skelgen.cli.options import AsJson, Quiet
-from skelgen.cli.screen import Screen
+from skelgen.cli.screen import Screen, can_open_windows
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,7 +71,6 @@ def motion_capture(
     """
     from skelgen.app.capture import capture, read_capture_settings, source_of
     from skelgen.capture.bodies.prediction import PredictionParameters
-    from skelgen.capture.live import Pictures
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
@@ -83,11 +83,9 @@ def motion_capture(
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
-            pictures = None if no_graphics else stack.enter_context(Pictures())
+            pictures = None if no_graphics else _pictures([body.name for body in rig.bodies], stack)
             keys = stack.enter_context(watched_keys()) if interactive else None
             interrupted = stack.enter_context(watched_interrupt())
-            if pictures is not None and pictures.notice:
-                print(f"note: {pictures.notice}", file=sys.stderr)
             for captured in stream:
                 if not counts.n_pairs and not no_labels:
                     _write(columns.labels())
@@ -107,6 +105,31 @@ def motion_capture(
             raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
+
+
+class _Pictures(Protocol):
+    """A window with pictures."""
+
+    def show(self, captured: Captured) -> None:
+        """Show those of one pair."""
+
+
+_PICTURES = "skelgen_gui.capture.live_pictures"  # found by name: the command line does not depend on the window
+
+
+def _pictures(targets: list[str], stack: contextlib.ExitStack) -> _Pictures | None:
+    """Open the window with pictures, which the stack closes; None with a note where that cannot be."""
+    reason = "there is no display, so that no pictures are shown (-n says so)"
+    if can_open_windows():
+        try:
+            window = importlib.import_module(_PICTURES)
+        except ImportError:
+            reason = "pictures need PySide6: pip install 'skelgen-mocap[gui]' (-n captures without them)"
+        else:
+            opened: _Pictures = stack.enter_context(window.LivePictures(targets))
+            return opened
+    print(f"note: {reason}", file=sys.stderr)
+    return None
 
 
 def calibrate_body(

@@ -11,7 +11,15 @@ import typer
 
 from skelgen.cli.measure_commands import RIG, evaluate_rig
 from skelgen.cli.options import AsJson, FormatName, InputFile, Overwrite, Quiet, given
-from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_take
+from skelgen.cli.screen import (
+    Screen,
+    can_open_windows,
+    has_display,
+    show_evaluation,
+    show_files,
+    show_project,
+    show_take,
+)
 from skelgen.errors import InputError, ParameterError
 
 OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
@@ -279,7 +287,7 @@ def _opened(page: Path) -> bool:
     """Open a page in the user's browser; whether that went well."""
     import webbrowser
 
-    if not _has_display() and "BROWSER" not in os.environ:  # browsers of terminals play nothing
+    if not has_display() and "BROWSER" not in os.environ:  # browsers of terminals play nothing
         return False
     return webbrowser.open(page.resolve().as_uri())
 
@@ -321,11 +329,6 @@ def fill(
 
 
 _MODULE = "skelgen_gui.main"  # found by name: the command line does not depend on the window
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-
-
-def _has_display() -> bool:
-    return sys.platform != "linux" or any(os.environ.get(name) for name in _DISPLAYS)
 
 
 def gui(
@@ -334,7 +337,7 @@ def gui(
     ] = None,
 ) -> None:
     """Open the desktop window."""
-    if not _has_display() and not os.environ.get("QT_QPA_PLATFORM"):
+    if not can_open_windows():
         raise InputError("there is no display: start skelgen gui in a desktop session, or use skelgen run without one")
     try:
         window = importlib.import_module(_MODULE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,6 +24,19 @@ _REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and co
 _TELL_SECONDS = 10.0  # between two lines in a log
 _PIPED_WIDTH = 160  # columns of a table when nobody's terminal sets the width
 _MISSING = "-"
+
+
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+
+
+def has_display() -> bool:
+    """Return whether windows can be seen."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in _DISPLAYS)
+
+
+def can_open_windows() -> bool:
+    """Return whether Qt can open windows, on a display or where it is told to draw."""
+    return has_display() or bool(os.environ.get("QT_QPA_PLATFORM"))
 
 
 class Screen:

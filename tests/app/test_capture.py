@@ -181,7 +181,7 @@ def test_errors_stand_behind_the_values(path, capsys):
 
 
 def test_without_a_display_pictures_are_missed_in_one_sentence(path, capsys, monkeypatch):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("sys.platform", "linux")
     assert main(["motion-capture", "-s", "--frames", "1", str(path)]) == 0

@@ -1,0 +1,57 @@
+"""The pictures that `skelgen motion-capture` shows, on a screen that nobody sees."""
+
+import pytest
+from PySide6.QtWidgets import QApplication
+from skelgen_formats.capture_settings import write_settings
+from skelgen_gui.capture.live_pictures import LivePictures
+from skelgen_gui.capture.pictures import PicturePair
+
+from skelgen.capture.live import MotionCapture
+from skelgen.capture.simulated_rig import simulated_rig
+from skelgen.cli import main
+
+
+@pytest.fixture(scope="module")
+def captured():
+    source = simulated_rig("arm", n_frames=2)
+    with MotionCapture(source.settings, threads=False) as capture:
+        return source.settings, [capture.see(source.render(index)[0]) for index in range(2)]
+
+
+def bright(view):
+    """How many pixels of the widget are coloured: rings and names of targets."""
+    image = view.grab().toImage()
+    colours = [image.pixelColor(x, y) for x in range(0, image.width(), 2) for y in range(0, image.height(), 2)]
+    return sum(colour.saturation() > 100 and colour.value() > 100 for colour in colours)
+
+
+def test_pictures_show_what_was_found(qapp, captured):
+    settings, frames = captured
+    with LivePictures([body.name for body in settings.bodies]) as pictures:
+        pictures.view.resize(900, 340)
+        assert pictures.view.isVisible()
+        before = bright(pictures.view)
+        pictures.show(frames[0])
+        assert bright(pictures.view) > before + 50
+    assert not pictures.view.isVisible()
+
+
+def test_a_window_that_was_closed_stays_closed(qapp, captured):
+    with LivePictures(()) as pictures:
+        pictures.view.close()
+        pictures.show(captured[1][0])
+        assert not pictures.view.isVisible()
+
+
+def test_the_command_shows_pictures_unless_it_is_told_not_to(qapp, captured, tmp_path, monkeypatch, capsys):
+    path, shown = tmp_path / "settings.xml", []
+    write_settings(captured[0], path)
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    monkeypatch.setattr(PicturePair, "show_pair", lambda self, left, right: shown.append((left, right)))
+    source = ["--source", "simulated:arm?frames=2"]
+    assert main(["motion-capture", "-sn", str(path), *source]) == 0
+    assert not shown
+    assert main(["motion-capture", "-s", str(path), *source]) == 0
+    assert shown
+    assert not any(isinstance(widget, PicturePair) and widget.isVisible() for widget in QApplication.topLevelWidgets())
+    assert "note" not in capsys.readouterr().err
