@@ -67,7 +67,9 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
         markers = _all_markers(content.view, width, headers["start"])
     starts = np.concatenate(([0], np.cumsum(counts))).astype(np.intp)
     _check_numbers(path, markers, starts)
-    notices = [f"unique ids are {width} bytes wide", f"time stamps are taken as {timestamp_unit}"]
+    notices = [
+        f"the file does not say how it counts: points are read with numbers of {width} bytes, times in {timestamp_unit}"
+    ]
     attributes = {
         "reprojection_error": markers["reprojection_error"],
         "n_blobs": markers["n_blobs"],

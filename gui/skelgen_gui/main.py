@@ -5,8 +5,10 @@ Qt's objects must end on the thread that they live on: one that ends on a worker
 window's thread collects garbage.
 """
 
+import contextlib
 import gc
 import signal
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +17,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
+from skelgen._kernels import sources_digest
 from skelgen_gui.project.recovery import find_recovery_entries
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
@@ -64,11 +67,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     window.preloading.ended.connect(collector.freeze_existing)
     window.show()
     window.preloading.begin()
+    compiling = compile_ahead(preferences)
     QTimer.singleShot(0, lambda: _begin(window, files))
     _heed_signals(app, window)
     code = int(app.exec())
     collector.end()
+    if compiling is not None:
+        if compiling.poll() == 0:
+            preferences.compiled = sources_digest()
+        compiling.terminate()
     return code
+
+
+def compile_ahead(preferences: Preferences) -> subprocess.Popen[bytes] | None:
+    """Compile what the first run needs in a process of its own, unless an earlier window has done so.
+
+    Parameters
+    ----------
+    preferences : Preferences
+        Know what was compiled.
+
+    Returns
+    -------
+    subprocess.Popen or None
+        The process; it ends by itself.
+    """
+    if preferences.compiled == sources_digest():
+        return None
+    with contextlib.suppress(OSError):  # the first run then compiles what it needs
+        return subprocess.Popen([sys.executable, "-m", "skelgen.app.samples"], stderr=subprocess.DEVNULL)
+    return None
 
 
 def _heed_signals(app: QApplication, window: Window) -> None:

@@ -36,6 +36,7 @@ from skelgen_gui.widgets.keys import KeyKeeper
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import make_actions
+from skelgen_gui.widgets.tutorial import Tutorial
 from skelgen_gui.window_commands import WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one
@@ -143,6 +144,17 @@ class Window(QMainWindow):
         self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
         timeline.raise_()
         self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
+
+        self.tutorial = Tutorial()
+        self.tutorial.asked.connect(self._do)
+        self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea).hide()
+
+    def _do(self, kind: str, name: str) -> None:
+        """Do what a link of the first steps says."""
+        if kind == "sample":
+            self.files.open_sample(name)
+        else:
+            self.actions_by_id[name].trigger()
 
     def _follow_preferences(self) -> None:
         """Show recordings with the axis up that the user prefers."""

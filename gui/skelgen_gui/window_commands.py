@@ -11,7 +11,7 @@ from skelgen_gui.page_stack import PageStack
 from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
-from skelgen_gui.project.file_actions import RecentMenu
+from skelgen_gui.project.file_actions import RecentMenu, SampleMenu
 from skelgen_gui.project.parameter_files import ParameterFiles
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
@@ -59,6 +59,7 @@ class WindowCommands(QObject):
         recent = RecentMenu(context.preferences, window)
         recent.chosen.connect(context.files.open)
         menus["&File"].insertMenu(actions["compare"], recent)
+        menus["&File"].insertMenu(actions["compare"], SampleMenu(context.files, window))
         self._fill_edit(menus["&Edit"])
         window.menuBar().insertMenu(menus["&Play"].menuAction(), self._view_menu())
         bar = QToolBar(self.tr("Main tool bar"), window)
@@ -123,6 +124,7 @@ class WindowCommands(QObject):
             "clear_parameters": self.parameter_files.clear,
             "next_page": lambda: pages.turn(1),
             "previous_page": lambda: pages.turn(-1),
+            "tutorial": self._show_tutorial,
             "shortcuts": lambda: ShortcutsDialog((*self.actions.values(), *self._view3d.actions()), window).open(),
             "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions()),
         }
@@ -132,6 +134,11 @@ class WindowCommands(QObject):
         for page in self._pages.findChildren(StagePage):
             page.apply_number()
         self._context.runner.run_all()
+
+    def _show_tutorial(self) -> None:
+        for dock in self._window.findChildren(QDockWidget, "tutorial"):
+            dock.show()
+            dock.raise_()
 
     def _run_step(self) -> None:
         entry = self._pages.current

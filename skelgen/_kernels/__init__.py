@@ -203,7 +203,7 @@ def _cache_class() -> Any:
         """What is kept is good as long as no file of kernels changes: they use each other's constants."""
 
         def get_source_stamp(self) -> str:
-            return _sources_digest()
+            return sources_digest()
 
     folders = (caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, caching.UserWideCacheLocator)
     locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
@@ -270,7 +270,7 @@ def _without(unneeded: tuple[type, ...], passes: Any) -> Any:
 
 
 @cache
-def _sources_digest() -> str:
+def sources_digest() -> str:
     """Return a digest of all sources of kernels."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):

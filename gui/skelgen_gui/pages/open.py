@@ -11,6 +11,7 @@ from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
+from skelgen_gui.project.file_actions import SampleMenu
 from skelgen_gui.widgets.layouts import column, describe, row_of
 from skelgen_gui.widgets.painting import as_rich_text
 
@@ -42,9 +43,13 @@ class OpenPage(QWidget):
         describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
         self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
         self.identities.setAccessibleName(self.tr("Read identities"))
+        self.samples = QPushButton(self.tr("Open a sample"), self)
+        self.samples.setMenu(SampleMenu(context.files, self.samples))
+        describe(self.samples, self.tr("Open a sample"), self.tr("A take that is simulated, to see what skelgen does"))
         describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
         invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
-        buttons, heading = row_of(self.browse, self.identities, room=True), QLabel(self.tr("Recent files"), self)
+        buttons = row_of(self.browse, self.samples, self.identities, room=True)
+        heading = QLabel(self.tr("Recent files"), self)
         layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))
         layout.setStretchFactor(self.recent, 1)
         context.session.project_changed.connect(self._follow)
@@ -77,6 +82,7 @@ class OpenPage(QWidget):
         """Enable what can be done now: one job at a time."""
         is_busy = self._context.jobs.is_busy
         self.browse.setEnabled(not is_busy)
+        self.samples.setEnabled(not is_busy)
         self.identities.setEnabled(not is_busy and self._context.session.project is not None)
 
     def _follow(self) -> None:

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFileDialog, QMenu, QMessageBox, QWidget
 
 from skelgen.app.files import file_filter, open_input
 from skelgen.app.project_file.archive import SUFFIX, is_project_file, save_project
+from skelgen.app.samples import SAMPLES, open_sample
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.model.view_state import ViewState
@@ -77,6 +78,16 @@ class FileActions(QObject):
         if self._jobs.is_busy:
             return
         self._after_saving(lambda: self._begin(path))
+
+    def open_sample(self, key: str) -> None:
+        """Open a take that the simulation makes, after asking whether to save changes."""
+
+        def done(project: Project) -> None:
+            self._document.open(project)
+            self.opened.emit(project)
+
+        if not self._jobs.is_busy:
+            self._after_saving(lambda: self._read(Path(key), lambda _: open_sample(key), done))
 
     def choose(self) -> None:
         """Ask for a recording or a project, and open it."""
@@ -172,7 +183,7 @@ class FileActions(QObject):
         if project is None:
             return
         shown = self._view_state().kept_in(project)
-        embed = self._preferences.values.embed
+        embed = self._preferences.values.embed or project.source is None  # a sample is in no other file
 
         def work(monitor: Monitor) -> Path:
             monitor.begin("saving")
@@ -189,6 +200,27 @@ class FileActions(QObject):
 
 def _opened(path: Path, monitor: Monitor) -> Project:
     return open_input(path, monitor=monitor)
+
+
+class SampleMenu(QMenu):
+    """Takes that the simulation makes, to begin with.
+
+    Parameters
+    ----------
+    files : FileActions
+        Opens them.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    def __init__(self, files: FileActions, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setTitle(self.tr("Open a sam&ple"))
+        self.setToolTipsVisible(True)
+        for sample in SAMPLES:
+            action = self.addAction(self.tr(sample.title), partial(files.open_sample, sample.key))
+            action.setToolTip(self.tr(sample.about))
+            action.setStatusTip(action.toolTip())
 
 
 class RecentMenu(QMenu):

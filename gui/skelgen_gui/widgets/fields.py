@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from skelgen.parameters import Declaration
 from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.plain_words import choice_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -70,24 +71,26 @@ class _NumberBox(QAbstractSpinBox):
 
 
 class ChoiceBox(QComboBox):
-    """One of several texts."""
+    """One of several choices, in plain words; the tool tip of each says its name in files."""
 
     edited = Signal()
 
     def __init__(self, declaration: Declaration, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.addItems(declaration.choices)
+        for choice in declaration.choices:
+            self.addItem(choice_of(declaration, choice), choice)
+            self.setItemData(self.count() - 1, choice, Qt.ItemDataRole.ToolTipRole)
         self.currentTextChanged.connect(self.edited)
 
     def entered(self) -> Any:
-        """Return the chosen text."""
-        return self.currentText()
+        """Return the name of what is chosen."""
+        return self.currentData()
 
     def show_value(self, value: Any) -> None:
-        """Choose a text; one that is unknown is added, and the form shows that it is not allowed."""
-        if self.findText(str(value)) < 0:
-            self.addItem(str(value))
-        self.setCurrentText(str(value))
+        """Choose by name; one that is unknown is added, and the form shows that it is not allowed."""
+        if self.findData(str(value)) < 0:
+            self.addItem(str(value), str(value))
+        self.setCurrentIndex(self.findData(str(value)))
 
 
 class _SwitchBox(QCheckBox):

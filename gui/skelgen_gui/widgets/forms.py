@@ -13,6 +13,7 @@ from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_gui.widgets.fields import editor_for
 from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.plain_words import choice_of, title_of
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`
@@ -25,11 +26,6 @@ _CHANGED_MARK = "• "  # stands before the name of a value that is not the defa
 
 _LINES_PER_ROW = 2  # the editor, and what is wrong with it
 _HELP_LINES = 4
-
-
-def _title_of(declaration: Declaration) -> str:
-    """Return the name as a person reads it."""
-    return QCoreApplication.translate("Parameters", declaration.name.replace("_", " ").capitalize())
 
 
 class FormRow(QObject):
@@ -62,7 +58,7 @@ class FormRow(QObject):
     def __init__(self, declaration: Declaration, check: _Check, grid: QGridLayout, line: int, parent: QWidget) -> None:
         super().__init__(parent)
         self.declaration = declaration
-        self._title = _title_of(declaration)
+        self._title = title_of(declaration)
         self._check = check
         self._is_changed = False
         self.editor = editor_for(declaration, parent)
@@ -140,6 +136,8 @@ class FormRow(QObject):
 
     def _default_text(self) -> str:
         default = self.declaration.default
+        if self.declaration.choices:
+            return choice_of(self.declaration, str(default))
         if isinstance(default, bool):
             return self.tr("yes") if default else self.tr("no")
         if default == "":
@@ -209,7 +207,7 @@ class ParameterForm(QWidget):
         basic = [entry for entry in declarations if entry.basic] or list(declarations)
         self._is_filling = False
         wide = self.fontMetrics().horizontalAdvance  # names and units are as wide in both parts of the form
-        self._name_width = max((wide(_CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
+        self._name_width = max((wide(_CHANGED_MARK + title_of(entry)) for entry in declarations), default=0)
         self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
         self._expander = QToolButton(self)
         self._boxes = QWidget(self), QWidget(self)

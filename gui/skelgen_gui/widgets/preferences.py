@@ -17,6 +17,7 @@ MOST_RECENT = 10
 
 _PREFERENCES = "preferences"
 _RECENT = "recent"
+_COMPILED = "compiled"
 _WINDOW = "window"
 
 
@@ -106,6 +107,15 @@ class Preferences(QObject):
     def forget_recent(self) -> None:
         """Clear the recent files."""
         self._keep_recent([])
+
+    @property
+    def compiled(self) -> str:
+        """Digest of the kernels that were compiled ahead; empty at first."""
+        return str(self._settings.value(_COMPILED) or "")
+
+    @compiled.setter
+    def compiled(self, digest: str) -> None:
+        self._settings.setValue(_COMPILED, digest)
 
     @property
     def geometry(self) -> QByteArray:

@@ -108,6 +108,7 @@ COMMANDS: tuple[Command, ...] = (
     Command(SEPARATOR, _PLAY),
     Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker"),
     Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before"),
+    Command("tutorial", _HELP, "&First steps", tip="From a sample to a skeleton in five minutes"),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
 )

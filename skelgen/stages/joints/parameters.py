@@ -41,7 +41,6 @@ class JointParameters(DescentParameters):
         unit="mm",
         within=(0.0, 1e3),
         config_name="ALPHA",
-        basic=True,
     )
     alpha_final: float = declare(
         0.0,

@@ -140,7 +140,6 @@ class LabelParameters(StageParameters):
         "rigidity merges tracklets by the likelihood of their distances, and then labels all points by the skeleton "
         "that this implies; sets, the classic method of the thesis, joins them over aligned poses.",
         choices=("sets", "rigidity"),
-        basic=True,
     )
     rounds: int = declare(
         4,

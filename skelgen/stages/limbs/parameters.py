@@ -34,7 +34,6 @@ class LimbParameters(StageParameters):
         "that is more than it finds is left to spectral); distances does the same by the variances of distances alone; "
         "spectral is the clustering of the thesis, greedy its simple one",
         choices=("rigidity", "distances", "spectral", "greedy"),
-        basic=True,
     )
     count: str = declare(
         "rigidity",

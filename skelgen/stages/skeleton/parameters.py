@@ -36,7 +36,6 @@ class SkeletonParameters(StageParameters):
         "root-outward poses one limb after the other, the classic method; whole-chain then refines limbs, joints and "
         "poses together by maximum likelihood",
         choices=("root-outward", "whole-chain"),
-        basic=True,
     )
     outlier: float = declare(
         1.0,
@@ -78,6 +77,7 @@ class SkeletonParameters(StageParameters):
         True,
         "let markers slide on their limbs in proportion to the bends of the joint, where the take shows that they do",
         acts_with="fit=whole-chain and take=unlabelled/labelled",
+        basic=True,
     )
     hinge_wobble: float = declare(
         0.12,
