@@ -173,6 +173,7 @@ def calibrate_joints_of(
     requests: Sequence[JointRequest] = (),
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
+    use_frames: int | Sequence[int] | None = None,
 ) -> tuple[CaptureSettings, JointCalibration]:
     """Calibrate joints from a source; return the settings with them, in place of those of the same names.
 
@@ -188,6 +189,8 @@ def calibrate_joints_of(
         Pairs at most; all if left out.
     monitor : Monitor
         Receives progress; may cancel.
+    use_frames : int or sequence of int, optional
+        So many of them, evenly spaced, or those of these indices.
     """
     if len(settings.bodies) < 2:
         raise InputError("joints are between two targets; calibrate them first: skelgen calibrate body")
@@ -195,7 +198,7 @@ def calibrate_joints_of(
     finder = BodyFinder(settings.bodies, search_parameters(settings))
     monitor.begin("bodies")
     found: list[list[FoundBody]] = [finder.find(points) for points in with_progress(frames, len(frames), monitor)]
-    done = calibrate_joints(found, [body.name for body in settings.bodies], requests, source.rate)
+    done = calibrate_joints(found, [body.name for body in settings.bodies], requests, source.rate, use_frames)
     return with_joints(settings, done), done
 
 

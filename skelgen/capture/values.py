@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 from skelgen.model.rig import JOINT_TYPES
 
 
@@ -106,6 +106,10 @@ class FoundBody:
     noise: float = 1.0
 
 
+Place = tuple[float, float, float]
+"""x, y and z [mm]."""
+
+
 @dataclass(frozen=True)
 class JointRequest:
     """A joint that the user names.
@@ -118,14 +122,19 @@ class JointRequest:
         Names of two targets.
     kind : str
         ``ball`` or ``hinge``; empty if it is to be found.
+    start : tuple of tuple of float, mm, optional
+        Where the search for its place begins, in the parent and in the child; by default at the closed form.
     """
 
     name: str
     parent: str
     child: str
     kind: str = ""
+    start: tuple[Place, Place] | None = None
 
     def __post_init__(self) -> None:
+        if self.start is not None:
+            check_floats(np.array(self.start), (2, 3), f"start of joint {self.name!r}", finite=True)
         if self.kind not in (*JOINT_TYPES, ""):
             raise InputError(f"joint {self.name!r} is of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
 

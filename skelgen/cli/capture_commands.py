@@ -6,6 +6,8 @@ import contextlib
 import importlib
 import os
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Protocol
 
@@ -17,7 +19,7 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.live import Captured
-    from skelgen.capture.values import JointRequest
+    from skelgen.capture.values import JointRequest, Place
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
 Source = Annotated[
@@ -206,6 +208,21 @@ def calibrate_joints(
             show_default="joints and types are found",
         ),
     ] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--start",
+            metavar="NAME=X,Y,Z:X,Y,Z",
+            help="Where the search for a joint begins, in mm in its parent and its child; may be repeated.",
+            show_default="the closed form",
+        ),
+    ] = None,
+    use_frames: Annotated[
+        str | None,
+        typer.Option(
+            "--use-frames", metavar="N or I,J,...", help="So many frames, evenly spaced, or these.", show_default="all"
+        ),
+    ] = None,
     source: Source = None,
     frames: Frames = None,
     output: Output = None,
@@ -220,6 +237,10 @@ def calibrate_joints(
         Settings of the capture.
     joints : list of str, optional
         Joints as ``name=parent:child``, with their type behind a colon; found if left out.
+    start : list of str, optional
+        Where the search for joints begins, as ``name=x,y,z:x,y,z`` [mm]; the closed form if left out.
+    use_frames : str, optional
+        How many frames are used, or which; all if left out.
     source : str, optional
         Where images come from, if not from where the settings say.
     frames : int, optional
@@ -236,9 +257,10 @@ def calibrate_joints(
 
     screen = Screen(quiet, as_json)
     rig = read_capture_settings(settings)
-    wishes = [_wish(text) for text in joints or ()]
+    wishes = _with_starts([_wish(text) for text in joints or ()], start or ())
+    used = None if use_frames is None else _frames_from(use_frames)
     with screen.watching() as monitor:
-        new, done = calibrate_joints_of(rig, source_of(rig, source), wishes, frames, monitor)
+        new, done = calibrate_joints_of(rig, source_of(rig, source), wishes, frames, monitor, used)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table("Joints", joint_rows(done))
@@ -254,7 +276,39 @@ def _wish(text: str) -> JointRequest:
     parts = bodies.split(":")
     if not name or len(parts) not in (2, 3) or not all(parts[:2]):
         raise InputError(f"--joint {text!r} is not understood; it must be NAME=PARENT:CHILD or NAME=PARENT:CHILD:KIND")
-    return JointRequest(name, *parts)
+    return JointRequest(name, parts[0], parts[1], parts[2] if len(parts) == 3 else "")
+
+
+def _with_starts(wishes: list[JointRequest], starts: Sequence[str]) -> list[JointRequest]:
+    """Joints with the places at which their search begins."""
+    by_name = {wish.name: wish for wish in wishes}
+    for text in starts:
+        name, _, places = text.rpartition("=")
+        try:
+            in_parent, in_child = places.split(":")
+            start = _place(in_parent), _place(in_child)
+        except ValueError:
+            raise InputError(f"--start {text!r} is not understood; it must be NAME=X,Y,Z:X,Y,Z in mm") from None
+        if name not in by_name:
+            raise InputError(f"--start names joint {name!r}, which no --joint names")
+        by_name[name] = replace(by_name[name], start=start)
+    return list(by_name.values())
+
+
+def _place(text: str) -> Place:
+    x, y, z = (float(word) for word in text.split(","))
+    return x, y, z
+
+
+def _frames_from(text: str) -> int | list[int]:
+    """A number of frames, or the indices of frames."""
+    try:
+        indices = [int(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        indices = []
+    if not indices:
+        raise InputError(f"--use-frames {text!r} is not understood; it must be a number, or indices like 0,10,20")
+    return indices if "," in text else indices[0]
 
 
 class _Counts:

@@ -75,6 +75,21 @@ def test_targets_are_as_large_as_they_are(settings):
         np.testing.assert_allclose(lengths, wanted, atol=0.3)  # mm; the torso is seen from one side only
 
 
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--start", "elbow=1,2,3"], "must be NAME=X,Y,Z:X,Y,Z in mm"),
+        (["--start", "knee=1,2,3:4,5,6"], "names joint 'knee', which no --joint names"),
+        (["--use-frames", "some"], "it must be a number, or indices like 0,10,20"),
+        (["--use-frames", "0,7"], "there is no frame 7: 4 were captured"),
+    ],
+)
+def test_mistakes_in_start_values_and_frames_are_one_sentence(settings, words, sentence, capsys):
+    source = ["--source", "simulated:arm?frames=4&rate=12"]
+    assert main(["calibrate", "joints", str(settings), "--joint", JOINTS[1], *words, *source, "-q"]) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
+
+
 def test_joints_are_those_that_were_wished(settings):
     joints = read_settings(settings).joints
     assert [(joint.name, joint.kind, joint.parent, joint.child) for joint in joints] == [

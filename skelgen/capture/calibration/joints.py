@@ -88,6 +88,7 @@ def calibrate_joints(
     bodies: Sequence[str],
     requests: Sequence[JointRequest] = (),
     rate: float | None = None,
+    use_frames: int | Sequence[int] | None = None,
 ) -> JointCalibration:
     """Calibrate the joints between targets.
 
@@ -102,13 +103,16 @@ def calibrate_joints(
         The joints; found if there are none.
     rate : float, Hz, optional
         Frames a second.
+    use_frames : int or sequence of int, optional
+        So many frames, evenly spaced, or those of these indices (Gaschler 2011, 7.1.4); all if not given.
 
     Raises
     ------
     InputError
-        If a request names a target that is not there, two targets are not seen together, or their motion does not tell
-        the type of a joint that a request leaves open.
+        If there is no frame of an index, a request names a target that is not there, two targets are not seen
+        together, or their motion does not tell the type of a joint that a request leaves open.
     """
+    frames = frames if use_frames is None else _chosen(frames, use_frames)
     world, own = _pose_tables(frames, bodies)
     poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
     notices: list[str] = []
@@ -121,6 +125,18 @@ def calibrate_joints(
     notices += _joint_notices(fitted, fits, motions)
     joints = tuple(_with_zero_angles(joint, frames) for joint in fitted)
     return JointCalibration(joints, fits, noise, motions, tuple(notices))
+
+
+def _chosen(frames: Sequence[_T], use: int | Sequence[int]) -> Sequence[_T]:
+    """So many frames, evenly spaced, or those of some indices."""
+    if isinstance(use, int):
+        if use < 2:
+            raise InputError(f"{use} frames cannot show a motion; use 2 or more, {MIN_FRAMES} are better")
+        return thinned(frames, use)
+    missing = [index for index in use if not 0 <= index < len(frames)]
+    if missing:
+        raise InputError(f"there is no frame {missing[0]}: {len(frames)} were captured, the first is 0")
+    return [frames[index] for index in use]
 
 
 def _joint_notices(
@@ -151,11 +167,12 @@ def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -
 
 
 def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoice:
-    choice = choose_joint_type(poses, request.parent, request.child, own, wanted=request.kind or None)
+    start = None if request.start is None else np.ravel(request.start)
+    choice = choose_joint_type(poses, request.parent, request.child, own, wanted=request.kind or None, start=start)
     if request.kind:
         return choice
     if choice.kind == "universal":
-        return choose_joint_type(poses, request.parent, request.child, own, wanted="ball")
+        return choose_joint_type(poses, request.parent, request.child, own, wanted="ball", start=start)
     if choice.kind not in JOINT_TYPES:
         raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its type")
     return choice

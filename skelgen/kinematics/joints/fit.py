@@ -161,7 +161,7 @@ def _check_type(kind: str) -> None:
         raise InputError(f"there is no joint of type {kind!r}; types are {', '.join(DETERMINED_TYPES)}")
 
 
-def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
+def fit_joint_type(kind: str, measured: RelativePoses, start: Floats | None = None) -> JointFit:
     """Fit a joint of one type to relative poses.
 
     Parameters
@@ -170,9 +170,12 @@ def fit_joint_type(kind: str, measured: RelativePoses) -> JointFit:
         One of `JOINT_TYPES`.
     measured : RelativePoses
         From `relative_poses`.
+    start : ndarray, shape (6,), mm, optional
+        Where the search for the joint's position in the parent and in the child begins; by default at the closed form.
+        Along directions that the motion does not determine the joint stays there.
     """
     singular, place = linear_place(measured, rank=5 if kind == "hinge" else 6)
-    found = fit_joint_model(_start(kind, measured, place), measured)
+    found = fit_joint_model(_start(kind, measured, place if start is None else start), measured)
     joint = conventional(found.state)
     weight, n_frames = whitener(measured.covariances), len(measured.frames)
     solution = solve_bordered(linearised(joint, measured, weight))
@@ -305,6 +308,7 @@ def choose_joint_type(
     size: float | None = None,
     *,
     wanted: str | None = None,
+    start: Floats | None = None,
 ) -> TypeChoice:
     """Find the type of the joint between two bodies, and fit it.
 
@@ -314,6 +318,8 @@ def choose_joint_type(
         As for `fit_joint`.
     wanted : str, optional
         A type that is stated; it is fitted without question.
+    start : ndarray, shape (6,), mm, optional
+        As for `fit_joint_type`.
 
     Raises
     ------
@@ -330,10 +336,15 @@ def choose_joint_type(
     """
     if wanted is not None:
         _check_type(wanted)
-    return choose(relative_poses(poses, parent, child, covariances, size), wanted)
+    return choose(relative_poses(poses, parent, child, covariances, size), wanted, start=start)
 
 
-def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None) -> TypeChoice:
+def choose(
+    measured: RelativePoses,
+    wanted: str | None = None,
+    limits: TypeLimits | None = None,
+    start: Floats | None = None,
+) -> TypeChoice:
     """Find the type of the joint behind relative poses, and fit it.
 
     Parameters
@@ -342,11 +353,13 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: TypeLimit
         From `relative_poses`.
     wanted, limits
         As for `find_joint_type`.
+    start : ndarray, shape (6,), mm, optional
+        As for `fit_joint_type`.
     """
     rotations, covariances = _refined_rotations(measured)
     evidence = find_joint_type(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
-    return TypeChoice(evidence.kind, fit_joint_type(simplest, measured), evidence)
+    return TypeChoice(evidence.kind, fit_joint_type(simplest, measured, start), evidence)
 
 
 def _refined_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:

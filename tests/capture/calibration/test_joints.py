@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -171,3 +173,32 @@ def test_without_joints_the_verdict_says_so():
     still = [[body for body in frame if body.name == "torso"] for frame in moving_arm(0, 30)]
     verdict = calibrate_joints(still, NAMES[:1]).verdict
     assert (verdict.grade, verdict.sentences[0]) == ("repeat", "Repeat: no joint was found.")
+
+
+def test_frames_are_chosen_by_number_or_by_index():
+    frames = moving_arm(0)
+    spaced = calibrate_joints(frames, NAMES, WISHES[:1], use_frames=40)
+    assert len(spaced.fits[0].frames) == 40
+    chosen = calibrate_joints(frames, NAMES, WISHES[:1], use_frames=range(30, 60))
+    only = calibrate_joints(frames[30:60], NAMES, WISHES[:1])
+    np.testing.assert_array_equal(chosen.joints[0].parent_from_joint, only.joints[0].parent_from_joint)
+    with pytest.raises(InputError, match="there is no frame 120: 120 were captured, the first is 0"):
+        calibrate_joints(frames, NAMES, WISHES[:1], use_frames=[0, 120])
+
+
+def test_start_values_say_where_on_an_axis_a_ball_joint_is():
+    """The closed form takes the place on the axis that is nearest to both bodies; the motion does not tell."""
+    axis = np.array([0.0, 0.0, 1.0])
+    frames = []
+    for bend in np.linspace(-1.0, 1.0, 40):
+        torso = transform_from(np.eye(3), np.array([0, 0, 1000.0]))
+        ball = transform_from(matrix_from_vector(bend * axis), np.zeros(3))
+        upper = torso @ TRUE_JOINTS["shoulder"][0] @ ball @ np.linalg.inv(TRUE_JOINTS["shoulder"][1])
+        frames.append([FoundBody(n, p, COVARIANCE, np.arange(5), 0.3) for n, p in (("torso", torso), ("upper", upper))])
+    near = tuple(tuple((place + np.array([0.5, -0.5, 0.0])).tolist()) for place in SHOULDER)
+    for start, is_known in ((None, False), (near, True)):
+        (joint,) = calibrate_joints(frames, NAMES[:2], [replace(WISHES[0], start=start)]).joints
+        errors = joint.parent_from_joint[:3, 3] - SHOULDER[0], joint.child_from_joint[:3, 3] - SHOULDER[1]
+        assert max(np.abs(error[:2]).max() for error in errors) < 0.01
+        along = max(abs(error @ axis) for error in errors)
+        assert along < 0.01 if is_known else along > 5.0
