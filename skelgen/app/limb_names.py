@@ -1,14 +1,16 @@
-"""What the limbs of a project are called: as the user says, as the bodies of the take are, or by names of markers."""
+"""What the limbs of a project are called: as the user says, as the bodies of the take are, by names of markers, or by
+shape and motion.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from skelgen.app.constraints import corrected_marker
 from skelgen.errors import InputError
-from skelgen.model import Limbs, Poses, Project
+from skelgen.model import Limbs, Motion, Poses, Project, Skeleton
 from skelgen.model.corrections import Correction
 from skelgen.progress import SILENT, Monitor
 
@@ -36,8 +38,50 @@ def renamed_limbs(project: Project) -> Project:
     project : Project
         With limbs.
     """
-    worn = str(project.reports["limbs"].parameters.get("marker_set", "auto")) if "limbs" in project.reports else "auto"
+    worn = marker_set_of(project)
+    if project.has("skeleton"):
+        return project.with_limb_names(names_in_motion(project, project.skeleton, project.motion, worn))
     return project.with_limb_names(named_limbs(project, project.limbs, worn).names)
+
+
+def marker_set_of(project: Project) -> str:
+    """Return the marker set that the limbs of a project were found with: a name, ``auto`` or ``none``."""
+    return str(project.reports["limbs"].parameters.get("marker_set", "auto")) if "limbs" in project.reports else "auto"
+
+
+def names_in_motion(
+    project: Project, skeleton: Skeleton, motion: Motion, marker_set: str, monitor: Monitor = SILENT
+) -> tuple[str, ...]:
+    """Return the names of limbs, by their shape and motion if nothing else names them.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    skeleton, motion : Skeleton and Motion
+        Of these limbs.
+    marker_set : str
+        See `named_limbs`; ``none`` gives no names by shape either.
+    monitor : Monitor
+        Is told what the shape is, and where it contradicts names of sides.
+    """
+    names = named_limbs(project, replace(project.limbs, names=()), marker_set).names
+    if marker_set == "none" or isinstance(project.take, Poses) or not motion.n_frames:
+        return names
+    from skelgen.stages.names import contradicts_sides, names_by_shape  # noqa: PLC0415 - reads tables
+
+    said = stated_names(project, project.limbs)
+    if any(name != f"limb{limb}" for limb, name in enumerate(names) if limb not in said):
+        if contradicts_sides(replace(skeleton, limb_names=names), motion):
+            monitor.notice(
+                "the names say left where bending knees and feet say right: the recording is mirrored, or the names of "
+                "both sides are exchanged"
+            )
+        return names
+    found = names_by_shape(skeleton, motion, said)
+    for sentence in found.sentences:
+        monitor.notice(sentence)
+    return _with_stated(found.names, said)
 
 
 def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monitor = SILENT) -> Limbs:
@@ -60,9 +104,9 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
         If a correction names a marker that does not exist, or calls two limbs the same.
     """
     if isinstance(project.take, Poses):
-        names = list(project.take.names)
+        names = project.take.names
     elif marker_set == "none":
-        names = list(replace(limbs, names=()).names)
+        names = replace(limbs, names=()).names
     else:
         from skelgen.stages.names import find_marker_set, name_limbs, recognised_set  # noqa: PLC0415 - reads tables
 
@@ -70,13 +114,32 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
         worn = recognised_set(markers) if marker_set == "auto" else find_marker_set(marker_set, markers)
         if worn is not None:
             monitor.notice(worn.sentence)
-        names = list(name_limbs(limbs, markers, worn))
+        names = name_limbs(limbs, markers, worn)
+    return replace(limbs, names=_with_stated(names, stated_names(project, limbs)))
+
+
+def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
+    """Return the names that corrections of a project give its limbs; parameters and errors as `named_limbs`.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    limbs : Limbs
+        What is named.
+    """
+    said: dict[int, str] = {}
     for correction in (one for one in project.corrections if one.kind == "name"):
         limb = _limb_of(project, limbs, correction)
-        if correction.value in names and names.index(correction.value) != limb:
-            names[names.index(correction.value)] = f"limb{names.index(correction.value)}"
-        names[limb] = correction.value
-    return replace(limbs, names=tuple(names))
+        said = {other: name for other, name in said.items() if name != correction.value} | {limb: correction.value}
+    return said
+
+
+def _with_stated(names: Sequence[str], said: Mapping[int, str]) -> tuple[str, ...]:
+    """Names with those that the user gave; another limb that was called so has its number."""
+    taken = set(said.values())
+    rest = (f"limb{limb}" if name in taken else name for limb, name in enumerate(names))
+    return tuple(said.get(limb, name) for limb, name in enumerate(rest))
 
 
 def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:

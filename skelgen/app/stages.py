@@ -14,7 +14,7 @@ from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, joint_constraints, joint_types, limb_constraints, stated_number
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
-from skelgen.app.limb_names import named_limbs
+from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -84,7 +84,9 @@ def with_result(project: Project, result: StageResult, report: StageReport) -> P
         case JointResult():
             return project.with_topology(result.topology, report)
         case SkeletonResult():
-            return project.with_skeleton(result.skeleton, result.motion, report)
+            done = project.with_skeleton(result.skeleton, result.motion, report)
+            names = result.skeleton.limb_names
+            return done if names == project.limbs.names else done.with_limb_names(names)
 
 
 @dataclass(frozen=True)
@@ -273,7 +275,8 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         monitor=monitor,
         are_poses=isinstance(project.take, Poses),
     )
-    return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
+    names = names_in_motion(project, skeleton, motion, marker_set_of(project), monitor)
+    return SkeletonResult(replace(skeleton, limb_names=names), motion)
 
 
 PIPELINE = (

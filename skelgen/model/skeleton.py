@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,6 +30,9 @@ _JOINTS = {
 }
 """What joints of a body are called by the segments that they join, without their sides."""
 
+_SIDED = re.compile("(?:(left|right) )?(.*?)(?: ([AB]))?")
+"""A limb with its side; A and B are sides of which nobody knows which is left."""
+
 JOINT_TYPES = ("ball", "universal", "hinge", "rigid", "undetermined")
 
 
@@ -45,12 +49,15 @@ def joint_between(first: str, second: str) -> str:
     >>> joint_between("left upper arm", "left forearm"), joint_between("limb0", "limb1")
     ('left elbow', 'limb0-limb1')
     """
-    sides = {name.partition(" ")[0] for name in (first, second) if name.startswith(("left ", "right "))}
-    names = [name.removeprefix("left ").removeprefix("right ") for name in (first, second)]
-    joint = _JOINTS.get((names[0], names[1])) or _JOINTS.get((names[1], names[0]))
-    if joint is None or len(sides) > 1:
+    found = [_SIDED.fullmatch(name) for name in (first, second)]
+    (before, one, after), (other_before, other, other_after) = (
+        match.groups("") if match else ("",) * 3 for match in found
+    )
+    sides = {before, other_before} - {""}, {after, other_after} - {""}
+    joint = _JOINTS.get((one, other)) or _JOINTS.get((other, one))
+    if joint is None or len(sides[0]) + len(sides[1]) > 1:
         return f"{first}-{second}"
-    return " ".join((*sides, joint))
+    return " ".join((*sides[0], joint, *sides[1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """The structures that can be simulated, found by name: rods, humans, a quadruped, random trees; all lengths in mm."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ SIDES = {"left": 1.0, "right": -1.0}
 """Sides of a body, and the sign of y there."""
 
 _TRUNK = Swing((25, 30, 35))
+_BACK_OF_HAND = ((15, 22, 22), (12, -18, 22), (84, 32, 16), (90, 6, 22), (76, -30, 12))  # mm in the palm's frame
 
 ROD_LENGTH = 350.0
 """Length [mm] of each rod (Schönauer 2007, 5.1)."""
@@ -139,6 +141,25 @@ def quadruped() -> Structure:
     return Structure("quadruped", tuple(limbs))
 
 
+def hand() -> Structure:
+    """Return a right hand of 16 limbs, fingers along x, the palm down: five markers on its back, three on a phalanx."""
+    palm = limb("palm", Attachment("", "free", (0, 0, 1000)), Capsule((70, 0, 0), 15, start=(10, 0, 0)), 3)
+    limbs = [replace(palm, markers=np.array(_BACK_OF_HAND, dtype=np.float64))]
+    lengths = {"thumb": (46, 34, 26), "index": (44, 26, 20), "middle": (48, 30, 21), "ring": (44, 28, 21)}
+    bases = {"thumb": (25, 32, -12), "index": (92, 28, -2), "middle": (98, 8, 6), "ring": (88, -12, 2)}
+    lengths["little"], bases["little"] = (34, 20, 19), (74, -30, -9)
+    knuckle, bend = Swing((35, 16), (40, 0), [(0, 1, 0), (0, 0, 1)]), Swing((30,), (35,), [(0, 1, 0)])
+    opposing = Swing((20, 20), (15, 0), [(0, 0.8, 0.6), (0, -0.6, 0.8)])
+    for finger, phalanges in lengths.items():
+        first = opposing if finger == "thumb" else knuckle
+        joint = Attachment("palm", "universal", bases[finger], first)
+        for part, length in zip(("proximal", "middle", "distal"), phalanges, strict=True):
+            tip = (0.8 * length, 0.6 * length, 0.0) if finger == "thumb" else (length, 0.0, 0.0)
+            limbs.append(limb(f"{finger} {part}", joint, Capsule(tip, 3), 3))
+            joint = Attachment(f"{finger} {part}", "hinge", tip, bend)
+    return Structure("hand", tuple(limbs))
+
+
 def rods_chain() -> Structure:
     """Return three rods of 350 mm with ball joints between them and three markers on sticks on each."""
     half = ROD_LENGTH / 2
@@ -212,6 +233,7 @@ _BUILDERS: dict[str, Callable[[], Structure]] = {
     "human": human,
     "classic-human": classic_human,
     "quadruped": quadruped,
+    "hand": hand,
 }
 
 _FORMER_NAMES = {"seed-human": "classic-human"}  # of version 0.1.0
@@ -226,7 +248,8 @@ def find_structure(name: str, seed: int = 0) -> Structure:
     Parameters
     ----------
     name : str
-        ``rods``, ``human``, ``human:4`` (markers per limb), ``classic-human``, ``quadruped`` or ``tree:8`` (limbs).
+        ``rods``, ``human``, ``human:4`` (markers per limb), ``classic-human``, ``quadruped``, ``hand`` or ``tree:8``
+        (limbs).
     seed : int
         Seed of a random tree.
 

@@ -46,7 +46,8 @@ def test_doubts_of_limbs_and_tree_are_told(done):
     doubtful = replace(done, _limbs=replace(done.limbs, membership=membership))
     assert not has_doubts(sure, "limbs")
     assert has_doubts(doubtful, "limbs")
-    said = f"least sure {done.trajectories.names[4]}, limb {limb} 55 %, limb {other} 45 %."
+    called = [done.limbs.called(one) for one in (limb, other)]
+    said = f"least sure {done.trajectories.names[4]}, {called[0]} 55 %, {called[1]} 45 %."
     assert said in " ".join(stage_sentences(doubtful, "limbs"))
     certain = np.ones(done.topology.n_joints)
     topology = replace(done.topology, edge_probability=certain)

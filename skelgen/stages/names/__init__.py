@@ -1,6 +1,7 @@
-"""Names of limbs by what the markers on them are called, and the marker sets that people wear."""
+"""Names of limbs by what the markers on them are called and the sets that people wear, or by shape and motion."""
 
 from skelgen.stages.names.by_markers import name_limbs, segments_of_markers
+from skelgen.stages.names.by_shape import contradicts_sides, names_by_shape
 from skelgen.stages.names.marker_sets import (
     MARKER_SET_CHOICES,
     PARENTS,
@@ -13,8 +14,10 @@ __all__ = [
     "MARKER_SET_CHOICES",
     "PARENTS",
     "MarkerSet",
+    "contradicts_sides",
     "find_marker_set",
     "name_limbs",
+    "names_by_shape",
     "recognised_set",
     "segments_of_markers",
 ]

@@ -58,7 +58,7 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
             named[limb] = max((weight, name) for name, weight in votes.items())
-    return _unique(named, limbs.n_limbs)
+    return unique_names(named, limbs.n_limbs)
 
 
 def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
@@ -177,7 +177,16 @@ def _shared_stem(on_limb: Sequence[str]) -> str:
     return " ".join(words) if letters >= _LEAST_STEM else ""
 
 
-def _unique(named: Mapping[int, tuple[float, str]], n_limbs: int) -> tuple[str, ...]:
+def unique_names(named: Mapping[int, tuple[float, str]], n_limbs: int) -> tuple[str, ...]:
+    """Return a name for each limb; of limbs that are called alike, all but the first get a number.
+
+    Parameters
+    ----------
+    named : mapping of int to (float, str)
+        Weight and name of limbs; the heaviest comes first.
+    n_limbs : int
+        Number of limbs; those without a name are called ``limb7``.
+    """
     names = [f"limb{limb}" for limb in range(n_limbs)]
     taken = set(names)
     for limb, (_, name) in sorted(named.items(), key=lambda item: (-item[1][0], item[0])):

@@ -1,0 +1,124 @@
+"""Limbs are named by the shape of their tree and how it moves, where no name of a marker helps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from skelgen.model import Motion, Skeleton
+from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
+from skelgen.stages.names.by_markers import SIDES, unique_names
+from skelgen.stages.names.facing import side_evidence
+from skelgen.stages.names.moving_tree import MovingTree, moving_trees
+from skelgen.stages.names.person import find_person
+
+SURE = 3.0
+"""Log odds from which sides are told: nineteen of twenty would be right if signs were independent."""
+
+_STATED = 99.0
+_MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
+
+
+@dataclass(frozen=True)
+class ShapeNames:
+    """Names by shape.
+
+    Attributes
+    ----------
+    names : tuple of str, length n_limbs
+        ``limb7`` where the shape does not tell.
+    sentences : tuple of str
+        What each tree was taken for, and how sure its sides are.
+    """
+
+    names: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+
+def names_by_shape(skeleton: Skeleton, motion: Motion, stated: Mapping[int, str]) -> ShapeNames:
+    """Return names of limbs by what their trees look like: a person, an animal, a hand, a chain.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With at least one limb.
+    motion : Motion
+        With at least one frame.
+    stated : mapping of int to str
+        Names that the user gives limbs; one with a side decides the sides of its body.
+    """
+    named: dict[int, tuple[float, str]] = {}
+    sentences = []
+    for tree in moving_trees(skeleton, motion):
+        found = _recognised(tree)
+        if found is None:
+            continue
+        what, shape = found
+        evidence = _stated_evidence(shape, stated) or shape.evidence
+        named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
+        sentences.append(_sentence(what, shape, evidence))
+    return ShapeNames(unique_names(named, skeleton.n_limbs), tuple(sentences))
+
+
+def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:
+    """Whether the names of a person's legs say left where its knees and feet say right.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With names of limbs.
+    motion : Motion
+        With at least one frame.
+    """
+    for tree in moving_trees(skeleton, motion):
+        found = _recognised(tree)
+        if found is not None and found[0] == "a person" and abs(found[1].evidence) >= SURE:
+            stated = _stated_evidence(found[1], dict(enumerate(skeleton.limb_names)))
+            if stated * found[1].evidence < 0:
+                return True
+    return False
+
+
+def _recognised(tree: MovingTree) -> tuple[str, Shape] | None:
+    """What a tree is, in words, and its shape."""
+    for what, find in (("a hand", find_hand), ("a four-legged animal", find_quadruped), ("a chain", find_chain)):
+        shape = find(tree)
+        if shape is not None:
+            return what, shape
+    person = find_person(tree)
+    if person is None:
+        return None
+    signs = side_evidence(tree, person)
+    evidence = sum(signs.values()) if signs["knees"] * sum(signs.values()) > 0 else 0.0
+    return "a person", Shape(dict(person.segments), dict(person.sides), evidence)
+
+
+def _stated_evidence(shape: Shape, stated: Mapping[int, str]) -> float:
+    """Log odds by the sides in names that the user gave: the majority decides."""
+    votes = 0
+    for limb, name in stated.items():
+        side = name.partition(" ")[0]
+        if side in SIDES and limb in shape.sides:
+            votes += 1 if (side == "left") == (shape.sides[limb] == 0) else -1
+    return _STATED * votes
+
+
+def _name(shape: Shape, limb: int, evidence: float) -> str:
+    segment = shape.segments[limb]
+    if limb not in shape.sides:
+        return segment
+    side = shape.sides[limb]
+    if abs(evidence) < SURE:
+        return f"{segment} {'AB'[side]}" if len(set(shape.sides.values())) > 1 else segment
+    return f"{SIDES[side if evidence > 0 else 1 - side]} {segment}"
+
+
+def _sentence(what: str, shape: Shape, evidence: float) -> str:
+    sentence = f"by shape and motion the limbs are those of {what}"
+    if not shape.sides:
+        return sentence
+    if abs(evidence) >= _STATED:
+        return f"{sentence}; its sides are as you say"
+    if abs(evidence) < SURE:
+        return f"{sentence}; which side is left is not sure, so that sides are called A and B"
+    return f"{sentence}, sides by what bends and points which way; {_MIRRORED}"

@@ -1,0 +1,139 @@
+"""A tree of limbs in motion, as far as names need it: ways along it, and where its joints are in some frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from skelgen.model import Motion, Skeleton
+from skelgen.model.arrays import Floats, spread_frames
+
+_FRAMES = 300
+
+
+@dataclass(frozen=True, eq=False)
+class MovingTree:
+    """One tree of limbs, in some frames spread over a take.
+
+    Attributes
+    ----------
+    limbs : tuple of int
+        Limbs of this tree.
+    joints : mapping of pairs of int to ndarray, shape (n_frames, 3), mm
+        Where two limbs meet, by the pair either way.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        World from limb, of all limbs of the skeleton.
+    markers : mapping of int to ndarray, shape (n_frames, n_markers, 3), mm
+        Markers of each limb of the tree.
+    rate : float, Hz
+        Of these frames.
+    """
+
+    limbs: tuple[int, ...]
+    joints: dict[tuple[int, int], Floats]
+    rotations: Floats
+    markers: dict[int, Floats]
+    rate: float
+
+    @cached_property
+    def neighbours(self) -> dict[int, tuple[int, ...]]:
+        """Limbs that each limb is joined to."""
+        return {limb: tuple(sorted(b for a, b in self.joints if a == limb)) for limb in self.limbs}
+
+    @cached_property
+    def ends(self) -> tuple[int, ...]:
+        """Limbs with one neighbour."""
+        return tuple(limb for limb in self.limbs if len(self.neighbours[limb]) == 1)
+
+    @cached_property
+    def centres(self) -> dict[int, Floats]:
+        """Middle of each limb's markers, shape (n_frames, 3)."""
+        return {limb: markers.mean(axis=1) for limb, markers in self.markers.items()}
+
+    def path(self, first: int, last: int) -> tuple[int, ...]:
+        """Limbs on the way from one to another, both included."""
+        return self._paths[first][last]
+
+    def joints_on(self, path: tuple[int, ...]) -> list[Floats]:
+        """Joints between the limbs of a path, in its order."""
+        return [self.joints[pair] for pair in pairwise(path)]
+
+    def way(self, first: int, last: int) -> float:
+        """Return the length of the way along the joints from the middle of one limb to that of another [mm]."""
+        path = self.path(first, last)
+        places = [self.centres[first], *self.joints_on(path), self.centres[last]]
+        return sum(distance(one, other) for one, other in pairwise(places))
+
+    def meeting(self, first: int, second: int, third: int) -> int:
+        """Return the limb at which the ways between three limbs meet."""
+        shared = set(self.path(first, second)) & set(self.path(first, third)) & set(self.path(second, third))
+        return shared.pop()
+
+    @cached_property
+    def _paths(self) -> dict[int, dict[int, tuple[int, ...]]]:
+        found = {}
+        for start in self.limbs:
+            paths: dict[int, tuple[int, ...]] = {start: (start,)}
+            waiting = [start]
+            while waiting:
+                limb = waiting.pop()
+                for other in self.neighbours[limb]:
+                    if other not in paths:
+                        paths[other] = (*paths[limb], other)
+                        waiting.append(other)
+            found[start] = paths
+        return found
+
+
+def distance(first: Floats, second: Floats) -> float:
+    """Return the median distance of two points over frames [mm], each of shape (n_frames, 3)."""
+    return float(np.median(np.linalg.norm(first - second, axis=1)))
+
+
+def along(vectors: Floats, axis: Floats) -> Floats:
+    """Return the part of vectors along others, each of shape (..., 3)."""
+    return np.asarray((vectors * axis).sum(axis=-1))
+
+
+def unit(vectors: Floats) -> Floats:
+    """Return vectors of length 1, shape (..., 3); zero ones stay."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
+
+
+def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
+    """Return the trees of a skeleton whose limbs all carry markers.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With at least one limb.
+    motion : Motion
+        With at least one frame.
+    """
+    frames = spread_frames(motion.n_frames, _FRAMES)
+    poses = motion.world_from_limb[frames]
+    rate = motion.rate * len(frames) / motion.n_frames
+    tree_of = np.arange(skeleton.n_limbs)
+    for limb in skeleton.outward.tolist():
+        if skeleton.parents[limb] >= 0:
+            tree_of[limb] = tree_of[skeleton.parents[limb]]
+    trees = []
+    for root in skeleton.roots.tolist():
+        limbs = tuple(np.flatnonzero(tree_of == root).tolist())
+        markers = {limb: _placed(poses[:, limb], skeleton.marker_offsets[skeleton.markers_of(limb)]) for limb in limbs}
+        joints = {}
+        for index, joint in enumerate(skeleton.joints):
+            if tree_of[joint.child] == root:
+                places = motion.joint_positions[frames, index]
+                joints[joint.parent, joint.child] = joints[joint.child, joint.parent] = places
+        if all(markers[limb].shape[1] for limb in limbs):
+            trees.append(MovingTree(limbs, joints, poses[..., :3, :3], markers, rate))
+    return trees
+
+
+def _placed(poses: Floats, offsets: Floats) -> Floats:
+    """Points of a limb in the world, shape (n_frames, n_points, 3)."""
+    return np.asarray(np.einsum("fij,pj->fpi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3])

@@ -1,0 +1,109 @@
+"""Limbs are named by shape and motion where no name of a marker helps; a side is never wrong with confidence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.simulation import simulate
+from skelgen.simulation.articulated import Structure
+from skelgen.simulation.structures import human as human_structure
+from skelgen.stages.names import contradicts_sides
+
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def hidden(take, flip=1.0):
+    """The same markers without names, perhaps in a mirror."""
+    names = [f"M{number:03d}" for number in range(take.positions.shape[1])]
+    return skelgen.Trajectories(take.positions * flip, names, take.rate)
+
+
+def true_names(simulated, project):
+    """Names of the limbs of a project by the names of the simulated limbs."""
+    truth = simulated.truth
+    first = [int(project.limbs.markers_of(limb)[0]) for limb in range(project.limbs.n_limbs)]
+    return tuple(truth.limb_names[truth.limb_of_marker[marker]] for marker in first)
+
+
+@pytest.fixture(scope="module")
+def human():
+    simulated = simulate("human", n_frames=150, seed=3, noise=0.1)
+    return simulated, skelgen.reconstruct(hidden(simulated.take))
+
+
+def test_a_person_without_names_has_them_with_sides_and_joints_too(human):
+    simulated, project = human
+    assert project.limbs.names == project.skeleton.limb_names == true_names(simulated, project)
+    assert {"left elbow", "right knee", "neck", "waist"} <= set(project.skeleton.joint_names)
+    assert "those of a person" in " ".join(project.reports["skeleton"].notices)
+    assert "mirrored" in " ".join(project.reports["skeleton"].notices)
+
+
+def test_a_mirrored_person_with_names_is_told(human):
+    simulated, project = human
+    assert not contradicts_sides(project.skeleton, project.motion)
+    mirrored = skelgen.Trajectories(simulated.take.positions * _MIRROR, simulated.take.names, simulated.take.rate)
+    told = skelgen.reconstruct(mirrored).reports["skeleton"].notices
+    assert any("mirrored" in notice for notice in told)
+
+
+def test_a_side_that_the_user_states_decides_all(human):
+    _, project = human
+    marker = project.trajectories.names[int(project.limbs.markers_of(project.limbs.names.index("left thigh"))[0])]
+    corrected = skelgen.correct(project, "name", [marker], "right thigh")
+    other = {"left": "right", "right": "left"}
+    swapped = [" ".join(other.get(word, word) for word in name.split()) for name in project.limbs.names]
+    assert list(corrected.limbs.names) == swapped
+
+
+def test_names_stay_when_stages_run_again(human):
+    _, project = human
+    again = skelgen.reconstruct(project.before("joints"))
+    assert again.limbs.names == project.limbs.names
+
+
+def test_a_set_of_none_gives_numbers_alone(human):
+    simulated, _ = human
+    project = skelgen.reconstruct(hidden(simulated.take), parameters={"limbs": {"marker_set": "none"}})
+    assert project.skeleton.limb_names[0] == "limb0"
+
+
+def test_a_person_whose_knees_bend_both_ways_has_neutral_names():
+    limbs = [replace(limb, offsets=np.zeros_like(limb.offsets)) for limb in human_structure().limbs]
+    simulated = simulate(Structure("puppet", tuple(limbs)), n_frames=150, seed=3, noise=0.1)
+    project = skelgen.reconstruct(hidden(simulated.take))
+    assert {"thigh A", "thigh B", "hand A", "head", "pelvis"} <= set(project.limbs.names)
+    assert {"knee A", "elbow B"} <= set(project.skeleton.joint_names)
+    assert "sides are called A and B" in " ".join(project.reports["skeleton"].notices)
+
+
+def test_an_animal_has_names():
+    simulated = simulate("quadruped", n_frames=150, seed=1, noise=0.1)
+    project = skelgen.reconstruct(hidden(simulated.take))
+    assert project.limbs.names == true_names(simulated, project)
+
+
+@pytest.mark.parametrize(("flip", "side"), [(1.0, "right"), (_MIRROR, "left")])
+def test_a_hand_has_names(flip, side):
+    simulated = simulate("hand", n_frames=400, seed=1, noise=0.02)
+    project = skelgen.reconstruct(hidden(simulated.take, flip))
+    numbers = {"proximal": "1", "middle": "2", "distal": "3"}
+    wanted = []
+    for name in true_names(simulated, project):
+        finger, _, part = name.partition(" ")
+        wanted.append(f"{side} {finger} {numbers[part]}" if part else f"{side} hand")
+    assert list(project.limbs.names) == wanted
+
+
+def test_a_chain_has_links_in_order():
+    simulated = simulate("rods", n_frames=150, seed=1)
+    project = skelgen.reconstruct(hidden(simulated.take))
+    assert sorted(project.limbs.names) == ["link 1", "link 2", "link 3"]
+    assert true_names(simulated, project)[project.limbs.names.index("link 2")] == "middle rod"
+
+
+def test_a_tree_that_looks_like_nothing_has_numbers():
+    simulated = simulate("tree:8", n_frames=150, seed=1)
+    assert skelgen.reconstruct(hidden(simulated.take)).limbs.names[0] == "limb0"
