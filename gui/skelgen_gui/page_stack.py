@@ -17,7 +17,7 @@ from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
 from skelgen_gui.pages import HOME, Context, PageEntry
 from skelgen_gui.widgets.layouts import column
-from skelgen_gui.widgets.painting import drawn_pixmap
+from skelgen_gui.widgets.painting import as_rich_text, drawn_pixmap
 from skelgen_gui.widgets.theme import doubt_colour
 
 WIDTH = 400  # px
@@ -31,6 +31,8 @@ _RING = QRectF(2.5, 2.5, 11.0, 11.0)
 _TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
 _EXCLAMATION = (((8.0, 4.6), (8.0, 8.4)), ((8.0, 11.3), (8.0, 11.4)))
 _DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
+_FAILED = "#c92a2a"  # red, with a white cross
+_CROSS = (((5.4, 5.4), (10.6, 10.6)), ((10.6, 5.4), (5.4, 10.6)))
 _THIN, _THICK = 1.2, 1.8
 _Role = QPalette.ColorRole
 
@@ -39,6 +41,8 @@ class _State(Enum):
     """Of the result of a step."""
 
     OPEN = "open"
+    STALE = "stale"
+    FAILED = "failed"
     DONE = "done"
     DOUBTFUL = "doubtful"
 
@@ -85,6 +89,7 @@ class PageStack(QWidget):
         self.home = keys.index(HOME) if HOME in keys else 0
         self.list.setCurrentRow(self.home)
         context.session.project_changed.connect(self._mark_done)
+        context.runner.failed_changed.connect(self._mark_done)
         self._mark_done()
 
     @property
@@ -120,22 +125,34 @@ class PageStack(QWidget):
             self._mark_done()
 
     def _mark_done(self) -> None:
-        """Tick the steps whose results are there; doubtful ones get another sign."""
-        project = self._context.session.project
+        """Tick the steps whose results are there; doubtful, stale and failed ones get other signs."""
         for row, entry in enumerate(self.entries):
-            is_step = bool(entry.stage)
-            is_done = is_step and project is not None and project.has(entry.stage)
             item = self.list.item(row)
-            is_sure = not (is_done and project is not None and has_doubts(project, entry.stage))
-            state = None if not is_step else _State.OPEN if not is_done else _State.DONE if is_sure else _State.DOUBTFUL
+            state = self._state(entry.stage)
             item.setIcon(_step_icon(state, self.palette()))
             words = {
                 None: "{0}",
                 _State.OPEN: self.tr("{0}: not done yet"),
+                _State.STALE: self.tr("{0}: to be run again, since something before it has changed"),
+                _State.FAILED: self.tr("{0}: ended with an error"),
                 _State.DONE: self.tr("{0}: done"),
                 _State.DOUBTFUL: self.tr("{0}: done, with doubtful results"),
             }[state]
-            item.setData(Qt.ItemDataRole.AccessibleTextRole, words.format(item.text()))
+            said = words.format(item.text())
+            item.setData(Qt.ItemDataRole.AccessibleTextRole, said)
+            tip = QCoreApplication.translate("Pages", entry.tip)
+            item.setToolTip(tip if state is None else as_rich_text(f"{tip}\n{said}"))
+
+    def _state(self, stage: str) -> _State | None:
+        session = self._context.session
+        project = session.project
+        if not stage:
+            return None
+        if project is not None and project.has(stage):
+            return _State.DOUBTFUL if has_doubts(project, stage) else _State.DONE
+        if stage == self._context.runner.failed:
+            return _State.FAILED
+        return _State.STALE if stage in session.stale else _State.OPEN
 
     def _show(self, row: int) -> None:
         entry = self.entries[row]
@@ -171,12 +188,21 @@ def _paint(painter: QPainter, state: _State, palette: QPalette) -> None:
         painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
         painter.drawEllipse(_RING)
         return
+    if state is _State.STALE:
+        painter.setPen(QPen(QColor(_DONE), _THICK, Qt.PenStyle.DotLine))
+        painter.drawEllipse(_RING)
+        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
+        return
     painter.setPen(Qt.PenStyle.NoPen)
-    painter.setBrush(QColor(_DONE) if state is _State.DONE else doubt_colour(palette))
+    brushes = {_State.DONE: QColor(_DONE), _State.FAILED: QColor(_FAILED)}
+    painter.setBrush(brushes.get(state, doubt_colour(palette)))
     painter.drawEllipse(_RING)
     painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
     if state is _State.DONE:
         painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
+    elif state is _State.FAILED:
+        for start, end in _CROSS:
+            painter.drawLine(QPointF(*start), QPointF(*end))
     else:
         for start, end in _EXCLAMATION:
             painter.drawLine(QPointF(*start), QPointF(*end))

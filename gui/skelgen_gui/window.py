@@ -179,6 +179,7 @@ class Window(QMainWindow):
         self.autosave.failed.connect(self.status.notice)
         self.commands.parameter_files.noticed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
+        self.session.menu_requested.connect(lambda place: self._show_corrections(place, self.session.selection))
         self.cameras.changed.connect(self._show_cameras)
         self.pages.shown.connect(self._show_view)
         self._show_view(self.pages.current.key)

@@ -72,6 +72,7 @@ class WindowCommands(QObject):
         for name, changed in (("undo", stack.canUndoChanged), ("redo", stack.canRedoChanged)):
             actions[name].setEnabled(False)  # nothing was changed yet
             changed.connect(actions[name].setEnabled)
+            actions[name].triggered.connect(context.runner.catch_up)  # after the change
         context.jobs.begun.connect(self._follow)
         context.jobs.ended.connect(self._follow)
         context.session.state_changed.connect(self._follow)

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
+from PySide6.QtGui import QContextMenuEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from skelgen.app.drawing.graph import CostGraph, JointCost
@@ -23,7 +23,7 @@ from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
 
 _MARGIN = 28.0  # px about the graph
 _FOOT = 36.0  # px below it, for what the signs mean
-_NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
+_NEAR_JOINT, _NEAR_RIVAL, _NEAR_PAIR = 9.0, 6.0, 4.0  # px within which a line is caught
 _ZOOMS = (0.5, 20.0)
 _NAMES_ROOM = 60  # characters of markers' names
 _KINDS = ("ball", "hinge", "universal", "rigid", "undetermined")  # of joints, in the legend
@@ -34,8 +34,9 @@ _STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1,
 class GraphView(QWidget):
     """Shows limbs, every joint that was tried between them, and the tree that was found.
 
-    Hover tells cost, margin, best rival, probability, kind and range of motion; click or arrow keys select a limb, a
-    click on a line or J the joint; the wheel zooms, dragging pans, a double click or 0 shows all.
+    Hover tells cost, margin, best rival, probability, kind and range of motion; click or arrow keys select a limb (Ctrl
+    and click: this as well), a click on a line or J the joint, a click on another line both of its limbs; the wheel
+    zooms, dragging pans, a double click or 0 shows all.
 
     Parameters
     ----------
@@ -118,11 +119,21 @@ class GraphView(QWidget):
         """Select a limb or a joint, or begin to pan."""
         if event.button() != Qt.MouseButton.LeftButton:
             return
-        limb, joint, _ = self._found_at(event.position())
         self._pressed = event.position()
-        if limb is not None or joint is not None:
+        adds = bool(event.modifiers() & Qt.KeyboardModifier.ControlModifier)
+        found = self._selection_at(event.position(), adds)
+        if found is not None:
             self._pressed = None
-            self._session.select(Selection(limb=limb, joint=joint))
+            self._session.select(found)
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Ask for a menu for what is selected; what is under the pointer is selected first."""
+        found = self._selection_at(QPointF(event.pos()), adds=False)
+        if event.reason() is QContextMenuEvent.Reason.Mouse and found is not None:
+            before = self._session.selection
+            if found.joint != before.joint or not found.limbs <= before.limbs:
+                self._session.select(found)
+        self._session.menu_requested.emit(event.globalPos())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Pan, or mark what lies under the pointer."""
@@ -187,7 +198,7 @@ class GraphView(QWidget):
         project = self._session.project
         self.deriver.forget()
         if project is None or not project.has("joints"):
-            self._graph = self._graph_of = None
+            self._graph = None
             self.update()
         else:
             self.deriver.derive(partial(find_graph, project), partial(self._take, project))
@@ -218,6 +229,26 @@ class GraphView(QWidget):
         first, second = self._graph.pairs[pair].tolist()
         return None, None, (first, second)
 
+    def _selection_at(self, place: QPointF, adds: bool) -> Selection | None:
+        """What a click selects: a limb, with Control one more; a joint; or both limbs of another joint that was tried.
+
+        With the limbs of the dashed line the joint stays selected that it would replace.
+        """
+        if self._graph is None:
+            return None
+        marked = self._marked_joint(self._graph)
+        if marked is not None and marked.rival is not None:
+            line = self.places[np.array([marked.rival])]
+            is_other = nearest_point(self.places, np.array([place.x(), place.y()]), NODE) is None
+            if is_other and nearest_line(line, np.array([place.x(), place.y()]), _NEAR_RIVAL) is not None:
+                return Selection(joint=self._graph.joints.index(marked)).with_limbs(frozenset(marked.rival))
+        limb, joint, pair = self._found_at(place)
+        if limb is not None:
+            return self._session.selection.with_limb(limb) if adds else Selection(limb=limb)
+        if joint is not None:
+            return Selection(joint=joint)
+        return None if pair is None else Selection().with_limbs(frozenset(pair))
+
     def _marked_joint(self, graph: CostGraph) -> JointCost | None:
         """The joint under the pointer, otherwise the selected one."""
         number = self._session.selection.joint if self._pointed_joint is None else self._pointed_joint
@@ -226,7 +257,7 @@ class GraphView(QWidget):
     def _selected_limbs(self) -> set[int]:
         """The selected limb, and those of selected markers."""
         selection, project = self._session.selection, self._graph_of
-        limbs = set() if selection.limb is None else {selection.limb}
+        limbs = set(selection.limbs)
         if project is not None:
             markers = [marker for marker in selection.markers if marker < project.limbs.n_markers]
             limbs |= set(project.limbs.limb_of_marker[markers].tolist())

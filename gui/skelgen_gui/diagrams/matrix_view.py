@@ -1,7 +1,7 @@
 """The matrix of distance deviations, ordered by limb: where limbs are rigid, blocks on the diagonal glow."""
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
+from PySide6.QtGui import QContextMenuEvent, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from skelgen.app.drawing.measures import DeviationMatrix, find_deviation_matrix
@@ -35,7 +35,7 @@ class MatrixView(QWidget):
         self._session = session
         self._matrix: DeviationMatrix | None = None
         self._image = QImage()
-        self._region = Region.whole(1)
+        self._region, self._n_rows = Region.whole(1), 0
         self._cell: tuple[int, int] | None = None
         self._pressed: QPointF | None = None
         self._dragged: QPointF | None = None
@@ -102,6 +102,15 @@ class MatrixView(QWidget):
         else:
             self._show(Region.around(self._index_at(pressed), self._index_at(event.position())))
 
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Ask for a menu for what is selected; the pair under the pointer is selected first."""
+        cell = self._cell_at(QPointF(event.pos()))
+        if event.reason() is QContextMenuEvent.Reason.Mouse and cell is not None and self._matrix is not None:
+            self._point_at(cell)
+            if not {int(self._matrix.markers[index]) for index in cell} <= self._session.selection.markers:
+                self._select(Qt.KeyboardModifier.NoModifier)
+        self._session.menu_requested.emit(event.globalPos())
+
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
         self._show(Region.whole(self._n))
@@ -145,12 +154,13 @@ class MatrixView(QWidget):
 
     def _follow_project(self) -> None:
         project = self._session.project
-        before = self._n
+        before = self._n_rows
         self._matrix = find_deviation_matrix(project) if project is not None and project.has("limbs") else None
         self._cell, self._pressed = None, None
         if self._matrix is not None:
             self._image = image_of(self._matrix.pixels)
             self._region = self._region.within(self._n) if self._n == before else Region.whole(self._n)
+            self._n_rows = self._n
         self.update()
 
     @property

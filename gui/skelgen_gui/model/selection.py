@@ -1,15 +1,17 @@
-"""What lies under the pointer, what a click selects, and what can be corrected of a selection."""
+"""What is selected, what lies under the pointer, and what a click selects."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen.model.corrections import Correction
 from skelgen_gui.model.picture import Picture
 from skelgen_gui.model.scene import Scene
+
+_MOST = 0.5  # of a limb's markers must be on another one for it to be the same
 
 NO_MARKERS: frozenset[int] = frozenset()
 
@@ -23,135 +25,70 @@ class Selection:
     markers : frozenset of int
         Indices of markers; of an unlabelled take, before the first stage, nothing can be selected.
     limb : int or None
-        Index of a limb.
+        Index of a limb, the one that was chosen last.
     joint : int or None
         Index into the topology's and the skeleton's joints; there can be one before there is a skeleton.
+    others : frozenset of int
+        Further limbs.
     """
 
     markers: frozenset[int] = NO_MARKERS
     limb: int | None = None
     joint: int | None = None
+    others: frozenset[int] = NO_MARKERS
+
+    @property
+    def limbs(self) -> frozenset[int]:
+        """All selected limbs."""
+        return self.others if self.limb is None else self.others | {self.limb}
+
+    def with_limbs(self, limbs: frozenset[int]) -> Selection:
+        """Return the selection with other limbs; the one that was chosen last stays so if it is among them."""
+        last = self.limb if self.limb in limbs else max(limbs, default=None)
+        return replace(self, limb=last, others=limbs - {last} if last is not None else limbs)
+
+    def with_limb(self, limb: int) -> Selection:
+        """Return the selection with one limb more, or one less if it was selected."""
+        if limb in self.limbs:
+            return self.with_limbs(self.limbs - {limb})
+        return replace(self, limb=limb, others=self.limbs)
 
 
-@dataclass(frozen=True)
-class Offer:
-    """A correction that the selection allows.
-
-    Attributes
-    ----------
-    kind : str
-        Of the correction.
-    names : tuple of str
-        Markers that it names.
-    value : str
-        Its value where it is known; empty where the user enters it.
-    """
-
-    kind: str
-    names: tuple[str, ...] = ()
-    value: str = ""
-
-    def correction(self, value: str = "", first: int | None = None, last: int | None = None) -> Correction:
-        """Return the correction with what the user entered.
-
-        Parameters
-        ----------
-        value : str
-            What the user entered, where the offer has no value itself.
-        first, last : int, optional
-            Frames from which and to which it holds.
-        """
-        return Correction(self.kind, self.names, first, last, self.value or value)
-
-
-def offers(project: Project | None, selection: Selection) -> tuple[Offer, ...]:
-    """Return what can be corrected, in the order of the stages.
+def carried(selection: Selection, before: Project, after: Project) -> Selection:
+    """Return the same selection in another result of the take: markers by name, limbs by markers, joints by limbs.
 
     Parameters
     ----------
-    project : Project or None
-        The open project.
     selection : Selection
-        What is selected.
+        What is selected in `before`.
+    before, after : Project
+        Two results of one take; what `after` does not have yet is left out.
     """
-    if project is None or not project.has("labels"):
-        return ()
-    names = tuple(project.trajectories.names[marker] for marker in sorted(selection.markers))
-    found = [*_of_labels(names)]
-    if project.has("limbs"):
-        found += _of_limbs(project, selection, names)
-        found += _of_joints(project, selection, names)
-    return tuple(found)
+    if not before.has("labels") or not after.has("labels"):
+        return Selection()
+    old, new = before.trajectories.names, after.trajectories.names
+    place = {name: index for index, name in enumerate(new)}
+    if len(old) == len(new):  # some may have other names
+        place |= {name: index for index, name in enumerate(old) if name not in place}
+    markers = frozenset(place[old[marker]] for marker in selection.markers if old[marker] in place)
+    if not after.has("limbs") or not before.has("limbs"):
+        return Selection(markers)
 
+    def limb_of(limb: int) -> int | None:
+        moved = [place[old[marker]] for marker in before.limbs.markers_of(limb).tolist() if old[marker] in place]
+        limbs = after.limbs.limb_of_marker[moved]
+        counts = np.bincount(limbs[limbs >= 0], minlength=1)
+        return int(counts.argmax()) if moved and counts.max() > _MOST * len(moved) else None
 
-def new_name(project: Project, name: str) -> str:
-    """Propose a name that no marker has yet for a part of a marker.
-
-    Parameters
-    ----------
-    project : Project
-        With labels.
-    name : str
-        Name of the marker.
-    """
-    number = 2
-    while f"{name}_{number}" in project.trajectories.names:
-        number += 1
-    return f"{name}_{number}"
-
-
-def _of_labels(names: tuple[str, ...]) -> list[Offer]:
-    found = []
-    if len(names) >= 2:
-        found.append(Offer("merge", names))
-    if len(names) == 2:
-        found.append(Offer("swap", names))
-    if len(names) == 1:
-        found += [Offer("split", names), Offer("rename", names)]
-    if names:
-        found.append(Offer("delete", names))
-    return found
-
-
-def _of_limbs(project: Project, selection: Selection, names: tuple[str, ...]) -> list[Offer]:
-    found = [Offer(kind, names) for kind in ("together", "apart") if len(names) >= 2]
-    if len(names) == 1:
-        marker = next(iter(selection.markers))
-        own = int(project.limbs.limb_of_marker[marker])
-        mates = [other for other in project.limbs.markers_of(own).tolist() if other != marker] if own >= 0 else []
-        left = (project.trajectories.names[mates[0]],) if mates else ()
-        for limb in range(project.limbs.n_limbs):
-            if limb != own:
-                found.append(Offer("move", (*names, _name_of_limb(project, limb), *left)))
-    return found
-
-
-def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -> list[Offer]:
-    found = []
-    limb_of_marker = project.limbs.limb_of_marker
-    limbs = {int(limb_of_marker[marker]) for marker in selection.markers}
-    if len(names) == 2 and len(limbs) == 2 and -1 not in limbs:
-        found += [Offer("join", names), Offer("part", names)]
-    if selection.joint is not None and project.has("skeleton"):
-        joint = project.skeleton.joints[selection.joint]
-        ends = (_name_of_limb(project, joint.parent), _name_of_limb(project, joint.child))
-        found += [Offer("part", ends), *(Offer("kind", ends, kind) for kind in DETERMINED_TYPES)]
-    if selection.limb is not None:
-        found.append(Offer("root", (_name_of_limb(project, selection.limb),)))
-    return found
-
-
-def _name_of_limb(project: Project, limb: int) -> str:
-    """Return the marker by which a limb is named: its first.
-
-    Parameters
-    ----------
-    project : Project
-        With limbs.
-    limb : int
-        Index of the limb.
-    """
-    return project.trajectories.names[int(project.limbs.markers_of(limb)[0])]
+    found = {limb: limb_of(limb) for limb in selection.limbs}
+    limb = None if selection.limb is None else found[selection.limb]
+    limbs = frozenset(one for one in found.values() if one is not None)
+    joint = None
+    if selection.joint is not None and before.has("joints") and after.has("joints"):
+        ends = {limb_of(end) for end in before.topology.edges[selection.joint].tolist()}
+        same = [index for index, edge in enumerate(after.topology.edges.tolist()) if set(edge) == ends]
+        joint = same[0] if same else None
+    return Selection(markers, limb, joint).with_limbs(limbs)
 
 
 _REACH = 9.0  # pixels from a marker or joint at which it is still meant
@@ -255,8 +192,8 @@ class Marked:
     def markers(self, scene: Scene) -> set[int]:
         """Return the markers that have a ring: selected ones, those of the selected limb, that under the pointer."""
         markers = set(self.selection.markers)
-        if self.selection.limb is not None:
-            markers |= set(np.flatnonzero(scene.limb_of_marker == self.selection.limb).tolist())
+        if self.selection.limbs:
+            markers |= set(np.flatnonzero(np.isin(scene.limb_of_marker, list(self.selection.limbs))).tolist())
         return markers | self._hovered(MARKER)
 
     @property
@@ -289,7 +226,7 @@ def is_selected(picked: Pick, selection: Selection, scene: Scene) -> bool:
     """
     marked = Marked(selection)
     if picked.kind == BONE:
-        return int(scene.bones.limb[picked.index]) == selection.limb
+        return int(scene.bones.limb[picked.index]) in selection.limbs
     return picked.index in (marked.markers(scene) if picked.kind == MARKER else marked.joints)
 
 
@@ -309,7 +246,7 @@ def with_pick(before: Selection, picked: Pick, scene: Scene) -> Selection:
         return replace(before, markers=before.markers ^ {picked.index})
     if picked.kind == JOINT:
         return replace(before, joint=picked.index)
-    return replace(before, limb=int(scene.bones.limb[picked.index]))
+    return before.with_limb(int(scene.bones.limb[picked.index]))
 
 
 def distances_to_lines(lines: Floats, place: Floats) -> Floats:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from skelgen.app.drawing.wording import whole_percent
+from skelgen.app.drawing.wording import digits, percent, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model import translate
@@ -44,11 +44,11 @@ def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
     if snapshot.state[marker] == State.FILLED:
         return [*lines, _tr("unseen: where the skeleton places it")]
     if scene.project.has("labels") and scene.project.has_labelling:
-        confidence = 100 * float(scene.project.labelling.confidence[snapshot.frame, marker])
-        lines.append(_tr("confidence {value:.0f} %").format(value=confidence))
+        confidence = float(scene.project.labelling.confidence[snapshot.frame, marker])
+        lines.append(_tr("{value} sure").format(value=percent(confidence)))
     if scene.project.has("skeleton"):
         residual = float(scene.project.motion.residuals[snapshot.frame, marker])
-        lines += [] if math.isnan(residual) else [_tr("residual {value:.1f} mm").format(value=residual)]
+        lines += [] if math.isnan(residual) else [_tr("residual {value} mm").format(value=digits(residual))]
     return lines
 
 
@@ -76,8 +76,8 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
             lines.append(_tr("its place is a choice: the motion does not determine it"))
     lines.append(_place(snapshot.joints[joint]))
     if len(snapshot.covariances):
-        std = float(np.sqrt(np.linalg.eigvalsh(snapshot.covariances[joint])[-1]))
-        lines.append(_tr("known to ±{value:.2g} mm").format(value=std))
+        std = float(np.sqrt(np.trace(snapshot.covariances[joint])))  # as the curve of the deviation has it
+        lines.append(_tr("known to ±{value} mm").format(value=digits(std)))
     return lines
 
 

@@ -3,7 +3,7 @@
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtWidgets import (
     QButtonGroup,
     QFileDialog,
@@ -124,6 +124,8 @@ class StagePage(QWidget):
         self.go.clicked.connect(self.start)
         self.warnings.itemActivated.connect(self._look)
         self.warnings.itemClicked.connect(self._look)
+        self.warnings.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.warnings.customContextMenuRequested.connect(self._ask_for_menu)
 
     def start(self) -> None:
         """Run the stage, or take the saved result."""
@@ -224,6 +226,13 @@ class StagePage(QWidget):
         if pointer.markers:
             session.select(Selection(frozenset(pointer.markers)))
 
+    def _ask_for_menu(self, place: QPoint) -> None:
+        """Ask for a menu of corrections for the markers of a line."""
+        item = self.warnings.itemAt(place)
+        if item is not None:
+            self._look(item)
+            self._context.session.menu_requested.emit(self.warnings.viewport().mapToGlobal(place))
+
 
 def _outcome(project: Project, stage: str) -> _Outcome:
     return stage_sentences(project, stage), stage_pointers(project, stage)
@@ -232,4 +241,6 @@ def _outcome(project: Project, stage: str) -> _Outcome:
 def _found(project: Project | None, kind: str) -> int | None:
     if project is None or not project.has("labels" if kind == "n_markers" else "limbs"):
         return None
+    if stated_number(project, kind) is not None:
+        return None  # it was given: nothing was found
     return project.trajectories.n_markers if kind == "n_markers" else project.limbs.n_limbs

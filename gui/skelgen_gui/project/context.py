@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import first_missing_stage, run_stages
 from skelgen.errors import SkelgenError
-from skelgen.model import Project
+from skelgen.model import PointCloud, Project
 from skelgen.model.project import STAGES
 from skelgen.progress import Monitor
 from skelgen_gui.project.cameras import Cameras
@@ -21,6 +21,10 @@ from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.preferences import Preferences
+
+# How long stages take in proportion, in takes of points and in others
+_OF_POINTS = {"labels": 8.0, "limbs": 1.0, "joints": 1.0, "skeleton": 4.0}
+_OF_MARKERS = {"labels": 1.0, "limbs": 1.0, "joints": 1.0, "skeleton": 4.0}
 
 HOME = "open"
 """Key of the page that is shown first; those before it lead to it."""
@@ -111,10 +115,18 @@ class Runner(QObject):
         The last of the stages has run.
     values_changed()
         Forms have to show other values: another project is open.
+    failed_changed()
+        Another stage, or none, has failed.
+
+    Attributes
+    ----------
+    failed : str
+        The stage at which the last run ended with an error; empty if none did.
     """
 
     finished = Signal(str)
     values_changed = Signal()
+    failed_changed = Signal()
 
     def __init__(
         self, document: Document, jobs: Jobs, report_error: Callable[[Exception], None], parent: QObject | None = None
@@ -123,6 +135,12 @@ class Runner(QObject):
         self._document, self._jobs, self._report_error = document, jobs, report_error
         self._values: dict[str, Mapping[str, Any]] = {}
         self.computes_at_once = True
+        self.failed, self._stage = "", ""
+        self._running: tuple[Project, str] | None = None
+        self._wanted: str | None = None
+        jobs.progressed.connect(self._follow_stage)
+        jobs.ended.connect(self._go_on)
+        document.session.project_changed.connect(self._follow_project)
 
     def set_values(self, stage: str, values: Mapping[str, Any]) -> None:
         """Note the parameters of a stage for its next run.
@@ -154,6 +172,7 @@ class Runner(QObject):
 
     def begin_with(self, values: Mapping[str, Mapping[str, Any]]) -> None:
         """Forget what was entered, and take over the parameters that another project keeps, by stage and name."""
+        self.failed = ""
         self._values = dict(values)
         self.values_changed.emit()
 
@@ -174,12 +193,46 @@ class Runner(QObject):
 
     def run_again(self, before: Project) -> None:
         """After a correction, run again what the project had before it, if the user wants that at once."""
-        project = self._document.session.project
         had = [stage for stage in STAGES if before.has(stage)]
-        if self.computes_at_once and project is not None and had and not project.has(had[-1]):
-            self._start(project, first_missing_stage(project), had[-1])
+        if had:
+            self._want(had[-1])
 
-    def _start(self, project: Project, first: str, last: str) -> None:
+    def catch_up(self) -> None:
+        """After undoing, run what was there in another state of the project and is not in this one."""
+        stale = [stage for stage in STAGES if stage in self._document.session.stale]
+        if stale:
+            self._want(stale[-1])
+
+    def _want(self, last: str) -> None:
+        """Run up to a stage, if the user wants that at once and nothing else is waited for."""
+        project = self._document.session.project
+        if self._wanted is None and self.computes_at_once and project is not None and not project.has(last):
+            self._wanted = last
+        self._go_on()
+
+    def _follow_project(self) -> None:
+        """Drop a run whose project has changed meanwhile, and run that far with the new one: the newest wins."""
+        project = self._document.session.project
+        if self._running is None or project is self._running[0]:
+            return
+        begun_with, last = self._running
+        self._running = None
+        self._jobs.cancel()
+        if project is not None and project.take is begun_with.take and not project.has(last):
+            self._wanted = last
+
+    def _go_on(self) -> None:
+        """Begin the run that is waited for, as soon as nothing else runs."""
+        if self._jobs.is_busy:
+            return
+        project, last = self._document.session.project, self._wanted
+        self._running = self._wanted = None
+        if last is None:
+            return
+        if project is not None and not project.has(last):
+            self._start(project, first_missing_stage(project), last, shows=False)
+
+    def _start(self, project: Project, first: str, last: str, *, shows: bool = True) -> None:
         try:
             settings = Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
         except SkelgenError as error:
@@ -190,8 +243,32 @@ class Runner(QObject):
             return run_stages(project, first, last, settings=settings, monitor=monitor)
 
         def done(result: Project) -> None:
-            self._document.computed(result)
-            self.finished.emit(last)
+            if self._document.session.project is project:  # else it was changed meanwhile
+                self._document.computed(result)
+                if shows:
+                    self.finished.emit(last)
+
+        def failed(error: Exception) -> None:
+            if self._document.session.project is project:
+                self.failed = self._stage
+                self._report_error(error)
+                self.failed_changed.emit()
 
         title = self.tr("Running {0}") if first == last else self.tr("Running {0} to {1}")
-        self._jobs.start(title.format(first, last), work, done, self._report_error)
+        stages = STAGES[STAGES.index(first) : STAGES.index(last) + 1]
+        self.failed, self._stage = "", first
+        self.failed_changed.emit()
+        if self._jobs.start(title.format(first, last), work, done, failed, _plan(project, stages)):
+            self._running = project, last
+
+    def _follow_stage(self, name: str) -> None:
+        self._stage = name if name in STAGES else self._stage
+
+
+def _plan(project: Project, stages: Sequence[str]) -> dict[str, float]:
+    """How long each stage takes in proportion: as long as it took before, if all of them ran."""
+    reports = [project.reports.get(stage) for stage in stages]
+    if all(report is not None and report.seconds > 0 for report in reports):
+        return {stage: report.seconds for stage, report in zip(stages, reports, strict=True) if report is not None}
+    weights = _OF_POINTS if isinstance(project.take, PointCloud) else _OF_MARKERS
+    return {stage: weights[stage] for stage in stages}

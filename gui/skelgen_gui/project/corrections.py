@@ -1,6 +1,8 @@
 """Corrections by hand: the menu that offers them for a selection, their questions, and the list to take them back."""
 
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 from PySide6.QtCore import QCoreApplication, QObject
 from PySide6.QtGui import QAction
@@ -18,10 +20,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.app.corrections import with_correction
 from skelgen.errors import SkelgenError
+from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.selection import Offer, Selection, new_name, offers
+from skelgen_gui.model.offers import Offer, new_name, offers
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
+from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import column, describe
@@ -48,6 +54,8 @@ class CorrectionActions(QObject):
     ) -> None:
         super().__init__(window)
         self._document, self._runner, self._report_error, self._window = document, runner, report_error, window
+        self._queue: deque[tuple[Correction, ...]] = deque()
+        self.deriver = Deriver(self)
 
     def fill(self, menu: QMenu, selection: Selection | None = None) -> None:
         """Fill a menu with what the selection allows.
@@ -76,17 +84,30 @@ class CorrectionActions(QObject):
             nothing = menu.addAction(self.tr("Select markers, a joint or a limb first"))
             nothing.setEnabled(False)
 
-    def apply(self, correction: Correction) -> None:
-        """Correct, and compute again what was there."""
-        before = self._document.session.project
-        if before is None:
-            return
-        try:
-            self._document.correct(correction)
-        except SkelgenError as error:
-            self._report_error(error)
-            return
-        self._runner.run_again(before)
+    def apply(self, *corrections: Correction) -> None:
+        """Correct beside the window, after the corrections before it, and compute again what was there."""
+        if self._document.session.project is not None:
+            self._queue.append(tuple(self._document.located(correction) for correction in corrections))
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Derive the next correction that waits, from the project as it is by now."""
+        project = self._document.session.project
+        if project is None:
+            self._queue.clear()
+        elif self._queue and not self.deriver.is_busy:
+            stated = self._queue[0]
+            self.deriver.derive(partial(_corrected, project, stated), partial(self._take, project, stated))
+
+    def _take(self, before: Project, stated: tuple[Correction, ...], after: Project | SkelgenError) -> None:
+        if self._document.session.project is before:  # else it is derived anew from what is there now
+            self._queue.popleft()
+            if isinstance(after, SkelgenError):
+                self._report_error(after)
+            else:
+                self._document.change(", ".join(correction.sentence for correction in stated), after)
+                self._runner.run_again(before)
+        self._go_on()
 
     def take_back(self, index: int) -> None:
         """Take one correction back, and compute again what was there."""
@@ -104,7 +125,7 @@ class CorrectionActions(QObject):
     def _ask_and_apply(self, offer: Offer) -> None:
         correction = self._asked(offer)
         if correction is not None:
-            self.apply(correction)
+            self.apply(*offer.also, correction)
 
     def _asked(self, offer: Offer) -> Correction | None:
         session = self._document.session
@@ -115,25 +136,46 @@ class CorrectionActions(QObject):
                 return None
             value = self._asked_name(offer) if offer.kind == "split" else ""
             return None if value is None else offer.correction(value, *frames)
-        if offer.kind == "rename":
+        if offer.kind in {"rename", "name"}:
             value = self._asked_name(offer)
             return offer.correction(value) if value else None
         return offer.correction()
 
     def _asked_name(self, offer: Offer) -> str | None:
         project = self._document.session.project
-        old = offer.names[0]
+        old = (*offer.about, *offer.names)[0]
         proposed = new_name(project, old) if project is not None and offer.kind == "split" else old
         name, is_said = QInputDialog.getText(self._window, _text(offer), self.tr("Name:"), text=proposed)
         return name.strip() if is_said and name.strip() else None
 
 
+def _corrected(project: Project, stated: tuple[Correction, ...]) -> Project | SkelgenError:
+    try:
+        for correction in stated:
+            project = with_correction(project, correction)
+        return project
+    except SkelgenError as error:
+        return error
+
+
 def _text(offer: Offer) -> str:
     if offer.kind == "move":
-        return offer.names[1]
+        return offer.about[0]
     if offer.kind == "kind":
         return offer.value
-    names = ", ".join(offer.names)
+    words = offer.about or offer.names
+    if offer.kind == "instead":
+        return _tr("Use this joint instead: {0} – {1}, and not {2} – {3}").format(*words)
+    if offer.about:
+        ways = {
+            "together": _tr("One limb: {0}"),
+            "name": _tr("Call {0}…"),
+            "join": _tr("Joint between {0}"),
+            "part": _tr("No joint between {0}"),
+            "root": _tr("Root: {0}"),
+        }
+        return ways[offer.kind].format(_tr(" and ").join(words))
+    names = ", ".join(words)
     return {
         "merge": _tr("Merge {0}"),
         "swap": _tr("Exchange {0}…"),
@@ -144,7 +186,6 @@ def _text(offer: Offer) -> str:
         "apart": _tr("On different limbs: {0}"),
         "join": _tr("Joint between the limbs of {0}"),
         "part": _tr("No joint between the limbs of {0}"),
-        "root": _tr("Root: the limb of {0}"),
     }[offer.kind].format(names)
 
 

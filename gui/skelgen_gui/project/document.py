@@ -80,8 +80,12 @@ class Document(QObject):
             If it names what is not there; nothing has changed then.
         """
         before = self._project()
-        located = self._with_places(before, correction)
-        self._push(located.sentence, before, with_correction(before, located))
+        located = self.located(correction)
+        self.change(located.sentence, with_correction(before, located))
+
+    def located(self, correction: Correction) -> Correction:
+        """Return a correction with a place of each marker in the frame that is shown, by which later runs find it."""
+        return self._with_places(self._project(), correction)
 
     def take_back(self, index: int) -> None:
         """Drop one of the project's corrections."""

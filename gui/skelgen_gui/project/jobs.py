@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QCoreApplication, QObject, QThread, Signal, Slot
@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QProgressBar, QPushButton, QStatusBar, QWidget
 
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.progress import Monitor
+from skelgen_gui.model.progress import WholeProgress, seconds_left
 from skelgen_gui.widgets.layouts import describe
 
 T = TypeVar("T")
@@ -30,25 +31,26 @@ _WAIT_SECONDS = 30.0
 class _JobMonitor:
     """The monitor of a job: emits progress as signals, and raises `Cancelled` once the job is to stop."""
 
-    def __init__(self, jobs: Jobs) -> None:
+    def __init__(self, jobs: Jobs, plan: Mapping[str, float] | None) -> None:
         self._jobs = jobs
         self._name = ""
         self._reported_at = 0.0
+        self._whole = WholeProgress(plan)
         self.stop = threading.Event()
 
     def begin(self, name: str) -> None:
         """Begin a part of the work."""
         self._look()
         self._name = name
-        self._jobs.progressed.emit(name, 0.0)
+        self._jobs.progressed.emit(name, self._whole.begin(name))
 
     def advance(self, done: float, total: float) -> None:
         """Report how much of the part is done."""
         self._look()
-        now = time.monotonic()
+        share, now = self._whole.advance(done / total if total else 1.0), time.monotonic()
         if now - self._reported_at >= PROGRESS_INTERVAL or done >= total:
             self._reported_at = now
-            self._jobs.progressed.emit(self._name, done / total if total else 1.0)
+            self._jobs.progressed.emit(self._name, share)
 
     def notice(self, sentence: str) -> None:
         """Pass a sentence on."""
@@ -88,7 +90,7 @@ class Jobs(QObject):
     begun(str)
         A job has begun; its title.
     progressed(str, float)
-        What is being done, and the share of it that is done.
+        What is being done, and the share of the whole job that is done, which never falls.
     noticed(str)
         Something the user should know.
     ended()
@@ -117,6 +119,7 @@ class Jobs(QObject):
         work: Callable[[Monitor], T],
         done: Callable[[T], None],
         failed: Callable[[Exception], None] | None = None,
+        plan: Mapping[str, float] | None = None,
     ) -> bool:
         """Start a job, unless one is running.
 
@@ -130,6 +133,8 @@ class Jobs(QObject):
             Called on the window's thread.
         failed : callable (error), optional
             Called on the window's thread; not when the job was cancelled.
+        plan : mapping of str to float, optional
+            Names of the parts with which the work begins, and how long each takes in proportion.
 
         Returns
         -------
@@ -138,7 +143,7 @@ class Jobs(QObject):
         """
         if self.is_busy:
             return False
-        self._monitor = _JobMonitor(self)
+        self._monitor = _JobMonitor(self, plan)
         self._ending = done, failed
         self._thread = _Thread(work, self._monitor, self)
         self._thread.finished.connect(self._finish)
@@ -183,6 +188,7 @@ class Jobs(QObject):
 
 _PERCENT = 100
 _NOTICE_MS = 8000
+_MINUTE, _FEW = 60, 10  # s
 
 
 class StatusLine(QStatusBar):
@@ -206,6 +212,7 @@ class StatusLine(QStatusBar):
         for widget in (self.progress, self.cancel):
             self.addPermanentWidget(widget)
             widget.hide()
+        self._title, self._began = "", 0.0
         self.cancel.clicked.connect(jobs.cancel)
         jobs.begun.connect(self._begin)
         jobs.progressed.connect(self._advance)
@@ -213,6 +220,7 @@ class StatusLine(QStatusBar):
         jobs.ended.connect(self._end)
 
     def _begin(self, title: str) -> None:
+        self._title, self._began = title, time.monotonic()
         self.progress.setValue(0)
         self.progress.show()
         self.cancel.show()
@@ -220,7 +228,11 @@ class StatusLine(QStatusBar):
 
     def _advance(self, name: str, share: float) -> None:
         self.progress.setValue(round(_PERCENT * share))
-        self.showMessage(name)
+        left = seconds_left(share, time.monotonic() - self._began)
+        words = [self._title, name] if name else [self._title]
+        if left is not None:
+            words.append(self.tr("about {0} left").format(_rough(left)))
+        self.showMessage(" · ".join(words))
 
     def notice(self, sentence: str) -> None:
         """Show a sentence for a while."""
@@ -230,3 +242,11 @@ class StatusLine(QStatusBar):
         self.progress.hide()
         self.cancel.hide()
         self.clearMessage()
+
+
+def _rough(seconds: float) -> str:
+    """A time as people say it: no false digits."""
+    if seconds < _MINUTE:
+        step = 1 if seconds < _FEW else 5
+        return f"{max(step * round(seconds / step), 1)} s"
+    return f"{round(seconds / _MINUTE)} min"

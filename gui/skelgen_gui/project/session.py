@@ -5,10 +5,11 @@ Pages and views read it, change it through its methods, and follow its signals; 
 
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QPoint, Signal
 
 from skelgen.model import Project
-from skelgen_gui.model.selection import Selection
+from skelgen.model.project import STAGES
+from skelgen_gui.model.selection import Selection, carried
 
 
 class Session(QObject):
@@ -24,6 +25,8 @@ class Session(QObject):
         Another frame is shown.
     selection_changed()
         Something else is selected.
+    menu_requested(QPoint)
+        The user wants a menu for what is selected, at a place on the screen.
     state_changed()
         The path, or whether there are unsaved changes.
     """
@@ -32,6 +35,7 @@ class Session(QObject):
     other_changed = Signal()
     frame_changed = Signal(int)
     selection_changed = Signal()
+    menu_requested = Signal(QPoint)
     state_changed = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -42,6 +46,8 @@ class Session(QObject):
         self._saved: Project | None = None
         self._frame = 0
         self._selection = Selection()
+        self._selected_in: tuple[Selection, Project] | None = None
+        self._had: frozenset[str] = frozenset()
 
     @property
     def project(self) -> Project | None:
@@ -62,6 +68,12 @@ class Session(QObject):
     def is_dirty(self) -> bool:
         """Whether something would be lost if the window closed."""
         return self._project is not None and self._project is not self._saved
+
+    @property
+    def stale(self) -> frozenset[str]:
+        """Stages that had a result of this take, which a change has made invalid."""
+        project = self._project
+        return self._had - frozenset(stage for stage in STAGES if project is not None and project.has(stage))
 
     @property
     def n_frames(self) -> int:
@@ -96,20 +108,24 @@ class Session(QObject):
         self._path = path
         self._saved = project if path is not None else None
         self._frame, self._other = 0, None
-        self._selection = Selection()
+        self._selection, self._selected_in, self._had = Selection(), None, frozenset()
         self.change(project)
         self.other_changed.emit()
         self.frame_changed.emit(0)
         self.selection_changed.emit()
 
     def change(self, project: Project) -> None:
-        """Show other results of the same take."""
-        self._project = project
+        """Show other results of the same take; what is selected stays selected where it is there again."""
+        before, self._project = self._selection, project
+        self._had |= frozenset(stage for stage in STAGES if project.has(stage))
         self._frame = min(self._frame, max(self.n_frames - 1, 0))
-        self._selection = self._still_there(self._selection)
+        if self._selected_in is not None:
+            selection, selected_in = self._selected_in
+            self._selection = self._still_there(carried(selection, selected_in, project))
         self.project_changed.emit()
         self.state_changed.emit()
-        self.selection_changed.emit()
+        if self._selection != before:
+            self.selection_changed.emit()
 
     def compare_with(self, other: Project | None) -> None:
         """Overlay a second project, or none."""
@@ -139,6 +155,7 @@ class Session(QObject):
     def select(self, selection: Selection) -> None:
         """Select something else."""
         selection = self._still_there(selection)
+        self._selected_in = None if self._project is None else (selection, self._project)
         if selection != self._selection:
             self._selection = selection
             self.selection_changed.emit()
@@ -153,4 +170,4 @@ class Session(QObject):
             frozenset(marker for marker in selection.markers if marker < n_markers),
             selection.limb if selection.limb is not None and selection.limb < n_limbs else None,
             selection.joint if selection.joint is not None and selection.joint < n_joints else None,
-        )
+        ).with_limbs(frozenset(limb for limb in selection.limbs if limb < n_limbs))

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
+    QContextMenuEvent,
     QFontMetricsF,
     QKeyEvent,
     QMouseEvent,
@@ -126,6 +127,15 @@ class LaneView(QWidget):
         if self._is_dragging and event.buttons() & Qt.MouseButton.LeftButton:
             self._session.show_frame(self._frame_at(event.position().x()))
 
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Ask for a menu for what is selected; the marker under the pointer is selected first."""
+        lane = self._lane_at(event.pos().y())
+        is_mouse = event.reason() is QContextMenuEvent.Reason.Mouse
+        here = None if self._lanes is None or lane is None else int(self._lanes.markers[lane])
+        if is_mouse and here is not None and here not in self._session.selection.markers:
+            self._select(lane, Qt.KeyboardModifier.NoModifier)
+        self._session.menu_requested.emit(event.globalPos())
+
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom or pan; over the names, scroll."""
         if event.position().x() < GUTTER:
@@ -186,9 +196,9 @@ class LaneView(QWidget):
     def _selected(self) -> list[int]:
         """Markers that are selected, by themselves or with their limb."""
         selection, project = self._session.selection, self._session.project
-        if selection.markers or selection.limb is None or project is None or not project.has("limbs"):
+        if selection.markers or not selection.limbs or project is None or not project.has("limbs"):
             return sorted(selection.markers)
-        markers: list[int] = project.limbs.markers_of(selection.limb).tolist()
+        markers: list[int] = np.flatnonzero(np.isin(project.limbs.limb_of_marker, list(selection.limbs))).tolist()
         return markers
 
     def _select(self, lane: int | None, modifiers: Qt.KeyboardModifier) -> None:

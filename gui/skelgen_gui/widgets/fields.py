@@ -241,7 +241,7 @@ class FoundOrGiven(QWidget):
         (self._found if value is None else self._given).setChecked(True)
 
     def show_found(self, number: int | None) -> None:
-        """Show the number that was found, and propose it as the one to give; None before the stage has run."""
+        """Show the number that was found, and propose it as the one to give; None if none was found."""
         self._found.setText(self.tr("found") if number is None else self.tr("found: {0}").format(number))
         if number is not None and self.value() is None:
             self._number.setValue(number)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QFileDialog, QMessageBox
+from PySide6.QtWidgets import QFileDialog, QMessageBox, QRadioButton
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import limb_words
 
 import skelgen
 from skelgen.simulation import simulate
@@ -30,7 +31,7 @@ def test_a_recording_is_opened_run_corrected_undone_saved_reopened_exported(qtbo
     window.session.select(Selection(frozenset({moved})))
     window.corrections.fill(window.commands.correct_menu)
     submenu = next(action.menu() for action in window.commands.correct_menu.actions() if action.menu())
-    next(action for action in submenu.actions() if action.text() == names[target]).trigger()
+    next(action for action in submenu.actions() if action.text() == limb_words(project, 1)).trigger()
     person.waits(lambda: window.session.project.has("skeleton"))
     limbs = window.session.project.limbs.limb_of_marker
     assert limbs[moved] == limbs[target]
@@ -84,6 +85,7 @@ def test_one_step_is_run_from_its_page_with_the_number_that_is_given(qtbot, wind
     qtbot.mouseClick(page.go, Qt.MouseButton.LeftButton)
     person.waits(lambda: window.session.project.has("limbs"))
     assert window.session.project.limbs.n_limbs == 2
+    assert [one.text() for one in page.number.findChildren(QRadioButton)] == ["found", "given:"]
     person.does("undo")
     assert window.session.project.limbs.n_limbs == 3
 

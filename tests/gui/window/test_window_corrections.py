@@ -8,13 +8,14 @@ import sys
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication, QInputDialog
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.corrections import FramesDialog
 
 import skelgen
 from skelgen.app.project_file.archive import find_result, open_project
+from skelgen.model.project import STAGES
 from skelgen.simulation import simulate
 
 FRAME = 60
@@ -193,6 +194,54 @@ def test_a_correction_is_listed_and_taken_back_there(window, person, computed, c
     person.waits(lambda: window.session.project.has("skeleton"))
     assert listed.entries.count() == 0
     np.testing.assert_array_equal(window.session.project.topology.parents, computed.topology.parents)
+
+
+def trigger(window, selection, text):
+    """Select, and choose from the menu, without waiting for anything."""
+    window.session.select(selection)
+    menu = window.commands.correct_menu
+    window.corrections.fill(menu)
+    next(one for one in menu.actions() if one.text().startswith(text)).trigger()
+
+
+def test_corrections_in_a_row_do_not_wait_and_all_of_them_are_obeyed(qtbot, window, person, computed):
+    limb = int(np.flatnonzero(computed.topology.parents >= 0)[0])
+    first, mate = computed.limbs.markers_of(int(computed.topology.roots[0]))[:2].tolist()
+    trigger(window, Selection(limb=limb), "Root")
+    qtbot.waitUntil(lambda: window.jobs.is_busy)
+    trigger(window, markers(first, mate), "On different limbs")
+    person.waits(lambda: window.session.project.has("skeleton"))
+    project = window.session.project
+    assert [one.kind for one in project.corrections] == ["root", "apart"]
+    limbs = project.limbs.limb_of_marker
+    assert limbs[first] != limbs[mate]
+    person.does("undo")
+    person.waits(lambda: window.session.project.has("skeleton"))
+    assert [one.kind for one in window.session.project.corrections] == ["root"]
+    person.does("undo")
+    assert window.session.project is computed
+
+
+def test_a_correction_leaves_page_selection_and_timeline_where_they_are(window, person, computed, chooses):
+    window.pages.page("export")
+    window.timeline.span.show(20.0, 80.0)
+    limb = int(np.flatnonzero(computed.topology.parents >= 0)[0])
+    names = {computed.trajectories.names[marker] for marker in computed.limbs.markers_of(limb)}
+    project = chooses(Selection(limb=limb), "Root")
+    assert window.pages.current.key == "export"
+    selected = project.limbs.markers_of(window.session.selection.limb)
+    assert {project.trajectories.names[marker] for marker in selected} == names
+    assert (window.session.frame, window.timeline.span.first, window.timeline.span.end) == (FRAME, 20.0, 80.0)
+
+
+def test_steps_that_a_correction_made_stale_are_told_from_open_ones(window, person, computed):
+    window.runner.computes_at_once = False
+    trigger(window, Selection(limb=int(np.flatnonzero(computed.topology.parents >= 0)[0])), "Root")
+    person.waits(lambda: not window.session.project.has("joints"))
+    keys = [entry.key for entry in window.pages.entries]
+    said = [window.pages.list.item(keys.index(stage)).data(Qt.ItemDataRole.AccessibleTextRole) for stage in STAGES]
+    assert ["done" in words for words in said[:2]] == [True, True]
+    assert ["run again" in words for words in said[2:]] == [True, True]
 
 
 def test_later_runs_and_the_command_line_obey_what_is_saved(window, person, computed, chooses, tmp_path):
