@@ -143,11 +143,13 @@ class Window(QMainWindow):
         timeline = self._dock("timeline", self.tr("Timeline"), self.timeline, below)
         self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
         timeline.raise_()
-        self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
+        corrections = self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
 
         self.tutorial = Tutorial()
         self.tutorial.asked.connect(self._do)
-        self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea).hide()
+        tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea)
+        self.tabifyDockWidget(corrections, tutorial)
+        tutorial.hide()
 
     def _do(self, kind: str, name: str) -> None:
         """Do what a link of the first steps says."""

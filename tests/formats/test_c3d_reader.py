@@ -167,10 +167,14 @@ def test_header_of_ten_gigabytes_is_refused_without_reading(refused, put, valid_
     assert "cut off" in refused(put("huge.c3d", bytes(content[:-600])))  # else the size of the file tells
 
 
-def test_truncated_file_names_the_frame(refused, put, valid_file):
+def test_whole_part_of_a_truncated_file_is_taken_with_a_notice(refused, put, valid_file, walk):
     content = valid_file("c3d").read_bytes()
     start = read_layout(put("whole.c3d", content)).data_start
-    assert refused(put("cut.c3d", content[: start + 5 * 6 * 16 + 7])).startswith(":frame 6: 12 frames are announced")
+    take = read_take(put("cut.c3d", content[: start + 5 * 6 * 16 + 7]))
+    whole = read_take(put("whole.c3d", content))
+    np.testing.assert_array_equal(take.positions, whole.positions[:5])
+    assert any("cut off: 5 of 12 frames are there" in notice for notice in take.notices)
+    assert refused(put("bare.c3d", content[: start + 7])).startswith(":frame 1: 12 frames are announced")
 
 
 def test_big_endian_file_reads_alike(put, valid_file, walk):

@@ -259,11 +259,14 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
     if not notices and used != n_points:
         raise FormatError(path, "byte 2", f"the header says {n_points} points and POINT:USED {used:g}; one is damaged")
     held = (size - data_start) // sizes.frame_bytes
-    if n_frames is not None and sizes.n_frames > held:
-        place, what = f"frame {held + 1}", f"{sizes.n_frames} frames are announced; the file ends here, cut off"
-        raise FormatError(path, place, what)
     counted = n_frames is None
-    frames = held if counted else sizes.n_frames
+    frames = held if counted else min(sizes.n_frames, held)
+    if frames == 0 and not counted:
+        what = f"{sizes.n_frames} frames are announced, and the file is cut off within the first one"
+        raise FormatError(path, "frame 1", what)
+    if not counted and held < sizes.n_frames:
+        missing = f"{held} of {sizes.n_frames} frames are there, and are taken; the end of the recording is missing"
+        notices = (*notices, f"the file is cut off: {missing}")
     known = (order, dec, parameters, counted, notices)
     return C3dLayout(sizes.n_points, frames, sizes.n_analog, rate, sizes.scale, data_start, *known)
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 import skelgen_gui
 from PySide6.QtCore import QUrl
+from skelgen_gui.page_stack import WIDTH
 from skelgen_gui.project.file_actions import SampleMenu
 
 from skelgen.app.configuration import parameters_class
@@ -49,5 +51,12 @@ def test_forms_show_no_names_of_methods_at_once(window):
         shown = [entry.name for entry in parameters_class(stage).declarations() if entry.basic]
         assert not {"method", "fit", "rotation", "solver", "alpha"} & set(shown)
     row = window.pages.page("skeleton").form.rows["rotation"]
-    assert row.editor.currentText() == "by unit quaternions (Horn)"
+    assert row.editor.currentText() == "quaternions (Horn)"
     assert row.value() == "horn"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_forms_fit_into_the_width_of_their_page(window, stage):
+    form = window.pages.page(stage).form
+    form._expander.setChecked(True)
+    assert form.minimumSizeHint().width() <= WIDTH
