@@ -25,7 +25,7 @@ frame is the world unless its ``camera_from_world`` says otherwise::
     </capture>
 
 The cameras of a room, two to sixteen, are ``<camera name="...">`` elements in place of ``<left>`` and ``<right>``; each
-may hold a ``<std>`` of 15 numbers: deviations of fx, fy, cx, cy, k1 k2 p1 p2 k3, its turn [rad] and its shift.
+may hold a ``<std>`` of 15 numbers: deviations of fx, fy, cx, cy, k1 k2 p1 p2 k3, its turn [rad] and its place.
 
 Every name is checked: what is unknown, missing or twice there is refused with file, line and what is allowed.
 """

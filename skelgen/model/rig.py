@@ -130,7 +130,7 @@ class CameraRig:
         Standard deviation of a ball's centre along one axis of an image, calibration included.
     std : ndarray, shape (n_cameras, 15)
         Standard deviations of each camera's fx, fy, cx, cy [px], k1, k2, p1, p2, k3, of its turn about its own axes
-        [rad] and of the shift of camera_from_world [mm], against the first camera; zeros where taken as exact.
+        [rad] and of its place along them [mm], against the first camera; zeros where taken as exact.
     """
 
     cameras: Sequence[Camera]

@@ -128,7 +128,7 @@ def _adjust(bundle: Bundle, free: Bools) -> Adjusted:
 def _residuals_of(bundle: Bundle) -> Floats:
     """Return seen minus expected corners, shape (n_cameras, n_views, n_corners, 2), px."""
     in_first = _posed(bundle.first_from_board, bundle.board)
-    expected = [_pixels(eye, _posed(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
+    expected = [pixels_and_slopes(eye, _posed(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
     return np.asarray(bundle.corners - np.stack(expected))
 
 
@@ -137,10 +137,26 @@ def _posed(pose: Floats, points: Floats) -> Floats:
     return np.asarray(points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., np.newaxis, :3, 3])
 
 
-def _pixels(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
-    """Pixels of points in the camera's frame, with their derivatives by the intrinsic numbers and by the point.
+def pixels_and_slopes(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return pixels of points in a camera's frame, with their derivatives by the intrinsic numbers and by the point.
 
     Unlike `project`, this knows no fold of the lens: on the way to the minimum any lens may occur.
+
+    Parameters
+    ----------
+    eye : Camera
+        Its place does not matter.
+    inside : ndarray, shape (..., 3), mm
+        Points in its frame.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), px
+        Pixels.
+    ndarray, shape (..., 2, 9)
+        By fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    ndarray, shape (..., 2, 3), px/mm
+        By the point.
     """
     flat = inside[..., :2] / inside[..., 2:]
     basis = _lens_basis(flat)
@@ -195,12 +211,14 @@ def _linearised(bundle: Bundle, free: Bools) -> tuple[Floats, Floats]:
     in_first = turned + bundle.first_from_board[:, np.newaxis, :3, 3]
     for index, eye in enumerate(bundle.cameras):
         inside = _posed(eye.camera_from_world, in_first)
-        pixels, by_intrinsic, by_point = _pixels(eye, inside)
+        pixels, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
         residuals[index] = bundle.corners[index] - pixels
         slope[index, ..., N_INTRINSIC * index : N_INTRINSIC * (index + 1)] = by_intrinsic
         if index == 1:
-            slope[index, ..., n_shared - N_POSE : n_shared] = _by_pose(by_point, inside - eye.camera_from_world[:3, 3])
-        by_view = _by_pose(by_point @ eye.camera_from_world[:3, :3], turned)
+            slope[index, ..., n_shared - N_POSE : n_shared] = slope_by_pose(
+                by_point, inside - eye.camera_from_world[:3, 3]
+            )
+        by_view = slope_by_pose(by_point @ eye.camera_from_world[:3, :3], turned)
         for view in range(n_views):
             start = n_shared + N_POSE * view
             slope[index, view, ..., start : start + N_POSE] = by_view[view]
@@ -208,8 +226,16 @@ def _linearised(bundle: Bundle, free: Bools) -> tuple[Floats, Floats]:
     return residuals.ravel(), slope.reshape(-1, len(kept))[:, kept]
 
 
-def _by_pose(by_point: Floats, turned: Floats) -> Floats:
-    """Derivative by a turn and a shift of what was turned already, shape (..., 2, 6)."""
+def slope_by_pose(by_point: Floats, turned: Floats) -> Floats:
+    """Return the derivative by a turn and a shift of what was turned already, shape (..., 2, 6).
+
+    Parameters
+    ----------
+    by_point : ndarray, shape (..., 2, 3), px/mm
+        Derivative by the point.
+    turned : ndarray, shape (..., 3), mm
+        Points after the rotation, before the shift.
+    """
     return np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
 
 
@@ -241,7 +267,7 @@ def _moved(bundle: Bundle, free: Bools, step: Floats) -> Bundle:
     shared[free] = step[:n_free]
     cameras = tuple(_moved_camera(eye, index, shared) for index, eye in enumerate(bundle.cameras))
     return replace(
-        bundle, cameras=cameras, first_from_board=_moved_pose(bundle.first_from_board, step[n_free:].reshape(-1, 6))
+        bundle, cameras=cameras, first_from_board=moved_pose(bundle.first_from_board, step[n_free:].reshape(-1, 6))
     )
 
 
@@ -249,11 +275,20 @@ def _moved_camera(eye: Camera, index: int, shared: Floats) -> Camera:
     own = shared[N_INTRINSIC * index : N_INTRINSIC * (index + 1)]
     matrix = eye.matrix.copy()
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:N_MATRIX]
-    pose = _moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
+    pose = moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
     return replace(eye, matrix=matrix, distortion=eye.distortion + own[N_MATRIX:], camera_from_world=pose)
 
 
-def _moved_pose(pose: Floats, step: Floats) -> Floats:
+def moved_pose(pose: Floats, step: Floats) -> Floats:
+    """Return poses after a small turn and a shift.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (..., 4, 4), mm
+        Before.
+    step : ndarray, shape (..., 6)
+        A turn [rad] about the axes of the frame that the pose leads to, and a shift [mm].
+    """
     turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
     return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
 

@@ -29,6 +29,7 @@ _FOCAL = 0.8  # of the width: 64 degrees across
 _LENS = np.array([-0.12, 0.06, 0.0008, -0.0006, 0.0])
 _SLOW, _TURNING = (0.15, 0.6), (0.1, 0.5)  # Hz
 _WAVED = np.array([[1500.0, 1500.0, 750.0]])  # mm about the middle
+_COVERED = 0.2  # of curves within -1 .. 1: who waves stands between the wand and every third camera
 _NOBODY = -1
 
 
@@ -125,7 +126,29 @@ def wand_scene(
     offsets = np.array(distances, dtype=np.float64)
     offsets -= offsets.mean()
     positions = middle[:, np.newaxis] + offsets[:, np.newaxis] * along[:, np.newaxis]
-    return RoomScene(positions, np.zeros((n_frames, len(rig.cameras), len(offsets)), dtype=np.bool_), rate)
+    covered = smooth_curves(rng, n_frames, rate, len(rig.cameras), _SLOW) > _COVERED
+    return RoomScene(positions, np.repeat(covered[..., np.newaxis], len(offsets), axis=2), rate)
+
+
+FRAME = (600.0, 400.0)
+"""mm; arms of an L-frame that lies in the origin."""
+
+
+def frame_scene(rig: CameraRig, n_frames: int = 20, arms: tuple[float, float] = FRAME) -> RoomScene:
+    """Return an L-frame that lies on the floor.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    n_frames : int
+        How long.
+    arms : tuple of float, mm
+        Along x and along y.
+    """
+    balls = np.array([[0.0, 0.0, 0.0], [arms[0], 0.0, 0.0], [0.0, arms[1], 0.0]])
+    positions = np.repeat(balls[np.newaxis], n_frames, axis=0)
+    return RoomScene(positions, np.zeros((n_frames, len(rig.cameras), len(balls)), dtype=np.bool_))
 
 
 def person_scene(

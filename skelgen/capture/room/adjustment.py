@@ -1,0 +1,307 @@
+"""Bundle adjustment of cameras around a room that look at a wand: lenses, places of cameras and of the wand at once.
+
+Gauss and Newton's method with exact derivatives, damped (Levenberg and Marquardt). A wand has five numbers in each
+frame, its first ball and its direction, so that its known distances hold exactly and give the scale. Frames share no
+numbers with each other but the cameras': they are eliminated one by one (Schur complement), and what is left to solve has
+fifteen numbers a camera. Its inverse gives the standard deviations of all cameras; where the noise is normal that is
+the bound of Cramer and Rao.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.capture.calibration.bundle_adjustment import (
+    N_INTRINSIC,
+    N_POSE,
+    moved_pose,
+    pixels_and_slopes,
+    slope_by_pose,
+)
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import Camera
+
+N_CAMERA = N_INTRINSIC + N_POSE
+N_WAND = 5
+"""Numbers of a wand in a frame: its first ball, and two of its direction."""
+
+MAX_STEPS, MAX_ROUNDS = 60, 6
+STANDS_STILL = 1e-9
+"""Gain as a part of the sum of squares below which the minimum is reached."""
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e8
+OUTLIER = 5.0
+"""Standard deviations beyond which a ball is left out: of a million true ones one is."""
+
+LEAST_EIGENVALUE = 1e-13
+"""Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
+
+UNDETERMINED = (
+    "the waves of the wand do not determine the cameras: wave it longer, in all parts of the room, near and far from "
+    "each camera, upright and level"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class WandBundle:
+    """What is adjusted, and what it is adjusted to.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        All of them; the first one stays where it is.
+    distances : ndarray, shape (n_balls,), mm
+        Of the balls along the wand, from the first one.
+    first : ndarray, shape (n_frames, 3), mm
+        Places of the first ball.
+    direction : ndarray, shape (n_frames, 3)
+        Along the wand, of length 1.
+    seen : ndarray, shape (n_frames, n_cameras, n_balls, 2), px
+        Where balls were seen; NaN where one was not.
+    """
+
+    cameras: tuple[Camera, ...]
+    distances: Floats
+    first: Floats
+    direction: Floats
+    seen: Floats
+
+    @property
+    def balls(self) -> Floats:
+        """Places of all balls, shape (n_frames, n_balls, 3), mm."""
+        return np.asarray(self.first[:, np.newaxis] + self.distances[:, np.newaxis] * self.direction[:, np.newaxis])
+
+    def of(self, frames: Bools) -> "WandBundle":
+        """Return the bundle of some frames."""
+        return replace(self, first=self.first[frames], direction=self.direction[frames], seen=self.seen[frames])
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedRoom:
+    """The most likely bundle.
+
+    Attributes
+    ----------
+    bundle : WandBundle
+        With adjusted cameras and wands; balls that were left out are NaN in `seen`.
+    noise : float, px
+        Standard deviation of a ball along one axis, from the residuals and the degrees of freedom.
+    covariance : ndarray, shape (15 n_cameras, 15 n_cameras)
+        Of fx, fy, cx, cy, k1, k2, p1, p2, k3, turn [rad] and shift [mm] of all cameras; zero where a number was held.
+    residuals : ndarray, shape (n_frames, n_cameras, n_balls, 2), px
+        Seen minus expected; NaN where a ball was not seen or is left out.
+    n_left_out : int
+        Balls that fitted nothing.
+    """
+
+    bundle: WandBundle
+    noise: float
+    covariance: Floats
+    residuals: Floats
+    n_left_out: int = 0
+
+
+def free_numbers(n_cameras: int, intrinsic: tuple[int, ...]) -> Bools:
+    """Return which numbers of the cameras are adjusted, shape (15 n_cameras,): all poses but the first one's.
+
+    Parameters
+    ----------
+    n_cameras : int
+        How many.
+    intrinsic : tuple of int
+        Which of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    """
+    free = np.zeros((n_cameras, N_CAMERA), dtype=np.bool_)
+    free[:, list(intrinsic)] = True
+    free[1:, N_INTRINSIC:] = True
+    return free.ravel()
+
+
+def adjust_room(bundle: WandBundle, free: Bools) -> AdjustedRoom:
+    """Return the most likely cameras and wands, without the balls that fit nothing.
+
+    Parameters
+    ----------
+    bundle : WandBundle
+        Near the solution.
+    free : ndarray of bool, shape (15 n_cameras,)
+        Which numbers are adjusted; see `free_numbers`.
+
+    Raises
+    ------
+    InputError
+        If the waves do not determine the cameras.
+    """
+    n_seen = int(np.isfinite(bundle.seen[..., 0]).sum())
+    for _ in range(MAX_ROUNDS):
+        bundle = _minimised(bundle, free)
+        residuals = _residuals(bundle)
+        spread = _robust_spread(residuals)
+        with np.errstate(invalid="ignore"):
+            is_out = (residuals**2).sum(axis=-1) > 2.0 * (OUTLIER * spread) ** 2
+        if not is_out.any():
+            break
+        seen = bundle.seen.copy()
+        seen[is_out] = np.nan
+        bundle = _with_enough(replace(bundle, seen=seen))
+    residuals = _residuals(bundle)
+    normal, _, _, _ = _reduced(bundle, free, 0.0)
+    n_numbers = len(normal) + N_WAND * len(bundle.first)
+    n_values = int(np.isfinite(residuals).sum())
+    noise = float(np.sqrt(np.nansum(residuals**2) / max(n_values - n_numbers, 1)))
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = noise**2 * _inverse(normal)
+    return AdjustedRoom(bundle, noise, covariance, residuals, n_seen - int(np.isfinite(bundle.seen[..., 0]).sum()))
+
+
+def _with_enough(bundle: WandBundle) -> WandBundle:
+    """The bundle of the frames that show enough to be more than what they determine."""
+    return bundle.of(np.isfinite(bundle.seen).sum(axis=(1, 2, 3)) > N_WAND)
+
+
+def _robust_spread(residuals: Floats) -> float:
+    """Standard deviation of most residuals [px]."""
+    return float(1.4826 * np.nanmedian(np.abs(residuals))) or 1.0
+
+
+def _minimised(bundle: WandBundle, free: Bools) -> WandBundle:
+    damping = FIRST_DAMPING
+    bundle = _with_enough(bundle)
+    squares = float(np.nansum(_residuals(bundle) ** 2))
+    for _ in range(MAX_STEPS):
+        normal, gradient, parts, _ = _reduced(bundle, free, damping)
+        step = _solved(normal, gradient)
+        moved = _moved(bundle, free, step, parts)
+        after = np.inf if moved is None else float(np.nansum(_residuals(moved) ** 2))
+        if moved is not None and after < squares:
+            gain, bundle, squares = squares - after, moved, after
+            damping = max(damping / 10.0, LEAST_DAMPING)
+            if gain <= STANDS_STILL * squares:
+                break
+        else:
+            damping *= 10.0
+            if damping > MOST_DAMPING:
+                break
+    return bundle
+
+
+def _residuals(bundle: WandBundle) -> Floats:
+    """Seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
+    balls = bundle.balls
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        expected = [
+            pixels_and_slopes(eye, balls @ eye.camera_from_world[:3, :3].T + eye.camera_from_world[:3, 3])[0]
+            for eye in bundle.cameras
+        ]
+        return np.asarray(bundle.seen - np.stack(expected, axis=1))
+
+
+_Parts = tuple[Floats, Floats, Floats]
+"""Coupling of cameras and wands, wands' normal matrices and gradients."""
+
+
+def _reduced(bundle: WandBundle, free: Bools, damping: float) -> tuple[Floats, Floats, _Parts, Floats]:
+    """Normal matrix and gradient of the free numbers of the cameras, the wands eliminated."""
+    n_cameras, n_frames = len(bundle.cameras), len(bundle.first)
+    balls, tangents = bundle.balls, _tangents(bundle.direction)
+    by_wand = np.zeros((n_frames, len(bundle.distances), 3, N_WAND))
+    by_wand[..., :3] = np.eye(3)
+    by_wand[..., 3:] = bundle.distances[:, np.newaxis, np.newaxis] * tangents[:, np.newaxis]
+    own, coupling = np.zeros((n_cameras, N_CAMERA, N_CAMERA)), np.zeros((n_frames, n_cameras, N_CAMERA, N_WAND))
+    gradient, wands = np.zeros((n_cameras, N_CAMERA)), np.zeros((n_frames, N_WAND, N_WAND))
+    pulls = np.zeros((n_frames, N_WAND))
+    for index, eye in enumerate(bundle.cameras):
+        turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
+        shown = np.flatnonzero(np.isfinite(bundle.seen[:, index, :, 0]).any(axis=1))
+        turned = balls[shown] @ turn.T
+        pixels, by_intrinsic, by_point = pixels_and_slopes(eye, turned + shift)
+        residual = bundle.seen[shown, index] - pixels
+        valid = np.isfinite(residual)
+        residual = np.where(valid, residual, 0.0).reshape(len(shown), -1)
+        camera = np.concatenate([by_intrinsic, slope_by_pose(by_point, turned)], axis=-1) * valid[..., np.newaxis]
+        camera = camera.reshape(len(shown), -1, N_CAMERA)
+        wand = ((by_point @ turn) @ by_wand[shown] * valid[..., np.newaxis]).reshape(len(shown), -1, N_WAND)
+        flat = camera.reshape(-1, N_CAMERA)
+        own[index] = flat.T @ flat
+        gradient[index] = flat.T @ residual.ravel()
+        coupling[shown, index] = np.swapaxes(camera, 1, 2) @ wand
+        wands[shown] += np.swapaxes(wand, 1, 2) @ wand
+        pulls[shown] += (np.swapaxes(wand, 1, 2) @ residual[..., np.newaxis])[..., 0]
+    wands[:, range(N_WAND), range(N_WAND)] *= 1.0 + damping
+    whole = coupling.reshape(n_frames, -1, N_WAND)[:, free]
+    normal = np.zeros((len(free), len(free)))
+    for index in range(n_cameras):
+        block = slice(index * N_CAMERA, (index + 1) * N_CAMERA)
+        normal[block, block] = own[index] + damping * np.diag(np.diag(own[index]))
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(wands))
+    except np.linalg.LinAlgError as error:
+        raise InputError(UNDETERMINED) from error
+    half = (whole @ np.swapaxes(root, 1, 2)).transpose(1, 0, 2).reshape(whole.shape[1], -1)
+    reduced = normal[np.ix_(free, free)] - half @ half.T
+    pulled = gradient.ravel()[free] - half @ (root @ pulls[..., np.newaxis]).ravel()
+    return reduced, pulled, (whole, wands, pulls), tangents
+
+
+def _tangents(direction: Floats) -> Floats:
+    """Two directions across each, shape (n_frames, 3, 2)."""
+    least = np.eye(3)[np.abs(direction).argmin(axis=1)]
+    across = np.cross(direction, least)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return np.stack([across, np.cross(direction, across)], axis=2)
+
+
+def _scale_of(normal: Floats) -> Floats:
+    diagonal = np.diag(normal)
+    if not (diagonal > 0).all():
+        raise InputError(UNDETERMINED)
+    return np.asarray(1.0 / np.sqrt(diagonal))
+
+
+def _solved(normal: Floats, gradient: Floats) -> Floats:
+    scale = _scale_of(normal)
+    return np.asarray(scale * np.linalg.lstsq(normal * np.outer(scale, scale), scale * gradient, rcond=None)[0])
+
+
+def _inverse(normal: Floats) -> Floats:
+    scale = _scale_of(normal)
+    values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+    if values[0] < LEAST_EIGENVALUE:
+        raise InputError(UNDETERMINED)
+    return np.asarray((vectors / values) @ vectors.T * np.outer(scale, scale))
+
+
+def _moved(bundle: WandBundle, free: Bools, step: Floats, parts: _Parts) -> WandBundle | None:
+    """The bundle after a step of the cameras and what follows for the wands; None if that is no camera."""
+    whole, wands, pulls = parts
+    back = np.linalg.solve(wands, (pulls - np.swapaxes(whole, 1, 2) @ step)[..., np.newaxis])[..., 0]
+    shared = np.zeros(len(free))
+    shared[free] = step
+    try:
+        cameras = tuple(
+            moved_camera(eye, own) for eye, own in zip(bundle.cameras, shared.reshape(-1, N_CAMERA), strict=True)
+        )
+    except InputError:
+        return None
+    tangents = _tangents(bundle.direction)
+    turns = np.cross(bundle.direction, (tangents @ back[:, 3:, np.newaxis])[..., 0])
+    direction = (matrix_from_vector(turns) @ bundle.direction[..., np.newaxis])[..., 0]
+    return replace(bundle, cameras=cameras, first=bundle.first + back[:, :3], direction=direction)
+
+
+def moved_camera(eye: Camera, step: Floats) -> Camera:
+    """Return a camera after a step.
+
+    Parameters
+    ----------
+    eye : Camera
+        Before.
+    step : ndarray, shape (15,)
+        Of fx, fy, cx, cy [px], k1, k2, p1, p2, k3, its turn about its own axes [rad] and its shift [mm].
+    """
+    matrix = eye.matrix.copy()
+    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
+    pose = moved_pose(eye.camera_from_world, step[N_INTRINSIC:])
+    return replace(eye, matrix=matrix, distortion=eye.distortion + step[4:N_INTRINSIC], camera_from_world=pose)

@@ -1,0 +1,188 @@
+"""Calibration of the cameras of a room with a wand: from what all cameras see to the rig, its deviations, a verdict."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.capture.calibration.board import uncovered
+from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
+from skelgen.capture.room.accuracy import point_covariances, room_grid
+from skelgen.capture.room.adjustment import N_CAMERA, AdjustedRoom, adjust_room, free_numbers
+from skelgen.capture.room.start import LENS, placed_in, start_values
+from skelgen.capture.room.values import Views
+from skelgen.capture.room.wand import check_wand, wand_views
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import N_CAMERA_STD, Camera, CameraRig
+
+GOOD_NOISE, USABLE_NOISE = 0.3, 1.0
+"""px; what is left after the adjustment: sharp balls leave less than 0.1, a whole pixel is a mistake."""
+
+GOOD_SCALE, USABLE_SCALE = 0.0005, 0.005
+"""Relative deviations of the distances between cameras."""
+
+ENOUGH_VIEWS = 200
+"""Of each camera: two seconds at 100 Hz in which the wand is where it has not been."""
+
+MUCH_LEFT_OUT = 0.05
+"""Part of the balls that fit nothing from which on something shines besides the wand."""
+
+
+@dataclass(frozen=True, eq=False)
+class WandCalibration:
+    """Calibrated cameras with their deviations, and what they rest on.
+
+    Attributes
+    ----------
+    rig : CameraRig
+        The world is the first camera's frame; see `on_ground`. Its noise is what the adjustment left.
+    covariance : ndarray, shape (15 n_cameras, 15 n_cameras)
+        Of all numbers, in the order of `CameraRig.std`.
+    n_views : ndarray of intp, shape (n_cameras,)
+        Views of the wand that were used.
+    shared : ndarray of intp, shape (n_cameras, n_cameras)
+        Views that two cameras share.
+    scale_std : float
+        Relative standard deviation of the largest distance between cameras.
+    point_std : float, mm
+        Deviation of points where the wand was by the errors of the calibration, over all axes together.
+    room : ndarray, shape (n, 3), mm
+        Where the wand was, in the rig's world.
+    verdict : Verdict
+        Whether it is good, and what would make it better, in words.
+    """
+
+    rig: CameraRig
+    covariance: Floats
+    n_views: Ints
+    shared: Ints
+    scale_std: float
+    point_std: float
+    room: Floats
+    verdict: Verdict
+
+
+def calibrate_wand(
+    frames: Sequence[Views],
+    distances: Sequence[float],
+    sizes: Sequence[tuple[int, int]],
+    names: Sequence[str] = (),
+) -> WandCalibration:
+    """Return the cameras that saw a wand that was waved through the room.
+
+    Parameters
+    ----------
+    frames : sequence of views
+        What all cameras see, frame by frame; a camera without an image has no balls.
+    distances : sequence of float, mm
+        Where the three balls are along the wand; the middle one not in the middle.
+    sizes : sequence of tuple of int, px
+        Width and height of each camera's images.
+    names : sequence of str
+        What the cameras are called; by default they are numbered.
+
+    Raises
+    ------
+    InputError
+        If the wand's ends look alike, a camera shares no views with others, its images are mirrored, or the waves do
+        not determine the cameras.
+    """
+    wand = check_wand(distances)
+    called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
+    if not frames:
+        raise InputError("there are no frames; wave the wand for a minute")
+    seen = wand_views(frames, wand)
+    start = start_values(seen, wand, list(sizes), called)
+    placed = np.isfinite(start.first[:, 0])
+    adjusted = adjust_room(start.of(placed), free_numbers(len(called), LENS))
+    return _calibration(adjusted, called)
+
+
+def _calibration(adjusted: AdjustedRoom, names: Sequence[str]) -> WandCalibration:
+    bundle = adjusted.bundle
+    cameras = [replace(eye, name=name) for eye, name in zip(bundle.cameras, names, strict=True)]
+    covariance = _of_places(adjusted.covariance, cameras)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(-1, N_CAMERA_STD)
+    rig = CameraRig(cameras, max(adjusted.noise, np.finfo(float).tiny), std)
+    shows = np.asarray(np.isfinite(bundle.seen[..., 0]).any(axis=2))
+    scale_std = _scale_std(rig, covariance)
+    balls = bundle.balls.reshape(-1, 3)
+    calibrated = point_covariances(rig, covariance, room_grid(balls))[0]
+    point_std = float(np.sqrt(3.0 * np.diag(calibrated).mean()))
+    n_views, shared = shows.sum(axis=0), shows.T.astype(np.intp) @ shows
+    verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, balls)
+    return WandCalibration(rig, covariance, n_views, shared, scale_std, point_std, balls, verdict)
+
+
+def _of_places(covariance: Floats, cameras: Sequence[Camera]) -> Floats:
+    """The covariance with each camera's place along its own axes instead of the shift of camera_from_world.
+
+    With R, t its pose, the place is -R^T t; a turn w and a shift s move it by -(s + [t]x w) along the camera's axes.
+    """
+    change = np.eye(len(covariance))
+    for index, eye in enumerate(cameras):
+        turn, place = (slice(N_CAMERA * index + first, N_CAMERA * index + first + 3) for first in (9, 12))
+        change[place, place] = -np.eye(3)
+        change[place, turn] = -cross_matrix(eye.camera_from_world[:3, 3])
+    return np.asarray(change @ covariance @ change.T)
+
+
+def _scale_std(rig: CameraRig, covariance: Floats) -> float:
+    """Relative deviation of the distance of the first camera from the farthest one."""
+    gaps = rig.places - rig.places[0]
+    far = int(np.linalg.norm(gaps, axis=1).argmax())
+    distance = float(np.linalg.norm(gaps[far]))
+    along = rig.cameras[far].camera_from_world[:3, :3] @ gaps[far] / distance
+    block = slice(N_CAMERA * far + 12, N_CAMERA * far + 15)
+    return float(np.sqrt(along @ covariance[block, block] @ along)) / distance
+
+
+def _judge(
+    rig: CameraRig, adjusted: AdjustedRoom, stated: tuple[float, float], n_views: Ints, balls: Floats
+) -> Verdict:
+    scale_std, point_std = stated
+    is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= ENOUGH_VIEWS
+    is_usable = adjusted.noise <= USABLE_NOISE and scale_std <= USABLE_SCALE
+    grade = GOOD if is_good else USABLE if is_usable else REPEAT
+    extent = (np.quantile(balls, 0.98, axis=0) - np.quantile(balls, 0.02, axis=0)) / 1000
+    spread = " x ".join(f"{length:.1f}" for length in sorted(extent, reverse=True))
+    sentences = [
+        f"{grade.capitalize()}: balls lie {adjusted.noise:.2f} px from where they are expected along each axis, in "
+        f"{int(n_views.min())} to {int(n_views.max())} views a camera; points are known to {point_std:.2g} mm, lengths "
+        f"to {100 * scale_std:.2g} %; the wand was in {spread} m."
+    ]
+    if adjusted.noise > USABLE_NOISE:
+        sentences.append(
+            "Errors of more than a pixel are no noise: are all images of one moment, and the wand's distances right?"
+        )
+    n_used = int(np.isfinite(adjusted.bundle.seen[..., 0]).sum())
+    if adjusted.n_left_out > MUCH_LEFT_OUT * n_used:
+        share = 100 * adjusted.n_left_out / (n_used + adjusted.n_left_out)
+        sentences.append(f"{share:.0f} % of the balls fit nothing: cover what shines besides the wand.")
+    for camera, count in zip(rig.cameras, n_views.tolist(), strict=True):
+        if count < ENOUGH_VIEWS:
+            sentences.append(f"{camera.name} has only {count} views of the wand: wave it where it looks.")
+    for index, camera in enumerate(rig.cameras):
+        seen = adjusted.bundle.seen[:, index].reshape(-1, 2)
+        gaps = uncovered([seen[np.isfinite(seen[:, 0])]], camera.size)
+        if gaps:
+            sentences.append(f"{camera.name} has not seen the wand in the {', '.join(gaps)} of its image.")
+    return Verdict(grade, tuple(sentences))
+
+
+def on_ground(calibration: WandCalibration, first_from_ground: Floats) -> WandCalibration:
+    """Return a calibration whose world is the ground; deviations stay, as they are along the cameras' own axes.
+
+    Parameters
+    ----------
+    calibration : WandCalibration
+        In any world.
+    first_from_ground : ndarray, shape (4, 4), mm
+        The ground in that world; see `skelgen.capture.room.ground`.
+    """
+    rig = calibration.rig
+    cameras = [placed_in(eye, first_from_ground) for eye in rig.cameras]
+    turn, shift = first_from_ground[:3, :3], first_from_ground[:3, 3]
+    return replace(calibration, rig=replace(rig, cameras=cameras), room=(calibration.room - shift) @ turn)

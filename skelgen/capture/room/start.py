@@ -1,0 +1,359 @@
+"""Start values of a wand calibration, from nothing but views of the wand.
+
+The two cameras that share most views come first. Their essential matrix gives their places for any focal lengths; those
+are right for which the wand is always equally long. Every other camera is placed by the wands that those before have
+placed (direct linear transform), the one with most of them first, and all are adjusted together after each.
+
+A mirrored image fits no rotation: its camera comes out as a reflection.
+"""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.capture.images import opencv
+from skelgen.capture.optics import undistort
+from skelgen.capture.room.adjustment import WandBundle, adjust_room, free_numbers
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import nearest_rotation, transform_from
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import Camera
+
+LEAST_SHARED = 30
+"""Views that a camera must share with others to be placed."""
+
+MOST_FRAMES, FRAMES_OF_PAIR = 300, 100
+"""Frames that are enough to begin with, for all cameras and for two."""
+
+PAIRS_TRIED = 6
+FOCAL = np.geomspace(0.35, 3.0, 14)
+"""Focal lengths that are tried, as parts of the width: 110 to 19 degrees."""
+
+CONSTANT = 0.12
+"""Relative spread of the wand's length up to which two cameras are placed: lenses not yet known bend it by some per
+cent, a mirrored image or a wrong focal length by much more."""
+
+STEADY = 0.04
+"""The same below which no other pair is tried."""
+
+NEAR = 20.0
+"""px from an epipolar line, with a lens that is not known."""
+
+SUSPICIOUS, MOST_LATE = 8.0, 20
+"""px that most points are off a camera whose lens is not known: more is not the lens; frames that it may be late."""
+
+UNEVEN = 0.02
+"""Of the wand's length: how far its middle ball may be from where it is said to be."""
+
+MIDDLE, LENS = (0, 1, 4), (0, 1, 2, 3, 4, 5, 6, 7)
+"""What is adjusted at first, fx, fy and k1, and at the end: all but k3."""
+
+
+def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names: list[str]) -> WandBundle:
+    """Return cameras and wands near the truth; the first camera's frame is the world.
+
+    Parameters
+    ----------
+    seen : ndarray, shape (n_frames, n_cameras, 3, 2), px
+        Where the wand was seen; see `skelgen.capture.room.wand`.
+    wand : ndarray, shape (3,), mm
+        Its balls.
+    sizes : list of tuple of int, px
+        Width and height of each camera's images.
+    names : list of str
+        What the cameras are called.
+
+    Raises
+    ------
+    InputError
+        If a camera shares too few views with the others, its images are mirrored, or no places explain the views.
+    """
+    shows = np.asarray(np.isfinite(seen[..., 0]).all(axis=2))
+    check_overlap(shows, names)
+    first, second, bundle = _first_pair(seen, wand, sizes, names, shows)
+    order = [first, second]
+    while len(order) < len(names):
+        placed = np.isfinite(bundle.first[:, 0])
+        shared = [-1 if camera in order else int((shows[:, camera] & placed).sum()) for camera in range(len(names))]
+        camera = int(np.argmax(shared))
+        if shared[camera] < LEAST_SHARED:
+            raise InputError(_alone(names[camera], [names[index] for index in order], shared[camera]))
+        eye = _placed_camera(seen[:, camera], bundle, sizes[camera], names[camera])
+        order.append(camera)
+        bundle = _adjusted(replace(bundle, cameras=(*bundle.cameras, eye), seen=seen[:, order]), seen[:, order])
+    cameras = tuple(bundle.cameras[order.index(camera)] for camera in range(len(names)))
+    return _in_first(replace(bundle, cameras=cameras, seen=seen))
+
+
+def check_overlap(shows: Bools, names: list[str]) -> None:
+    """Check that views of the wand connect all cameras.
+
+    Parameters
+    ----------
+    shows : ndarray of bool, shape (n_frames, n_cameras)
+        Whether a camera shows the wand.
+    names : list of str
+        What the cameras are called.
+
+    Raises
+    ------
+    InputError
+        If they do not; the sentence names who shares nothing with whom.
+    """
+    for camera in np.flatnonzero(shows.sum(axis=0) < LEAST_SHARED):
+        raise InputError(
+            f"{names[camera]} shows the wand in {int(shows[:, camera].sum())} images; at least {LEAST_SHARED} are "
+            "needed: is it covered, dark or blinded, do the settings say the right distances of the wand's balls, does "
+            "it show other bright things?"
+        )
+    shared = shows.T.astype(np.intp) @ shows
+    reached = {0}
+    while True:
+        more = {other for one in reached for other in np.flatnonzero(shared[one] >= LEAST_SHARED).tolist()} - reached
+        if not more:
+            break
+        reached |= more
+    if len(reached) < len(names):
+        inside = [names[index] for index in sorted(reached)]
+        outside = next(index for index in range(len(names)) if index not in reached)
+        raise InputError(_alone(names[outside], inside, int(shared[outside, sorted(reached)].max())))
+
+
+def _alone(name: str, others: list[str], shared: int) -> str:
+    return (
+        f"{name} shares {shared} views of the wand with {', '.join(others)}; at least {LEAST_SHARED} are needed: wave "
+        "the wand where both see it"
+    )
+
+
+def _first_pair(
+    seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names: list[str], shows: Bools
+) -> tuple[int, int, WandBundle]:
+    """Two cameras that see the wand equally long everywhere, and where."""
+    shared = shows.T.astype(np.intp) @ shows
+    pairs = sorted(combinations(range(len(names)), 2), key=lambda pair: -int(shared[pair]))
+    best: tuple[float, int, int, WandBundle] | None = None
+    for one, two in pairs[:PAIRS_TRIED]:
+        if shared[one, two] < LEAST_SHARED or (best is not None and best[0] < STEADY):
+            continue
+        pair = _pair(seen[:, [one, two]], wand, (sizes[one], sizes[two]), (names[one], names[two]))
+        if pair is not None and (best is None or pair[0] < best[0]):
+            best = pair[0], one, two, pair[1]
+    if best is None or best[0] > CONSTANT:
+        raise InputError(
+            f"no focal lengths make the wand equally long everywhere (it varies by "
+            f"{100 * (best[0] if best else 1.0):.0f} %): are the images of one camera mirrored, were they taken at "
+            "other times than the others', are the distances of the wand's balls right?"
+        )
+    _, one, two, bundle = best
+    _check_middle(bundle, seen[:, [one, two]])
+    bundle = _adjusted(bundle, seen[:, [one, two]])
+    return one, two, bundle
+
+
+def _check_middle(bundle: WandBundle, seen: Floats) -> None:
+    """Refuse a wand whose middle ball is elsewhere."""
+    both = np.isfinite(seen[..., 0]).all(axis=(1, 2))
+    rays = [undistort(eye, seen[both, index].reshape(-1, 2)) for index, eye in enumerate(bundle.cameras)]
+    balls = _meeting(rays[0], rays[1], bundle.cameras[1].camera_from_world).reshape(-1, 3, 3)
+    gaps = np.linalg.norm(balls - balls[:, :1], axis=2)
+    part, said = float(np.nanmedian(gaps[:, 1] / gaps[:, 2])), float(bundle.distances[1] / bundle.distances[2])
+    if abs(part - said) > UNEVEN:
+        raise InputError(
+            f"the middle ball of the wand is seen at {100 * part:.0f} % of its length, and said to be at "
+            f"{100 * said:.0f} %: measure the distances of its balls"
+        )
+
+
+def _some(shows: Bools, most: int = MOST_FRAMES) -> Ints:
+    frames = np.flatnonzero(shows)
+    return frames[np.linspace(0, len(frames) - 1, min(len(frames), most)).astype(np.intp)]
+
+
+def _guess(size: tuple[int, int], name: str, focal: float) -> Camera:
+    width, height = size
+    matrix = np.array([[focal * width, 0, (width - 1) / 2], [0, focal * width, (height - 1) / 2], [0, 0, 1.0]])
+    return Camera(width, height, matrix, name=name)
+
+
+def _pair(
+    seen: Floats, wand: Floats, sizes: tuple[tuple[int, int], tuple[int, int]], names: tuple[str, str]
+) -> tuple[float, WandBundle] | None:
+    """How much the wand's length varies for the best focal lengths of two cameras, and the bundle; None without one."""
+    frames = _some(np.asarray(np.isfinite(seen[..., 0]).all(axis=(1, 2))), FRAMES_OF_PAIR)
+    best: tuple[float, WandBundle] | None = None
+    for focal in FOCAL:
+        for ratio in (0.7, 1.0, 1.4):
+            eyes = _guess(sizes[0], names[0], focal), _guess(sizes[1], names[1], focal * ratio)
+            found = _placed_pair(seen[frames], wand, eyes)
+            if found is not None and (best is None or found[0] < best[0]):
+                best = found
+    if best is None:
+        return None
+    whole = replace(
+        best[1], first=np.full((len(seen), 3), np.nan), direction=np.full((len(seen), 3), np.nan), seen=seen
+    )
+    return best[0], _replaced(whole)
+
+
+def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tuple[float, WandBundle] | None:
+    """The second camera by its essential matrix, and how much the wand's length varies then."""
+    cv2 = opencv()
+    rays = [undistort(eye, seen[:, index].reshape(-1, 2)) for index, eye in enumerate(eyes)]
+    gate = NEAR / min(eye.matrix[0, 0] for eye in eyes)
+    essential, _ = cv2.findEssentialMat(*rays, np.eye(3), method=cv2.LMEDS, threshold=gate)
+    if essential is None or essential.shape != (3, 3):
+        return None
+    _, turn, shift, _ = cv2.recoverPose(essential, *rays, np.eye(3), distanceThresh=1e6)[:4]
+    second = transform_from(nearest_rotation(turn), shift.ravel())
+    balls = _meeting(rays[0], rays[1], second).reshape(len(seen), -1, 3)
+    lengths = np.linalg.norm(balls[:, 2] - balls[:, 0], axis=1)
+    usable = np.isfinite(lengths) & (balls[..., 2] > 0).all(axis=1)
+    if usable.sum() < LEAST_SHARED:
+        return None
+    typical = float(np.median(lengths[usable]))
+    spread = float(1.4826 * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
+    second[:3, 3] *= wand[2] / typical
+    cameras = eyes[0], replace(eyes[1], camera_from_world=second)
+    return spread, WandBundle(cameras, wand, np.empty((0, 3)), np.empty((0, 3)), seen)
+
+
+def _meeting(one: Floats, two: Floats, second: Floats) -> Floats:
+    """Points that are nearest to two rays each, in the first camera's frame, shape (n, 3)."""
+    a = np.column_stack([one, np.ones(len(one))])
+    b = np.column_stack([two, np.ones(len(two))]) @ second[:3, :3]
+    place = -second[:3, :3].T @ second[:3, 3]
+    aa, bb, ab = (a * a).sum(axis=1), (b * b).sum(axis=1), (a * b).sum(axis=1)
+    determinant = np.maximum(aa * bb - ab * ab, 1e-12)
+    s = (bb * (a @ place) - ab * (b @ place)) / determinant
+    t = (ab * (a @ place) - aa * (b @ place)) / determinant
+    return np.asarray((s[:, np.newaxis] * a + place + t[:, np.newaxis] * b) / 2)
+
+
+def _replaced(bundle: WandBundle) -> WandBundle:
+    """The bundle with the wand placed in all frames in which two of its cameras show it; NaN elsewhere."""
+    n_frames, n_cameras = bundle.seen.shape[:2]
+    normal, pulled = np.zeros((n_frames, 3, 3, 3)), np.zeros((n_frames, 3, 3))
+    count = np.zeros(n_frames, dtype=np.intp)
+    for index, eye in enumerate(bundle.cameras):
+        shown = np.asarray(np.isfinite(bundle.seen[:, index, :, 0]).all(axis=1))
+        rays = undistort(eye, bundle.seen[shown, index])
+        shown[shown] = np.isfinite(rays).all(axis=(1, 2))
+        rays = rays[np.isfinite(rays).all(axis=(1, 2))]
+        turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
+        along = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=2) @ turn
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        across = np.eye(3) - along[..., np.newaxis] * along[..., np.newaxis, :]
+        normal[shown] += across
+        pulled[shown] += across @ (-turn.T @ shift)
+        count[shown] += 1
+    first, direction = np.full((n_frames, 3), np.nan), np.full((n_frames, 3), np.nan)
+    both = count >= min(2, n_cameras)
+    balls = np.linalg.solve(normal[both] + 1e-9 * np.eye(3), pulled[both][..., np.newaxis])[..., 0]
+    along = balls[:, -1] - balls[:, 0]
+    direction[both] = along / np.linalg.norm(along, axis=1, keepdims=True)
+    middle = balls.mean(axis=1) - bundle.distances.mean() * direction[both]
+    first[both] = middle
+    return replace(bundle, first=first, direction=direction)
+
+
+def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
+    """The bundle of all frames after an adjustment of some."""
+    whole = _replaced(replace(bundle, seen=seen))
+    frames = np.zeros(len(seen), dtype=np.bool_)
+    frames[_some(np.isfinite(whole.first[:, 0]))] = True
+    part = whole.of(frames)
+    for numbers in (MIDDLE, LENS):
+        done = adjust_room(part, free_numbers(len(part.cameras), numbers))
+        part = done.bundle
+    return _replaced(replace(whole, cameras=part.cameras))
+
+
+def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name: str) -> Camera:
+    """A camera that is placed by wands that are (Hartley and Zisserman 2004, 7.1); its images may not be mirrored."""
+    matrix, turn, shift, off = _resected_at(seen, bundle, size, 0)
+    if off > SUSPICIOUS:
+        late = min(range(-MOST_LATE, MOST_LATE + 1), key=lambda frames: _resected_at(seen, bundle, size, frames)[3])
+        if late and _resected_at(seen, bundle, size, late)[3] < off / 2:
+            raise InputError(
+                f"the images of {name} are {abs(late)} frames {'late' if late > 0 else 'early'} against the others': "
+                "trigger all cameras by one line, and start them before it"
+            )
+    if np.linalg.det(turn) < 0:
+        raise InputError(
+            f"the images of {name} are mirrored against those of {', '.join(eye.name for eye in bundle.cameras)}: "
+            "switch off the flipping of images in its driver, or in that of the others"
+        )
+    focal = float(np.sqrt(matrix[0, 0] * matrix[1, 1])) / size[0]
+    eye = _guess(size, name, float(np.clip(focal, FOCAL[0], FOCAL[-1])))
+    return replace(eye, camera_from_world=transform_from(nearest_rotation(turn), shift))
+
+
+_Resected = tuple[Floats, Floats, Floats, float]
+"""Camera matrix, orthogonal matrix and shift of a camera, and how far off it sees most points [px]."""
+
+
+def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: int) -> _Resected:
+    """A camera whose images are so many frames late."""
+    then = np.full_like(seen, np.nan)
+    then[max(-late, 0) : len(seen) - max(late, 0)] = seen[max(late, 0) : len(seen) - max(-late, 0)]
+    usable = np.isfinite(bundle.first[:, 0]) & np.isfinite(then[..., 0]).all(axis=1)
+    frames = _some(usable)
+    return _resected(bundle.balls[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
+
+
+def _resected(points: Floats, pixels: Floats, size: tuple[int, int]) -> _Resected:
+    """A camera that sees known points, from most of them."""
+    kept = np.ones(len(points), dtype=np.bool_)
+    for _ in range(3):
+        projection = _linear(points[kept], pixels[kept], size)
+        flat = np.column_stack([points, np.ones(len(points))]) @ projection.T
+        off = np.linalg.norm(flat[:, :2] / flat[:, 2:] - pixels, axis=1)
+        kept = off <= 3.0 * np.median(off)
+    if np.median(flat[:, 2]) < 0:
+        projection = -projection
+    # RQ decomposition by QR of the reversed matrix
+    q, r = np.linalg.qr(np.flipud(projection[:, :3]).T)
+    matrix, turn = np.fliplr(np.flipud(r.T)), np.flipud(q.T)
+    signs = np.diag(np.sign(np.diag(matrix)))
+    matrix, turn = matrix @ signs, signs @ turn
+    shift = np.linalg.solve(matrix, projection[:, 3])
+    return matrix / matrix[2, 2], turn, shift, float(np.median(off))
+
+
+def _linear(points: Floats, pixels: Floats, size: tuple[int, int]) -> Floats:
+    """The projection that sees points at pixels, shape (3, 4), by the direct linear transform."""
+    middle, scale = points.mean(axis=0), points.std()
+    world = np.column_stack([(points - middle) / scale, np.ones(len(points))])
+    image = (pixels - np.array(size) / 2) / size[0]
+    zeros = np.zeros_like(world)
+    rows = np.concatenate(
+        [np.hstack([world, zeros, -image[:, :1] * world]), np.hstack([zeros, world, -image[:, 1:] * world])]
+    )
+    solution = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 4)
+    to_world = np.eye(4) / scale
+    to_world[:3, 3], to_world[3, 3] = -middle / scale, 1.0
+    to_pixels = np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]])
+    return np.asarray(to_pixels @ solution @ to_world)
+
+
+def _in_first(bundle: WandBundle) -> WandBundle:
+    """The bundle in the first camera's frame."""
+    world_from_first = np.asarray(np.linalg.inv(bundle.cameras[0].camera_from_world), dtype=np.float64)
+    cameras = tuple(placed_in(eye, world_from_first) for eye in bundle.cameras)
+    return _replaced(replace(bundle, cameras=cameras))
+
+
+def placed_in(eye: Camera, before_from_world: Floats) -> Camera:
+    """Return a camera in another world.
+
+    Parameters
+    ----------
+    eye : Camera
+        In the world before.
+    before_from_world : ndarray, shape (4, 4), mm
+        The new world in the one before.
+    """
+    pose = eye.camera_from_world @ before_from_world
+    return replace(eye, camera_from_world=transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3]))

@@ -1,0 +1,107 @@
+"""The wand in images: three balls on a line, whose distances say which end is which.
+
+A wand with its balls at 0, d and D is seen with its middle ball at about d / D of its length: perspective shifts that
+by as much as one end is farther away than the other.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.capture.room.values import Views
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats
+
+N_BALLS = 3
+NEARER = 1.5
+"""Ratio of the distances of both ends from a camera, at most: a wand of half a metre at one and a half."""
+
+OFF_LINE, OFF_PIXELS = 0.02, 1.5
+"""How far the middle ball is seen off the line, as a part of the length, and px: lenses bend lines."""
+
+SHORTEST = 20.0
+"""px; a wand that is seen from its end shows nothing."""
+
+MOST_BALLS = 8
+"""An image with more balls shows more than a wand, of which three may lie on a line by chance."""
+
+LEAST_UNEVEN = 0.06
+"""Of the length: how far the middle ball must be from the middle of a wand to tell its ends apart."""
+
+
+def check_wand(distances: Sequence[float]) -> Floats:
+    """Return where the balls of a wand are, from the end that the middle one is nearer to, shape (3,), mm.
+
+    Parameters
+    ----------
+    distances : sequence of float, mm
+        Where they are along the wand, in order.
+
+    Raises
+    ------
+    InputError
+        If its ends cannot be told apart in an image.
+    """
+    places = np.array(distances, dtype=np.float64)
+    if len(places) != N_BALLS or not np.isfinite(places).all() or not (np.diff(places) > 0).all():
+        text = ", ".join(f"{place:g}" for place in places)
+        raise InputError(f"the wand has balls at {text} mm; give three places in order, as 0, 180, 500")
+    places -= places[0]
+    if places[1] > places[2] / 2:
+        places = (places[2] - places)[::-1].copy()
+    if places[1] > (0.5 - LEAST_UNEVEN) * places[2]:
+        raise InputError(
+            f"the middle ball of the wand is at {100 * places[1] / places[2]:.0f} % of its length, so that its ends "
+            "look alike; move it to about a third"
+        )
+    return places
+
+
+def find_wand(centres: Floats, wand: Floats) -> Floats:
+    """Return where an image shows the balls of a wand, shape (3, 2), px; NaN if it shows none, or several.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n_balls, 2), px
+        All balls of the image, the largest first.
+    wand : ndarray, shape (3,), mm
+        From `check_wand`.
+    """
+    none = np.full((N_BALLS, 2), np.nan)
+    if not N_BALLS <= len(centres) <= MOST_BALLS:
+        return none
+    triples = centres[np.array(list(combinations(range(len(centres)), N_BALLS)))]
+    orders = np.array([(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+    lengths = np.linalg.norm(triples[:, orders[:, 0]] - triples[:, orders[:, 2]], axis=2)
+    rows = np.arange(len(triples))[:, np.newaxis]
+    ends = triples[rows, orders[lengths.argmax(axis=1)]]  # of each, its ends first and last
+    along, middle = ends[:, 2] - ends[:, 0], ends[:, 1] - ends[:, 0]
+    length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
+    part = (along * middle).sum(axis=1) / length**2
+    off = np.abs(along[:, 0] * middle[:, 1] - along[:, 1] * middle[:, 0]) / length
+    turned = part > 0.5
+    ends[turned], part[turned] = ends[turned, ::-1], 1.0 - part[turned]
+    low, high = _parts_seen(wand)
+    fits = (part >= low) & (part <= high) & (off <= OFF_LINE * length + OFF_PIXELS) & (length >= SHORTEST)
+    return ends[fits.argmax()] if fits.sum() == 1 else none
+
+
+def _parts_seen(wand: Floats) -> tuple[float, float]:
+    """At which part of its length the middle ball is seen, at least and at most."""
+    part = wand[1] / wand[2]
+    low, high = (part * ratio / (1 - part + part * ratio) for ratio in (1 / NEARER, NEARER))
+    return float(low), min(float(high), 0.5)
+
+
+def wand_views(frames: Sequence[Views], wand: Floats) -> Floats:
+    """Return where all images show the wand, shape (n_frames, n_cameras, 3, 2), px; NaN where they do not.
+
+    Parameters
+    ----------
+    frames : sequence of views
+        What all cameras see, frame by frame.
+    wand : ndarray, shape (3,), mm
+        From `check_wand`.
+    """
+    return np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
