@@ -184,8 +184,8 @@ def slopes_of_camera(eye: Camera, points: Floats) -> tuple[Floats, Floats]:
         In the first camera's frame.
     """
     inside = _posed(eye.camera_from_world, points)
-    _, by_intrinsic, by_point = _pixels(eye, inside)
-    by_pose = _by_pose(by_point, inside - eye.camera_from_world[:3, 3])
+    _, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
+    by_pose = slope_by_pose(by_point, inside - eye.camera_from_world[:3, 3])
     return np.concatenate([by_intrinsic, by_pose], axis=-1), np.asarray(by_point @ eye.camera_from_world[:3, :3])
 
 

@@ -2,9 +2,9 @@
 
 Gauss and Newton's method with exact derivatives, damped (Levenberg and Marquardt). A wand has five numbers in each
 frame, its first ball and its direction, so that its known distances hold exactly and give the scale. Frames share no
-numbers with each other but the cameras': they are eliminated one by one (Schur complement), and what is left to solve has
-fifteen numbers a camera. Its inverse gives the standard deviations of all cameras; where the noise is normal that is
-the bound of Cramer and Rao.
+numbers with each other but the cameras': they are eliminated one by one (Schur complement), and what is left to solve
+has fifteen numbers a camera. Its inverse gives the standard deviations of all cameras; where the noise is normal that
+is the bound of Cramer and Rao.
 """
 
 from dataclasses import dataclass, replace
