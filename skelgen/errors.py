@@ -40,6 +40,10 @@ class FormatError(SkelgenError):
         Exception.__init__(self, f"{path}:{shortened(where + what)}")  # the name of the file is not cut
 
 
+class RecordingMovedError(FormatError):
+    """The recording that a project refers to is not where it was: its new place must be said."""
+
+
 class InputError(SkelgenError):
     """Values that no stage can work on: one marker, two frames, nothing but NaN."""
 

@@ -106,6 +106,7 @@ class WindowCommands(QObject):
         window, context, pages, undo_stack = self._window, self._context, self._pages, self._context.document.undo_stack
         return {
             "open": context.files.choose,
+            "open_with": context.files.choose_with_options,
             "compare": context.files.choose_other,
             "compare_none": lambda: context.session.compare_with(None),
             "save": lambda: context.files.save(None),
@@ -159,7 +160,8 @@ class WindowCommands(QObject):
         for name in ("save", "save_as", "export", "compare", "select_all", "run_step", "run_all"):
             self.actions[name].setEnabled(is_open and not is_busy)
         self.actions["compare_none"].setEnabled(session.other is not None)
-        self.actions["open"].setEnabled(not is_busy)
+        for name in ("open", "open_with"):
+            self.actions[name].setEnabled(not is_busy)
         self.actions["cancel"].setEnabled(is_busy)
 
 

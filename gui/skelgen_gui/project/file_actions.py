@@ -1,6 +1,7 @@
 """Opening, saving and closing: nothing is lost, and every question is asked once. With the menu of recent files."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,11 +12,13 @@ from PySide6.QtWidgets import QFileDialog, QMenu, QMessageBox, QWidget
 from skelgen.app.files import file_filter, open_input
 from skelgen.app.project_file.archive import SUFFIX, is_project_file, save_project
 from skelgen.app.samples import SAMPLES, open_sample
+from skelgen.errors import RecordingMovedError, SkelgenError
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.opening import OpenDialog, Opening
 from skelgen_gui.project.recovery import RecoveryEntry
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences
@@ -77,7 +80,7 @@ class FileActions(QObject):
         """Open a recording or a project, after asking whether to save changes."""
         if self._jobs.is_busy:
             return
-        self._after_saving(lambda: self._begin(path))
+        self._after_saving(lambda: self._begin(Opening(path)))
 
     def open_sample(self, key: str) -> None:
         """Open a take that the simulation makes, after asking whether to save changes."""
@@ -88,6 +91,19 @@ class FileActions(QObject):
 
         if not self._jobs.is_busy:
             self._after_saving(lambda: self._read(Path(key), lambda _: open_sample(key), done))
+
+    def choose_with_options(self) -> None:
+        """Ask for a recording and how it is to be read, and open it."""
+        path = self._asked(self.tr("Open with options"))
+        if path is None or self._jobs.is_busy:
+            return
+        try:
+            dialog = OpenDialog(path, self._window)
+        except SkelgenError as error:
+            self._report_error(error)
+            return
+        dialog.chosen.connect(lambda opening: self._after_saving(lambda: self._begin(opening)))
+        dialog.open()
 
     def choose(self) -> None:
         """Ask for a recording or a project, and open it."""
@@ -163,20 +179,42 @@ class FileActions(QObject):
         name, _ = QFileDialog.getOpenFileName(self._window, title, "", file_filter())
         return Path(name) if name else None
 
-    def _begin(self, path: Path) -> None:
+    def _begin(self, opening: Opening) -> None:
+        path = opening.path
+
         def done(project: Project) -> None:
             self._document.open(project, path if is_project_file(path) else None)
             self._preferences.remember(path)
             self.opened.emit(project)
 
-        self._read(path, partial(_opened, path), done)
+        def failed(error: Exception) -> None:
+            recording = self._located(error) if isinstance(error, RecordingMovedError) else None
+            if recording is None:
+                self._report_error(error)
+            else:
+                self._begin(replace(opening, recording=recording))
 
-    def _read(self, path: Path, read: Callable[[Monitor], Project], done: Callable[[Project], None]) -> None:
+        self._read(path, opening.read, done, failed)
+
+    def _located(self, error: RecordingMovedError) -> Path | None:
+        """Ask where the recording of a project is now."""
+        question = as_rich_text(self.tr("{0}\n\nLocate the recording?").format(error))
+        if QMessageBox.question(self._window, self.tr("The recording was moved"), question) != Button.Yes:
+            return None
+        return self._asked(self.tr("Locate the recording"))
+
+    def _read(
+        self,
+        path: Path,
+        read: Callable[[Monitor], Project],
+        done: Callable[[Project], None],
+        failed: Callable[[Exception], None] | None = None,
+    ) -> None:
         def work(monitor: Monitor) -> Project:
             monitor.begin("reading")
             return read(monitor)
 
-        self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._report_error)
+        self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, failed or self._report_error)
 
     def _write(self, path: Path, then: Callable[[], None] | None) -> None:
         project = self._document.session.project

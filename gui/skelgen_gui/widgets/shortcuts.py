@@ -66,6 +66,7 @@ class Command:
 
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
+    Command("open_with", _FILE, "Open &with options…", tip="Open a recording with another rate, unit, axis or part"),
     Command("compare", _FILE, "&Compare with…", "Ctrl+Shift+O", "Overlay another project of the same recording"),
     Command("compare_none", _FILE, "Stop co&mparing", "Ctrl+Shift+W", "Show one result alone again"),
     Command(SEPARATOR, _FILE),

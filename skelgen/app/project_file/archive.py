@@ -25,7 +25,7 @@ from skelgen_formats.registry import read_take
 import skelgen
 from skelgen.app.project_file.checks import check_chain
 from skelgen.app.project_file.packing import packed, unpacked
-from skelgen.errors import FormatError, InputError, ParameterError, WriteError
+from skelgen.errors import FormatError, InputError, ParameterError, RecordingMovedError, WriteError
 from skelgen.files import open_regular, read_content, replacing, sha256_of
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
 from skelgen.model.arrays import Floats
@@ -90,16 +90,20 @@ def save_project(project: Project, path: Path | str, *, embed: bool = True) -> P
     return path
 
 
-def open_project(path: Path | str) -> Project:
+def open_project(path: Path | str, recording: Path | None = None) -> Project:
     """Read a project file.
 
     Parameters
     ----------
     path : Path or str
         The file.
+    recording : Path, optional
+        Where the recording that it refers to is now, if it was moved.
 
     Raises
     ------
+    RecordingMovedError
+        If it refers to a recording that is not found.
     FormatError
         If it cannot be opened, is damaged, incomplete, or written by a newer version; the error names the member.
     """
@@ -108,7 +112,7 @@ def open_project(path: Path | str) -> Project:
         raise FormatError(path, "", "there is no such file")
     try:
         with open_regular(path) as stream, zipfile.ZipFile(stream) as archive:
-            return _Reader(path, archive).project()
+            return _Reader(path, archive, recording).project()
     except zipfile.BadZipFile as error:
         raise FormatError(path, "", f"not a project file, or cut off: {error}") from error
     except _DAMAGES as error:
@@ -147,8 +151,8 @@ def find_result(path: Path | str) -> Path:
 class _Reader:
     """Members of one archive, with every error naming its member."""
 
-    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
-        self._path = path
+    def __init__(self, path: Path, archive: zipfile.ZipFile, recording: Path | None) -> None:
+        self._path, self._recording = path, recording
         self._archive = archive
         declared = sum(info.file_size for info in archive.infolist())
         self._size = path.stat().st_size
@@ -200,7 +204,7 @@ class _Reader:
         if not isinstance(source, Source | None):
             raise InputError("the source of the take is none")
         if structure["take"] is None and source is not None:
-            return take_of(source, self._path)
+            return take_of(source, self._path, self._recording)
         return unpacked(structure["take"], self._array), source
 
     def _json(self, member: str) -> dict[str, object]:
@@ -342,7 +346,7 @@ def _reference_to(project: Project) -> Source:
         raise WriteError(f"{what}; let the project hold the recording") from error
 
 
-def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
+def take_of(source: Source, project_file: Path, recording: Path | None = None) -> tuple[Take, Source]:
     """Read the recording that a project refers to, where it was or beside the project.
 
     Parameters
@@ -351,6 +355,8 @@ def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
         The recording, with its checksum.
     project_file : Path
         The project.
+    recording : Path, optional
+        Where it is now, if it is in neither place.
 
     Returns
     -------
@@ -362,11 +368,13 @@ def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
     FormatError
         If it is in neither place, or is not the same file any more.
     """
-    places = (Path(source.path), project_file.parent / Path(source.path).name)
+    usual = [Path(source.path), project_file.parent / Path(source.path).name]
+    places = usual if recording is None else [recording]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         looked = " nor at ".join(str(place) for place in dict.fromkeys(places))
-        raise FormatError(project_file, "", f"the recording that it refers to is not at {looked}; put it back there")
+        what = f"the recording that it refers to is not at {looked}; put it back there"
+        raise RecordingMovedError(project_file, "", what)
     try:
         is_same = sha256_of(found) == source.sha256
     except OSError as error:
