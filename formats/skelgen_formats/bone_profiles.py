@@ -16,15 +16,17 @@ from skelgen.model import Joint, Motion, Project, Skeleton
 from skelgen.model.arrays import Ints
 from skelgen.model.topology import joint_children
 from skelgen_formats.options import OWN_NAMES, Writable
+from skelgen_formats.rooting import rooted_at
 
 _SIDES = ("left", "right")
+_HIPS = "pelvis"  # the root of every profile
 
 
 def with_bone_names(value: Writable, profile: str) -> Writable:
     """Return a project whose limbs are called as a profile calls them, without those that it lacks.
 
-    Limbs that the profile has no name for are left out from the tips inward; one that carries a bone of the profile
-    stays with its own name. Values that are no finished project stay as they are.
+    The pelvis becomes the root. Limbs that the profile has no name for are left out from the tips inward; one that
+    carries a bone of the profile stays with its own name. Values that are no finished project stay as they are.
 
     Parameters
     ----------
@@ -47,6 +49,8 @@ def with_bone_names(value: Writable, profile: str) -> Writable:
             f"no limb is known as one of a person, so that none has a name of {_profiles()[profile]['title']}; name "
             "them first: skelgen run --marker-set or --names"
         )
+    value = _hung(value)
+    skeleton = value.skeleton
     kept = _kept(skeleton, names)
     called = tuple(names.get(limb, skeleton.limb_names[limb]) for limb in range(skeleton.n_limbs))
     return _of_limbs(value, replace(skeleton, limb_names=called), kept)
@@ -64,16 +68,24 @@ def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:
     """
     if profile == OWN_NAMES:
         return ()
-    skeleton, title = project.skeleton, str(_profiles()[profile]["title"])
+    title = str(_profiles()[profile]["title"])
+    hung = _hung(project)
+    skeleton = hung.skeleton
     names = _profile_names(skeleton, profile)
     kept = set(_kept(skeleton, names).tolist())
     lost = [skeleton.limb_names[limb] for limb in range(skeleton.n_limbs) if limb not in kept]
     odd = [skeleton.limb_names[limb] for limb in sorted(kept) if limb not in names]
     remarks = [f"{title} has no bone for {', '.join(lost)}: left out."] if lost else []
     remarks += [f"{title} has no bone for {', '.join(odd)}, which carry others: kept by their names."] if odd else []
-    if names and "pelvis" in skeleton.limb_names and skeleton.limb_names.index("pelvis") not in skeleton.roots:
-        remarks.append(f"{title} has the pelvis as root: find the tree with --root and a marker of the pelvis.")
+    if names and hung is not project:
+        remarks.append(f"{title} has the pelvis as root: the bones hang on it.")
     return tuple(remarks)
+
+
+def _hung(project: Project) -> Project:
+    """The project with the pelvis as root, if it has one."""
+    names = project.skeleton.limb_names
+    return rooted_at(project, names.index(_HIPS)) if _HIPS in names else project
 
 
 @cache

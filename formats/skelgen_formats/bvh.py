@@ -45,6 +45,7 @@ from skelgen_formats.options import (
     BONE_NAMES,
     MM_PER_UNIT,
     RATE,
+    REST,
     UNIT,
     Format,
     Options,
@@ -181,6 +182,6 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT, RATE, BONE_NAMES),
+    options=(AXES, UNIT, RATE, BONE_NAMES, REST),
     note="One file; several roots hang on one that stays still. Read with channels in any order.",
 )

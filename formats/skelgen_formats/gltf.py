@@ -44,6 +44,7 @@ from skelgen_formats.options import (
     BONE_NAMES,
     METRES,
     RATE,
+    REST,
     Format,
     Options,
     Writable,
@@ -239,6 +240,6 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(UPRIGHT, METRES, RATE, BONE_NAMES),
+    options=(UPRIGHT, METRES, RATE, BONE_NAMES, REST),
     note="Skin, joints, animation, and markers as points that ride on their limbs; metres by default.",
 )

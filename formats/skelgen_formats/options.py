@@ -36,6 +36,9 @@ Writable = Project | Take | Filled
 MARKERS, KEYPOINTS, ALL_POINTS = "markers", "keypoints", "all"
 """Choices of `POINTS`, beside `AUTO`."""
 
+REFERENCE, T_POSE, A_POSE, FIRST_FRAME = "reference", "t-pose", "a-pose", "first-frame"
+"""Choices of `REST`."""
+
 AS_MOVED, AS_FOUND = "as-moved", "as-found"
 """Choices of `JOINTS`."""
 
@@ -81,6 +84,8 @@ class Options:
         How much the classic XML holds of every frame: ``motion``, ``joints`` or ``all``.
     bone_names : str
         What bones are called, a choice of `BONE_NAMES`.
+    rest : str
+        How bones rest, a choice of `REST`.
     """
 
     axes: str = AS_RECORDED
@@ -100,6 +105,7 @@ class Options:
     compact: bool = False
     xml_detail: str = "motion"
     bone_names: str = "own"
+    rest: str = REFERENCE
 
 
 @dataclass(frozen=True)
@@ -161,6 +167,15 @@ BONE_NAMES = Option(
     reading=False,
 )
 """The registry renames the limbs before they are written, for every format that offers this."""
+
+REST = Option(
+    "rest",
+    REFERENCE,
+    "Bones at rest: as the skeleton's reference, as the first frame, or a person's T or A with trunk and legs upright.",
+    (REFERENCE, T_POSE, A_POSE, FIRST_FRAME),
+    reading=False,
+)
+"""The registry turns the reference pose before it is written, for every format that offers this."""
 
 UNIT = Option("unit", "mm", "Unit of the lengths in the file.", ("mm", "cm", "m"), reading=False)
 METRES = replace(UNIT, default="m")

@@ -51,6 +51,7 @@ from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.marker_output import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
+from skelgen_formats.rest_pose import with_rest_pose
 from skelgen_formats.upright import turn_wished
 
 SNIFF_BYTES = 4096
@@ -215,7 +216,7 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
     monitor.begin(f"writing {path.name}")
-    value = with_bone_names(value, options.bone_names)
+    value = with_bone_names(with_rest_pose(value, options.rest), options.bone_names)
     turn = turn_wished(value, options, entry.up)
     return entry.write(with_up_axis(with_rate(value, options.rate), turn), path, options, monitor)
 

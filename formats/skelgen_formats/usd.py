@@ -46,6 +46,7 @@ from skelgen_formats.options import (
     METRES,
     MM_PER_UNIT,
     RATE,
+    REST,
     Format,
     Option,
     Options,
@@ -279,6 +280,6 @@ FORMAT = Format(
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
-    options=(AXES, METRES, RATE, TIME_CODES, BONE_NAMES),
+    options=(AXES, METRES, RATE, TIME_CODES, BONE_NAMES, REST),
     note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",
 )

@@ -8,6 +8,7 @@ from skelgen_formats import registry
 from skelgen_formats.bone_profiles import remarks_on_bone_names
 from skelgen_formats.marker_output import trajectories_of
 from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
+from skelgen_formats.rest_pose import remarks_on_rest
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.app.replacing import check_outputs, recording_of
@@ -153,7 +154,8 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps else ()
     called = remarks_on_bone_names(project, options.bone_names)
-    return (*losses, *entry.remarks(project, options), *called, *choices, *marking)
+    resting = remarks_on_rest(project, options.rest)
+    return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)
 
 
 def export_project(

@@ -7,6 +7,8 @@ import pytest
 from skelgen_formats.bones import bone_end
 from skelgen_formats.registry import write_file
 
+import skelgen
+
 POSITION_MM = 0.05  # demanded; Blender reckons in single precision
 ALONG_DEG = 0.1
 
@@ -61,3 +63,19 @@ def test_take_plays_as_fast_and_as_long_as_it_was_recorded(export, standing_proj
     if name.endswith(".usdc"):  # the only one of the three that tells Blender which frames to play
         start, end = found["range"]
         assert (end - start) / found["rate"] == pytest.approx(duration, abs=1 / found["rate"])
+
+
+def test_a_rig_for_mixamo_has_the_standard_names_and_moves_as_our_own(judged_apart, tmp_path):
+    project = skelgen.reconstruct(skelgen.simulate("human", n_frames=40, seed=1).take, root="head 1")
+    (path,) = write_file(project, tmp_path / "walk.bvh", bone_names="mixamo", rest="t-pose")
+    found = judged_apart("bpy", "blender_poses.py", path, ",".join(map(repr, project.motion.times.tolist())))
+    sides = [
+        f"{side}{bone}" for side in ("Left", "Right") for bone in ("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot")
+    ]
+    assert set(found["rest"]) == {f"mixamorig:{bone}" for bone in ("Hips", "Spine", "Head", *sides)}
+    for name, bone in (("left hand", "LeftHand"), ("right foot", "RightFoot"), ("left thigh", "LeftUpLeg")):
+        limb = project.skeleton.limb_names.index(name)
+        places = np.array([pose[f"mixamorig:{bone}"] for pose in found["poses"]])[:, :3, 3] * 1000
+        assert np.abs(places - project.motion.world_from_limb[:, limb, :3, 3]).max() < POSITION_MM
+    shoulder, hand = (np.array(found["rest"][f"mixamorig:Left{bone}"][0]) for bone in ("Arm", "Hand"))
+    assert np.allclose((hand - shoulder) / np.linalg.norm(hand - shoulder), [1, 0, 0], atol=0.03)

@@ -15,6 +15,7 @@ from skelgen.stages.names.person import find_person
 SURE = 3.0
 """Log odds from which sides are told: nineteen of twenty would be right if signs were independent."""
 
+_CHAIN = "a chain"
 _STATED = 99.0
 _MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
 
@@ -49,9 +50,10 @@ def names_by_shape(skeleton: Skeleton, motion: Motion, stated: Mapping[int, str]
     """
     named: dict[int, tuple[float, str]] = {}
     sentences = []
-    for tree in moving_trees(skeleton, motion):
+    trees = moving_trees(skeleton, motion)
+    for tree in trees:
         found = _recognised(tree)
-        if found is None:
+        if found is None or (found[0] == _CHAIN and len(trees) > 1):  # beside others, a piece of them
             continue
         what, shape = found
         evidence = _stated_evidence(shape, stated) or shape.evidence
@@ -81,7 +83,7 @@ def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:
 
 def _recognised(tree: MovingTree) -> tuple[str, Shape] | None:
     """What a tree is, in words, and its shape."""
-    for what, find in (("a hand", find_hand), ("a four-legged animal", find_quadruped), ("a chain", find_chain)):
+    for what, find in (("a hand", find_hand), ("a four-legged animal", find_quadruped), (_CHAIN, find_chain)):
         shape = find(tree)
         if shape is not None:
             return what, shape
