@@ -70,6 +70,7 @@ def summary(project: Project) -> dict[str, object]:
         "labels": _labels(project) if project.has_labelling else None,
         "limbs": _limbs(project) if project.has("limbs") else None,
         "left_out_markers": _names(project, project.limbs.left_out) if project.has("limbs") else None,
+        "bodies": _bodies(project) if project.has("joints") else None,
         "tree": _tree(project) if project.has("joints") else None,
         "joints": _joints(project) if project.has("skeleton") else None,
         "closed_loops": _loops(project.skeleton) if project.has("skeleton") else None,
@@ -156,6 +157,10 @@ def _membership(limbs: Limbs, marker: int) -> dict[str, object]:
 
 def _names(project: Project, markers: Any) -> list[str]:
     return [project.trajectories.names[int(marker)] for marker in markers]
+
+
+def _bodies(project: Project) -> list[dict[str, object]]:
+    return [_fields(body, "name", "root", "limbs", "markers", "probability") for body in project.bodies]
 
 
 def _tree(project: Project) -> dict[str, object]:

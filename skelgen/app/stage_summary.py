@@ -186,7 +186,8 @@ def _about_limbs(project: Project) -> Iterator[str]:
 def _about_joints(project: Project) -> Iterator[str]:
     topology = project.topology
     n_trees = len(topology.roots)
-    yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}."
+    bodies = f", each a body: {', '.join(counted(len(one.limbs), 'limb') for one in project.bodies)}" * (n_trees > 1)
+    yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}{bodies}."
     if topology.edge_probability is not None and len(topology.edge_probability):
         worst = int(topology.edge_probability.argmin())
         parent, child = topology.edges[worst].tolist()

@@ -62,6 +62,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["limbs"] = _limb_rows(project)
         tables["membership"] = _membership_rows(project)
     if project.has("joints"):
+        tables["bodies"] = _body_rows(project)
         tables["joints"] = _joint_rows(project)
         names = project.limbs.names
         tables["loops"] = [joint_between(names[first], names[second]) for first, second in project.topology.loops]
@@ -120,6 +121,20 @@ def _membership_rows(project: Project) -> list[Row]:
             "rival_probability": float(shares[marker]),
         }
         for marker in np.flatnonzero(~np.isnan(limbs.probability)).tolist()
+    ]
+
+
+def _body_rows(project: Project) -> list[Row]:
+    return [
+        {
+            "body": body.name,
+            "root": project.limbs.names[body.root],
+            "limbs": len(body.limbs),
+            "markers": len(body.markers),
+            "seen_share": float(project.trajectories.seen[:, body.markers].any(axis=1).mean()),
+            "probability": body.probability,
+        }
+        for body in project.bodies
     ]
 
 

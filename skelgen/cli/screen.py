@@ -212,6 +212,7 @@ def _cell(value: Any) -> str:
 
 
 _TITLES = {
+    "bodies": "Bodies",
     "limbs": "Limbs",
     "joints": "Joints",
     "angles": "Joint angles",
@@ -253,6 +254,7 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
         _show_labelling(screen, tables["labelling"])
     for key, title in _TITLES.items():
         rows = [{name: value for name, value in row.items() if name not in _LONG} for row in tables.get(key, ())]
+        rows = [] if key == "bodies" and len(rows) == 1 else rows
         screen.table(title, rows)
     if "residuals" in tables:
         screen.table("Residuals of all markers", [tables["residuals"]])

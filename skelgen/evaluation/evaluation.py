@@ -9,12 +9,14 @@ from skelgen.errors import InputError
 from skelgen.evaluation.bound import with_limits
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore, score_joints, score_lengths, score_markers
 from skelgen.evaluation.matching import (
+    BodyScore,
     LabelScore,
     LimbScore,
     TopologyScore,
     find_identity,
     match_joints,
     match_limbs,
+    score_bodies,
     score_limbs,
     score_topology,
 )
@@ -37,6 +39,8 @@ class Evaluation:
         Agreement of the limbs.
     topology : TopologyScore or None
         Agreement of the tree.
+    bodies : BodyScore or None
+        Agreement of the bodies, of which each is a tree.
     joints : tuple of JointScore
         One per joint that the result and the truth share.
     lengths : tuple of LengthScore
@@ -48,6 +52,7 @@ class Evaluation:
     labels: LabelScore | None = None
     limbs: LimbScore | None = None
     topology: TopologyScore | None = None
+    bodies: BodyScore | None = None
     joints: tuple[JointScore, ...] = ()
     lengths: tuple[LengthScore, ...] = ()
     markers: tuple[MarkerScore, ...] = ()
@@ -140,7 +145,8 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
         return Evaluation(labels, limbs)
     true_of_limb = match_limbs(limb_of_marker, true_of_marker, truth)
     topology = score_topology(project.topology.edges, true_of_limb, truth)
-    found = Evaluation(labels, limbs, topology)
+    bodies = score_bodies(limb_of_marker, project.topology.parents, true_of_marker, truth)
+    found = Evaluation(labels, limbs, topology, bodies)
     return _with_motion_scores(found, project, truth, true_of_limb, true_of_marker)
 
 
@@ -225,6 +231,9 @@ def _overview(evaluation: Evaluation) -> Table:
         rows.append(("joints of the true tree", f"{len(topology.found)} of {n_true}"))
         rows += [("missed joint", name) for name in topology.missed]
         rows += [("extra joint", name) for name in topology.extra]
+    if (bodies := evaluation.bodies) is not None and max(bodies.n_bodies_found, bodies.n_bodies_true) > 1:
+        rows.append(("bodies", f"{bodies.n_bodies_found} of {bodies.n_bodies_true}"))
+        rows.append(("part of the markers in the tree of their body", f"{bodies.share:.4f}"))
     figures = {
         "mean joint error [mm]": evaluation.mean_joint_error,
         "worst joint error [mm]": evaluation.worst_joint_error,

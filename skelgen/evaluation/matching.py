@@ -18,6 +18,7 @@ from sklearn.metrics import adjusted_rand_score
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
+from skelgen.model.topology import limbs_of_bodies
 from skelgen.simulation.truth import Truth
 
 POINT_TOLERANCE = 1.0
@@ -157,6 +158,26 @@ class LimbScore:
 
 
 @dataclass(frozen=True)
+class BodyScore:
+    """How well the trees agree with the bodies.
+
+    Attributes
+    ----------
+    n_bodies_found, n_bodies_true : int
+        Number of trees in the result and in the truth.
+    share : float
+        Part of the markers on limbs that are in the tree which their body is matched with.
+    is_exact : bool
+        Whether each body is one tree and each tree one body.
+    """
+
+    n_bodies_found: int
+    n_bodies_true: int
+    share: float
+    is_exact: bool
+
+
+@dataclass(frozen=True)
 class TopologyScore:
     """How well the limbs were joined; edges have no direction, as the choice of the root is free.
 
@@ -197,6 +218,29 @@ def score_limbs(limb_of_marker: Ints, true_of_marker: Ints, truth: Truth) -> Lim
     is_complete = set(true_of_marker[known].tolist()) == set(range(truth.n_markers)) and not alone.any()
     is_exact = bool(is_complete and index == 1.0 and n_found == truth.n_limbs)
     return LimbScore(index, is_exact, n_found, truth.n_limbs, n_left_out=int((limb_of_marker < 0).sum()))
+
+
+def score_bodies(limb_of_marker: Ints, parents: Ints, true_of_marker: Ints, truth: Truth) -> BodyScore:
+    """Compare trees with the true ones, marker by marker.
+
+    Parameters
+    ----------
+    limb_of_marker, true_of_marker, truth
+        As for `score_limbs`.
+    parents : ndarray of intp, shape (n_limbs,)
+        The result's forest, -1 for roots.
+    """
+    known = (true_of_marker >= 0) & (limb_of_marker >= 0)
+    found, true = limbs_of_bodies(parents), limbs_of_bodies(truth.parents)
+    of_limb, of_true_limb = np.empty(len(parents), dtype=np.intp), np.empty(truth.n_limbs, dtype=np.intp)
+    for bodies, body_of in ((found, of_limb), (true, of_true_limb)):
+        for body, limbs in enumerate(bodies):
+            body_of[limbs] = body
+    shared = np.zeros((len(found), len(true)), dtype=np.intp)
+    np.add.at(shared, (of_limb[limb_of_marker[known]], of_true_limb[truth.limb_of_marker[true_of_marker[known]]]), 1)
+    hits = int(shared[linear_sum_assignment(shared, maximize=True)].sum())
+    share = hits / max(int(shared.sum()), 1)
+    return BodyScore(len(found), len(true), share, len(found) == len(true) and share == 1.0)
 
 
 def match_limbs(limb_of_marker: Ints, true_of_marker: Ints, truth: Truth) -> Ints:

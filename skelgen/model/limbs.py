@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,12 +30,19 @@ class Limbs:
         user states it; NaN for markers that are left out. None where it was not estimated.
     names : tuple of str, length n_limbs
         What the limbs are called, each otherwise; ``limb0``, ``limb1`` and so on if nobody says.
+    body_of_limb : ndarray of intp, shape (n_limbs,)
+        The body that each limb is part of, as far as markers tell: no joint is sought between two bodies. All 0 if
+        left out.
+    body_probability : ndarray, shape (n_bodies,)
+        That each is a body of its own and no part of another one; 1 if left out.
     """
 
     limb_of_marker: Ints
     distance_deviation: Floats
     names: tuple[str, ...] = ()
     membership: Floats | None = None
+    body_of_limb: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    body_probability: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
@@ -49,6 +56,15 @@ class Limbs:
         if self.membership is not None:
             membership = check_probabilities(self.membership, (n_markers, len(used)), "membership")
             set_fields(self, membership=membership)
+        body = self.body_of_limb if len(self.body_of_limb) else np.zeros(len(used), dtype=np.intp)
+        set_fields(self, body_of_limb=check_ints(body, (len(used),), "body_of_limb"))
+        sure = self.body_probability if len(self.body_probability) else np.ones(self.n_bodies)
+        set_fields(self, body_probability=check_probabilities(sure, (self.n_bodies,), "body_probability"))
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of bodies that markers tell; the joints may tell more."""
+        return int(self.body_of_limb.max(initial=0)) + 1
 
     @property
     def n_limbs(self) -> int:

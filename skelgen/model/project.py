@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from skelgen.errors import MissingResultError
 from skelgen.model import tables
 from skelgen.model.arrays import check_whole, set_fields
+from skelgen.model.bodies import Body, bodies_of
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
@@ -152,6 +153,11 @@ class Project:
     def topology(self) -> Topology:
         """The tree of limbs with raw joints, the result of stage 3."""
         return _present(self._topology, "joints", "joints")
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The bodies that no joint connects, each a tree of limbs; the one with most limbs first."""
+        return bodies_of(self)
 
     @property
     def skeleton(self) -> Skeleton:

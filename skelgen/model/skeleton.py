@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
 from skelgen.model.limbs import check_limb_names
-from skelgen.model.topology import joint_children, outward_order
+from skelgen.model.topology import joint_children, limbs_of_bodies, outward_order
 
 _JOINTS = {
     ("chest", "head"): "neck",
@@ -229,6 +229,11 @@ class Skeleton:
     def roots(self) -> Ints:
         """Limbs without a parent."""
         return np.flatnonzero(self.parents < 0)
+
+    @property
+    def bodies(self) -> tuple[Ints, ...]:
+        """The limbs of each body, that is of each tree, rising; the body with most limbs first."""
+        return limbs_of_bodies(self.parents)
 
     @property
     def outward(self) -> Ints:

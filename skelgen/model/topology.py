@@ -105,11 +105,14 @@ class Topology:
         tree.add_edges_from(self.edges.tolist())
         return tree
 
+    @property
+    def bodies(self) -> tuple[Ints, ...]:
+        """The limbs of each body, that is of each tree; see `limbs_of_bodies`."""
+        return limbs_of_bodies(self.parents)
+
     def limbs_of_tree(self, limb: int) -> set[int]:
         """Return the limbs of the tree that a limb belongs to."""
-        from networkx import node_connected_component  # noqa: PLC0415 - see the module's docstring
-
-        return set(node_connected_component(self.tree, limb))
+        return next(set(body.tolist()) for body in self.bodies if limb in body)
 
     def for_take(self, n_frames: int) -> Topology:
         """Return the same tree for another take, where joints were not sought frame by frame."""
@@ -262,6 +265,26 @@ def outward_order(parents: Ints) -> Ints:
     for limb in order:  # the list grows while it is walked: that is the breadth-first search
         order.extend(int(child) for child in np.flatnonzero(parents == limb))
     return np.array(order, dtype=np.intp)
+
+
+def limbs_of_bodies(parents: Ints) -> tuple[Ints, ...]:
+    """Return the limbs of each body, that is of each tree, rising; the body with most limbs first.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+
+    Examples
+    --------
+    >>> [limbs.tolist() for limbs in limbs_of_bodies(np.array([-1, -1, 1, 2]))]
+    [[1, 2, 3], [0]]
+    """
+    root = np.arange(len(parents))
+    for child in joint_children(parents).tolist():
+        root[child] = root[parents[child]]
+    bodies = [np.flatnonzero(root == one) for one in np.unique(root)]
+    return tuple(sorted(bodies, key=lambda limbs: (-len(limbs), int(limbs[0]))))
 
 
 def joint_children(parents: Ints) -> Ints:

@@ -246,3 +246,18 @@ def test_a_take_of_poses_is_an_input_error(human: SimulatedTake) -> None:
     poses = Poses(human.truth.world_from_limb, human.truth.limb_names, 100.0)
     with pytest.raises(InputError):
         evaluate(Project(poses), human.truth)
+
+
+def test_bodies_are_scored_by_the_markers_in_their_trees(perfect) -> None:
+    two = simulate("rods", n_frames=10, subjects=2)
+    project = perfect(two)
+    scores = evaluate(project, two.truth).bodies
+    assert (scores.n_bodies_found, scores.n_bodies_true, scores.share, scores.is_exact) == (2, 2, 1.0, True)
+    parents = project.topology.parents.copy()
+    parents[np.flatnonzero(parents < 0)[1]] = 0
+    n = len(parents) - 1
+    raw = np.zeros((10, n, 3))
+    topology = Topology(parents, project.topology.joint_costs, raw, np.zeros(n, int), np.zeros(n), 0.1)
+    joined = evaluate(project.with_topology(topology, StageReport()), two.truth)
+    assert (joined.bodies.n_bodies_found, joined.bodies.share, joined.bodies.is_exact) == (1, 0.5, False)
+    assert ("bodies", "1 of 2") in evaluation_tables(joined)[0].rows

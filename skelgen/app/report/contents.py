@@ -158,7 +158,19 @@ def _tree_sentence(project: Project) -> str:
     doubts = f" {counted(n_doubtful, 'edge')} of the tree may be another." if n_doubtful else ""
     doubts += f" The motion does not determine where {counted(n_open, 'joint')} lie." if n_open else ""
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
-    return f"{joints} connect them to {shape} with {roots} as root.{doubts}"
+    return f"{joints} connect them to {shape} with {roots} as root.{_bodies(project)}{doubts}"
+
+
+def _bodies(project: Project) -> str:
+    """Which bodies there are, if there are several."""
+    if len(project.bodies) == 1:
+        return ""
+    parts = []
+    for body in project.bodies:
+        sure = "" if body.probability is None else f", {100 * body.probability:.0f} % sure"
+        limbs, markers = counted(len(body.limbs), "limb"), counted(len(body.markers), "marker")
+        parts.append(f"{body.name} ({limbs}, {markers}{sure})")
+    return f" They are {len(parts)} bodies: {listed(parts)}."
 
 
 def _fit_sentence(project: Project) -> str:

@@ -34,6 +34,9 @@ TINY = 1e-3
 SUREST = 8.0
 """Largest log odds: more would leave joint costs no say."""
 
+APART = -100.0
+"""Log odds that limbs of two bodies are joined: they are not, and are not tried."""
+
 FEATURES = (
     "how far",
     "how unsteady",
@@ -102,7 +105,7 @@ SQUARE_WEIGHTS = (
 )
 
 
-def neighbour_odds(segments: Sequence[Segment], frames: Ints) -> Floats:
+def neighbour_odds(segments: Sequence[Segment], frames: Ints, body_of_limb: Ints) -> Floats:
     """Return the log odds that each two limbs are joined, by how near each other they stay.
 
     Parameters
@@ -111,12 +114,24 @@ def neighbour_odds(segments: Sequence[Segment], frames: Ints) -> Floats:
         All limbs.
     frames : ndarray of intp
         Sampled frames.
+    body_of_limb : ndarray of intp, shape (n_limbs,)
+        What is near and far is judged in each body.
 
     Returns
     -------
     ndarray, shape (n_limbs, n_limbs)
-        0 where nothing is known: on the diagonal, where limbs are never seen together, and if limbs are few.
+        0 where nothing is known: on the diagonal, where limbs are never seen together, and if limbs are few; `APART`
+        between bodies.
     """
+    odds = np.full((len(segments), len(segments)), APART)
+    for body in np.unique(body_of_limb):
+        limbs = np.flatnonzero(body_of_limb == body)
+        odds[np.ix_(limbs, limbs)] = _odds_within([segments[limb] for limb in limbs.tolist()], frames)
+    return odds
+
+
+def _odds_within(segments: Sequence[Segment], frames: Ints) -> Floats:
+    """The same within one body."""
     if len(segments) < ENOUGH_LIMBS:
         return np.zeros((len(segments), len(segments)))
     features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])

@@ -127,6 +127,21 @@ class JointConstraints:
         joined = (*self.joined, *limb_pairs(parameters.joined, names, limbs))
         return replace(self, joined=joined, parted=(*self.parted, *limb_pairs(parameters.parted, names, limbs)))
 
+    def bodies(self, body_of_limb: Ints) -> Ints:
+        """Return the body of each limb, shape (n_limbs,), where what the user states joins bodies to one.
+
+        Parameters
+        ----------
+        body_of_limb : ndarray of intp, shape (n_limbs,)
+            As markers tell.
+        """
+        if self.parents is not None:
+            return np.zeros_like(body_of_limb)
+        joined = body_of_limb.copy()
+        for first, second in self.joined:
+            joined[joined == joined[second]] = joined[first]
+        return joined
+
     def applied(self, costs: Floats) -> Floats:
         """Return costs whose minimum spanning tree obeys: stated joints cost less than nothing, refused ones are none.
 

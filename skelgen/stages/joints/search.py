@@ -13,6 +13,7 @@ from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.nearness import APART
 from skelgen.stages.joints.pairs import JointGuess, classic_joint, drawn_joint, guess_joint
 from skelgen.stages.joints.parameters import JointParameters, Pair
 from skelgen.stages.joints.segments import (
@@ -47,7 +48,8 @@ class PairSearch:
     monitor : Monitor
         Told of progress.
     odds : ndarray, shape (n_limbs, n_limbs), optional
-        Log odds that limbs are neighbours: two without poses are tried if one is among the likeliest of the other.
+        Log odds that limbs are neighbours: two without poses are tried if one is among the likeliest of the other,
+        and none between bodies, where they are `APART`.
     """
 
     def __init__(
@@ -84,6 +86,8 @@ class PairSearch:
         return self._guesses
 
     def _is_near(self, pair: Pair) -> bool:
+        if self._odds is not None and self._odds[pair] == APART:
+            return False
         return not self._parameters.n_nearest or self._rank(pair) < self._parameters.n_nearest
 
     def _is_worth_a_descent(self, pair: Pair) -> bool:

@@ -65,7 +65,8 @@ def find_joints(
     markers = markers_of_limbs(trajectories.positions, limbs, int(parameters.samples))
     n_frames, frames = len(markers[0]), sample_frames(len(markers[0]), parameters)
     segments = make_segments(markers, frames)
-    odds = neighbour_odds(segments, frames)
+    body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
+    odds = neighbour_odds(segments, frames, body_of_limb)
     guesses = PairSearch(segments, frames, parameters, seed, monitor, odds).guesses()
     costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
     radius = usual_radius(segments, frames) if parameters.separate else None
@@ -86,7 +87,10 @@ def find_joints(
         final_alpha=parameters.alpha_final,
     )
     topology = with_certainty(topology, costs.turns, stated)
-    for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
+    for notice in (
+        *tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb)))),
+        *undetermined_limb_notices(segments),
+    ):
         monitor.notice(notice)
     if parameters.solver == "conjugate-gradient":
         for notice in stuck_joint_notices(joints, tree.parents):

@@ -237,7 +237,7 @@ def loop_joints(parents: Ints, costs: JointCosts) -> tuple[Pair, ...]:
 
 
 def tree_notices(
-    topology: Topology, costs: JointCosts, guesses: Mapping[Pair, JointGuess], cut: list[Pair]
+    topology: Topology, costs: JointCosts, guesses: Mapping[Pair, JointGuess], apart: tuple[list[Pair], int]
 ) -> Iterator[str]:
     """Say what is doubtful about a tree.
 
@@ -249,9 +249,10 @@ def tree_notices(
         Its costs.
     guesses : mapping of pair to JointGuess
         The joint between each two limbs.
-    cut : list of pairs of int
-        Edges that were taken out, because they are no joints.
+    apart : tuple of list of pairs of int and int
+        Edges that were taken out, because they are no joints; number of bodies between which none was sought.
     """
+    cut, n_bodies = apart
     for parent, child in cut:
         gap = float(np.sqrt(3 * costs.squares[parent, child]))
         yield (
@@ -259,7 +260,7 @@ def tree_notices(
             f"{guesses[min(parent, child), max(parent, child)].distance:.0f} mm from the markers and wobbles by "
             f"{gap:.0f} mm; they are separate bodies"
         )
-    n_never = len(topology.roots) - 1 - len(cut)
+    n_never = len(topology.roots) - n_bodies - len(cut)
     if n_never > 0:
         yield (
             f"{n_never + 1} limbs or groups of limbs are never seen together, or may not be joined: they are separate "

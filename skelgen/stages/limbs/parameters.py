@@ -45,6 +45,13 @@ class LimbParameters(StageParameters):
     )
     together: str = declare("", "names of markers that share a limb, as in 'a, b; c, d, e'", basic=True)
     apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'", basic=True)
+    n_bodies: int = declare(
+        0,
+        "number of bodies that nothing joins, each of which gets a tree of its own; 0 finds it",
+        unit="bodies",
+        within=(0, 100),
+        basic=True,
+    )
     marker_set: str = declare(
         "auto",
         "auto names limbs by the names of their markers, and by the marker set that is recognised; none gives them "

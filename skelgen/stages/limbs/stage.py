@@ -13,6 +13,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
+from skelgen.stages.limbs.bodies import find_bodies
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
 from skelgen.stages.limbs.membership import memberships
@@ -83,34 +84,67 @@ def find_limbs(
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
-    deviations, stated = every.of(usable), named.of(usable)
-    grouping = _Grouping(trajectories.positions[:, usable], stated, parameters, n_limbs, seed)
-    rigid = grouping.voted(frames, deviations)
-    groups = grouping.revised(rigid, frames, deviations)
+    body_of_marker, sure = _bodies(trajectories.positions, usable, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    limb_of_marker[usable] = groups
-    if n_limbs is None:
-        # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
-        steady = deviations.steady
-        known = ~np.isnan(steady)
-        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), rigid)
-        usual = sums.neighbour_motion()
-        others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
-        is_alone = np.bincount(groups)[groups] == 1
-        is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
-        outliers = usable[is_far & ~stated.is_named]
-        limb_of_marker[outliers] = -1
-        _notice_left_out(trajectories, outliers, "moving against all limbs like none of them", monitor)
-    limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
+    for body in range(len(sure)):
+        markers = usable[body_of_marker[usable] == body]
+        grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
+        groups = grouping.limbs(frames, every.of(markers))
+        _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
+        limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
+    on_limb = np.flatnonzero(limb_of_marker >= 0)
+    limb_of_marker[on_limb] = _numbered_by_first(limb_of_marker[on_limb])
+    body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
+    body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
+    kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
+    if len(sure) > 1:
+        monitor.notice(_about_bodies(body_of_marker[usable], sure))
     for notice in limb_notices(trajectories, limb_of_marker, frames):
         monitor.notice(notice)
-    on_limb = np.flatnonzero(limb_of_marker >= 0)
-    membership = np.full((len(limb_of_marker), limb_of_marker.max() + 1), np.nan)
-    if len(on_limb):
-        sampled = trajectories.positions[frames][:, on_limb]
-        membership[on_limb] = memberships(sampled, limb_of_marker[on_limb], named.of(on_limb))
+    membership = _memberships(trajectories.positions[frames], limb_of_marker, body_of_limb, named)
     monitor.advance(1, 1)
-    return Limbs(limb_of_marker, every.plain, membership=membership)
+    return Limbs(
+        limb_of_marker, every.plain, membership=membership, body_of_limb=body_of_limb, body_probability=sure[kept]
+    )
+
+
+def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, named: MarkerConstraints) -> Floats:
+    """Probability of each limb for each marker, NaN for those on none; limbs of other bodies have none."""
+    membership = np.full((len(limb_of_marker), len(body_of_limb)), np.nan)
+    for body in np.unique(body_of_limb).tolist():
+        limbs = np.flatnonzero(body_of_limb == body)
+        markers = np.flatnonzero(np.isin(limb_of_marker, limbs))
+        membership[markers] = 0.0
+        own = np.searchsorted(limbs, limb_of_marker[markers])
+        membership[np.ix_(markers, limbs)] = memberships(positions[:, markers], own, named.of(markers))
+    return membership
+
+
+def _bodies(
+    positions: Floats, usable: Ints, named: MarkerConstraints, parameters: LimbParameters, n_limbs: int | None
+) -> tuple[Ints, Floats]:
+    """Body of each marker, and how likely each body is one; a limb that the user states is on one body."""
+    body_of_marker = np.zeros(positions.shape[1], dtype=np.intp)
+    if n_limbs is not None and parameters.n_bodies > 1:
+        raise InputError("give either the number of limbs or that of bodies: how limbs are shared is not known")
+    if parameters.n_bodies == 1 or n_limbs is not None or parameters.method != "rigidity":
+        return body_of_marker, np.ones(1)
+    body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies)
+    if len(sure) < parameters.n_bodies:
+        raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
+    for block in named.blocks:
+        bodies = np.unique(body_of_marker[list(block)])
+        body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
+    kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)
+    return body_of_marker, sure[kept] if len(kept) > 1 else np.ones(1)
+
+
+def _about_bodies(body_of_marker: Ints, sure: Floats) -> str:
+    sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
+    return (
+        f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
+        "stays near one of another"
+    )
 
 
 class _Grouping:
@@ -126,6 +160,30 @@ class _Grouping:
     ) -> None:
         self._positions, self._constraints, self._parameters = positions, constraints, parameters
         self._n_limbs, self._seed = n_limbs, seed
+
+    def limbs(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
+        """Return the limb of each marker, -1 for those that move against all limbs like none of them.
+
+        Parameters
+        ----------
+        frames : ndarray of intp
+            The first sampling.
+        deviations : Deviations
+            Of distances over these frames.
+        """
+        rigid = self.voted(frames, deviations)
+        groups = self.revised(rigid, frames, deviations)
+        if self._n_limbs is not None:
+            return groups
+        # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
+        steady = deviations.steady
+        known = ~np.isnan(steady)
+        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), rigid)
+        usual = sums.neighbour_motion()
+        others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
+        is_alone = np.bincount(groups)[groups] == 1
+        is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
+        return np.where(is_far & ~self._constraints.is_named, -1, groups)
 
     def voted(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         """Group by one sampling after the other until more than half agree; else take the majority of all pairs.

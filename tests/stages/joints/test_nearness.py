@@ -35,9 +35,8 @@ def hanging_arms(scale=1.0):
 
 def table(take, limbs):
     frames = np.arange(take.n_frames)
-    return neighbour_odds(
-        make_segments([take.positions[:, limbs.markers_of(k)] for k in range(limbs.n_limbs)], frames), frames
-    )
+    segments = make_segments([take.positions[:, limbs.markers_of(k)] for k in range(limbs.n_limbs)], frames)
+    return neighbour_odds(segments, frames, limbs.body_of_limb)
 
 
 def test_arms_that_hang_still_are_not_joined_to_each_other():

@@ -157,7 +157,7 @@ class TestBodies:
         both = np.concatenate([one, other + np.array([2500.0, 0.0, 0.0])], axis=1)
         result, said = outcome(cloud_of([random.permutation(frame) for frame in both]))
         assert result.limbs.n_limbs == 6
-        assert "they are separate bodies" in said
+        assert "the take shows 2 bodies" in said
         assert len(result.topology.roots) == 2
 
 

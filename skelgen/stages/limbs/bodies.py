@@ -1,0 +1,180 @@
+"""Which markers belong to one body, where a take shows several: people, animals, a person and a chair.
+
+Joined limbs have a place where they stay together, and some marker of one stays near some marker of the other, at a
+distance that hardly changes. Two bodies have no such place. Markers are joined to a tree, each step as short and as
+steady as it can be; every step parts the markers in two, and how likely these are two bodies is told by the pair of
+markers across that stays nearest, and the pair that stays near and steady, beside the other steps of the tree. How
+much each of this says is learned.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+
+LOOKED_AT = 200
+"""Frames: bodies move slowly against each other, more would repeat each other."""
+
+FARTHEST = 0.95
+"""Part of the frames in which two markers are no farther from each other than what counts: labels may jump."""
+
+LEAST_COMMON = 8
+"""Frames that must show both markers."""
+
+LEAST_MARKERS = 5
+"""Markers of a body that is parted here; smaller things are told from joints, which the next stage looks for."""
+
+STEADY = 0.1
+"""Of the usual step of the tree: steadier pairs are all alike when the tree is made."""
+
+RIGID = 0.02
+"""Of the longest usual step: steadier pairs are all alike when they are compared."""
+
+LONG = 0.9
+"""Part of the other steps that are shorter than a long one, beside which a step is judged."""
+
+FEATURES = ("how far and unsteady / long step squared", "how far / long step")
+"""What the columns of `Cuts.features` hold: logarithms. Each is the least of all pairs of markers across."""
+
+# Learned by tests/benchmarks/learn_bodies.py
+BIAS = -3.5
+WEIGHTS = (1.32, 6.78)
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """Ways to part markers in two.
+
+    Attributes
+    ----------
+    is_second : ndarray of bool, shape (n_cuts, n_markers)
+        Which markers are in the second part.
+    features : ndarray, shape (n_cuts, n_features)
+        What the markers across are like.
+    """
+
+    is_second: Bools
+    features: Floats
+
+    @property
+    def odds(self) -> Floats:
+        """Log odds that the two parts are two bodies, shape (n_cuts,)."""
+        return np.asarray(BIAS + self.features @ np.array(WEIGHTS))
+
+
+def find_bodies(positions: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
+    """Find the body that each marker is on.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    n_bodies : int
+        How many there are; 0 finds it.
+
+    Returns
+    -------
+    body_of_marker : ndarray of intp, shape (n_markers,)
+        Numbered in the order of their first markers.
+    probability : ndarray, shape (n_bodies,)
+        That each is a body of its own and no part of another one.
+    """
+    far, unsteady = marker_distances(positions)
+    body = np.zeros(positions.shape[1], dtype=np.intp)
+    odds_of = [np.inf]
+    while len(odds_of) != n_bodies:
+        found = [_best_cut(np.flatnonzero(body == one), far, unsteady) for one in range(len(odds_of))]
+        best = max(range(len(found)), key=lambda one: found[one][0])
+        odds, second = found[best]
+        if not np.isfinite(odds) or (odds <= 0.0 and not n_bodies):
+            break
+        body[second] = len(odds_of)
+        odds_of[best] = min(odds_of[best], odds)
+        odds_of.append(odds)
+    _, first, number = np.unique(body, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    sure = 1.0 / (1.0 + np.exp(-np.array(odds_of)))
+    return np.argsort(order)[number], sure[order]
+
+
+def cuts(far: Floats, unsteady: Floats) -> Cuts:
+    """Return the ways to part markers in two along a tree of short and steady steps.
+
+    Parameters
+    ----------
+    far : ndarray, shape (n_markers, n_markers), mm
+        Distance below which two markers usually stay; infinite where they are not seen together.
+    unsteady : ndarray, shape (n_markers, n_markers), mm
+        Deviation of their distance; infinite likewise.
+    """
+    n_markers, known = len(far), np.isfinite(far) & ~np.eye(len(far), dtype=np.bool_)
+    empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros((0, len(FEATURES))))
+    if n_markers < 2 * LEAST_MARKERS or not known.any(axis=1).all():
+        return empty
+    usual = float(np.median(np.where(known, far, np.inf).min(axis=1)))
+    tree = _tree(np.where(known, far * np.hypot(unsteady, STEADY * usual), 0.0))
+    steps = np.array([far[one, other] for one, other in tree])
+    parts, features = [], []
+    for index, second in enumerate(_branches(tree, n_markers)):
+        n_smaller = min(int(second.sum()), n_markers - int(second.sum()))
+        across = np.ix_(~second, second)
+        if n_smaller < LEAST_MARKERS or len(tree) < n_markers - 1 or usual <= 0.0:
+            continue
+        long = float(np.quantile(np.delete(steps, index), LONG))
+        apart, wobble = far[across] / long, np.maximum(unsteady[across] / long, RIGID)
+        parts.append(second)
+        features.append(np.log([(apart * wobble).min(), apart.min()]))
+    return Cuts(np.array(parts), np.array(features)) if parts else empty
+
+
+def _best_cut(markers: Ints, far: Floats, unsteady: Floats) -> tuple[float, Ints]:
+    """Log odds of the cut that is most likely one between bodies, and the markers of its second part."""
+    block = np.ix_(markers, markers)
+    found = cuts(far[block], unsteady[block])
+    if not len(found.features):
+        return -np.inf, markers[:0]
+    best = int(found.odds.argmax())
+    return float(found.odds[best]), markers[found.is_second[best]]
+
+
+def marker_distances(positions: Floats) -> tuple[Floats, Floats]:
+    """Distance below which two markers usually stay, and its deviation [mm]; infinite where not seen together."""
+    positions = positions[evenly_spread(np.arange(len(positions)), LOOKED_AT)]
+    n_frames, n_markers = positions.shape[:2]
+    far, unsteady = np.full((2, n_markers, n_markers), np.inf)
+    for marker in range(n_markers):
+        gaps = np.sort(np.linalg.norm(positions - positions[:, [marker]], axis=2), axis=0)  # NaN last
+        n_common = (~np.isnan(gaps)).sum(axis=0)
+        other = np.flatnonzero(n_common >= LEAST_COMMON)
+        far[marker, other] = gaps[(FARTHEST * (n_common[other] - 1)).astype(np.intp), other]
+        # Markers seen together in few frames had little time to move
+        unsteady[marker, other] = np.sqrt(n_frames / n_common[other]) * np.nanstd(gaps[:, other], axis=0)
+    return far, unsteady
+
+
+def _tree(weights: Floats) -> list[tuple[int, int]]:
+    """Edges of the minimum spanning tree; 0 stands for no edge."""
+    from scipy.sparse.csgraph import minimum_spanning_tree  # noqa: PLC0415 - heavy
+
+    found = minimum_spanning_tree(weights).tocoo()
+    return list(zip(found.row.tolist(), found.col.tolist(), strict=True))
+
+
+def _branches(tree: list[tuple[int, int]], n_markers: int) -> Iterator[Bools]:
+    """Which markers are beyond each edge of a tree, seen from the first marker."""
+    neighbours: list[list[int]] = [[] for _ in range(n_markers)]
+    for one, other in tree:
+        neighbours[one].append(other)
+        neighbours[other].append(one)
+    parents, order = np.full(n_markers, -1), [0]
+    for marker in order:  # grows while it is walked
+        children = [other for other in neighbours[marker] if other != parents[marker]]
+        parents[children] = marker
+        order += children
+    beyond = np.eye(n_markers, dtype=np.bool_)
+    for marker in order[:0:-1]:
+        beyond[parents[marker]] |= beyond[marker]
+    for one, other in tree:
+        yield beyond[one if parents[one] == other else other]

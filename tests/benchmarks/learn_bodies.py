@@ -1,0 +1,102 @@
+"""Learn the weights of skelgen/stages/limbs/bodies.py: ``python tests/benchmarks/learn_bodies.py``.
+
+Takes of learn_pairs.py, every `EVERY`th of the simulated ones, alone and in pairs beside each other at `APART`. Cuts of
+one body are wrong, the cut between two bodies is right. First printed: how many takes of each kind are told rightly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from learn_pairs import Subject, subjects
+from shown import show
+from sklearn.linear_model import LogisticRegression
+
+from skelgen.model.arrays import Bools, Floats, evenly_spread
+from skelgen.stages.limbs import bodies
+
+EVERY = 4
+APART = (500.0, 700.0, 1000.0, 1500.0, 3000.0)  # mm
+PAIRS = 2  # for each take
+WRONG_SHARE = 4.0  # takes of one body are so many times more frequent than those of two
+
+
+class Case(NamedTuple):
+    """A take of one body or two: what its cuts are like, and which is between bodies."""
+
+    kind: str
+    features: Floats
+    is_between: Bools
+
+
+def main() -> None:
+    """Print the weights, and how many takes they tell rightly."""
+    taken = list(chosen())
+    rng = np.random.default_rng(0)
+    cases = [case(one.kind, one.positions, one.positions.shape[1]) for one in taken]
+    for index, one in enumerate(taken):
+        for _ in range(PAIRS):
+            other = taken[int(rng.integers(len(taken)))] if one.kind != "structure" else taken[index - 1]
+            both, n_first = together(one.positions, other.positions, rng.choice(APART), rng)
+            cases.append(case(f"two: {one.kind}", both, n_first))
+    cases = [one for one in cases if len(one.features)]
+    fit = LogisticRegression(C=100.0, max_iter=2000)
+    weights = np.concatenate([weights_of(one) for one in cases])
+    fit.fit(
+        np.concatenate([one.features for one in cases]),
+        np.concatenate([one.is_between for one in cases]),
+        sample_weight=weights * len(weights) / weights.sum(),
+    )
+    print(f"BIAS = {fit.intercept_[0]:.3f}")
+    print(f"WEIGHTS = ({', '.join(f'{value:.3f}' for value in fit.coef_[0])})")
+    rows = []
+    for kind in sorted({one.kind for one in cases}):
+        of_kind = [one for one in cases if one.kind == kind]
+        odds = [fit.decision_function(one.features) for one in of_kind]
+        right = [
+            bool(one.is_between[value.argmax()]) if value.max() > 0 else not one.kind.startswith("two")
+            for one, value in zip(of_kind, odds, strict=True)
+        ]
+        best = sorted(float(value.max()) for value in odds)
+        rows.append((kind, f"{sum(right)} of {len(right)}", f"{best[0]:.1f}", f"{best[-1]:.1f}"))
+    show("Takes told rightly", ("take", "right", "least log odds", "most"), rows)
+
+
+def chosen() -> Iterator[Subject]:
+    """Some of the takes of learn_pairs.py; people with z up."""
+    for index, one in enumerate(subjects()):
+        if one.kind == "person" or index % EVERY == 0:
+            positions = one.positions
+            if one.name in {"landing", "treadmill", "walk"}:
+                positions = positions[..., [2, 0, 1]]
+            yield one._replace(positions=positions[evenly_spread(np.arange(len(positions)), 4 * bodies.LOOKED_AT)])
+
+
+def together(one: Floats, other: Floats, apart: float, rng: np.random.Generator) -> tuple[Floats, int]:
+    """Two bodies beside each other, as far apart in the median as is wished [mm]; the markers of the first."""
+    n_frames = min(len(one), len(other))
+    angle = rng.uniform(0, 2 * np.pi)
+    shift = np.nanmedian(one.reshape(-1, 3), axis=0) - np.nanmedian(other.reshape(-1, 3), axis=0)
+    moved = other[-n_frames:] + shift + apart * np.array([np.cos(angle), np.sin(angle), 0.0])
+    return np.concatenate([one[:n_frames], moved], axis=1), one.shape[1]
+
+
+def case(kind: str, positions: Floats, n_first: int) -> Case:
+    """The cuts of a take."""
+    found = bodies.cuts(*bodies.marker_distances(positions))
+    second = np.arange(positions.shape[1]) >= n_first
+    between = (found.is_second == second).all(axis=1) | (found.is_second != second).all(axis=1)
+    return Case(kind, found.features, between & (n_first < positions.shape[1]))
+
+
+def weights_of(one: Case) -> Floats:
+    """How much each cut counts: all of a take together as much as its cut between bodies."""
+    n_between = int(one.is_between.sum())
+    wrong = WRONG_SHARE / max(len(one.is_between) - n_between, 1)
+    return np.where(one.is_between, 1.0, wrong)
+
+
+if __name__ == "__main__":
+    main()

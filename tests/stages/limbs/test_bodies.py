@@ -1,0 +1,67 @@
+"""Bodies that nothing joins are found before their limbs, and each is grouped by itself."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skelgen.errors import InputError
+from skelgen.simulation import simulate
+from skelgen.stages.joints import JointConstraints, find_joints
+from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
+from skelgen.stages.limbs.bodies import find_bodies
+
+OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
+
+
+@pytest.fixture(scope="module")
+def two_people():
+    return simulate("human", subjects=2, apart=1000.0, **OPTIONS)
+
+
+def subject_of(names):
+    return np.array([int(name.split(":")[0].removeprefix("subject ")) - 1 for name in names])
+
+
+def test_two_people_side_by_side_are_two_bodies_and_two_trees(two_people, notices):
+    limbs = find_limbs(two_people.take, monitor=notices)
+    assert np.array_equal(limbs.body_of_limb[limbs.limb_of_marker], subject_of(two_people.take.names))
+    assert limbs.body_probability.min() > 0.9
+    assert "2 bodies, of 41, 41 markers" in " ".join(notices.sentences)
+    trees = find_joints(two_people.take, limbs).bodies
+    assert [np.unique(limbs.body_of_limb[limbs_of_tree]).tolist() for limbs_of_tree in trees] == [[0], [1]]
+
+
+def test_limbs_of_one_body_are_those_that_it_has_alone(two_people):
+    first = np.arange(41)
+    alone = dataclasses.replace(
+        two_people.take, positions=two_people.take.positions[:, first], names=two_people.take.names[:41]
+    )
+    both, single = find_limbs(two_people.take), find_limbs(alone)
+    assert np.array_equal(both.limb_of_marker[first], single.limb_of_marker)
+    assert np.array_equal(both.membership[first][:, : single.n_limbs], single.membership)
+
+
+@pytest.mark.parametrize("kind", ["human", "quadruped", "rods", "tree:8"])
+def test_one_body_is_one(kind):
+    assert len(find_bodies(simulate(kind, n_frames=300, noise=0.5).take.positions)[1]) == 1
+
+
+def test_markers_that_the_user_puts_on_one_limb_are_on_one_body(two_people):
+    names = two_people.take.names
+    stated = LimbConstraints(together=[(names[0], names[41])])
+    assert find_limbs(two_people.take, constraints=stated).n_bodies == 1
+
+
+def test_joint_that_the_user_states_joins_two_bodies(two_people):
+    limbs = find_limbs(two_people.take)
+    pair = int(limbs.limb_of_marker[0]), int(limbs.limb_of_marker[41])
+    topology = find_joints(two_people.take, limbs, constraints=JointConstraints(joined=[pair]))
+    assert len(topology.roots) == 1
+    assert list(pair) in np.sort(topology.edges).tolist()
+
+
+def test_number_of_bodies_may_be_given(two_people):
+    assert find_limbs(two_people.take, LimbParameters(n_bodies=1)).n_bodies == 1
+    with pytest.raises(InputError, match="can be told apart"):
+        find_limbs(dataclasses.replace(two_people.take), LimbParameters(n_bodies=40))
