@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from skelgen.app.batch.work import Job as Job
+    from skelgen.app.bodies import split_bodies as split_bodies
     from skelgen.app.constraints import RunOptions as RunOptions
     from skelgen.app.face import calibrate_together as calibrate_together
     from skelgen.app.face import correct as correct
@@ -57,6 +58,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "skelgen.app.face": "read load reconstruct calibrate_together correct fill evaluate run_batch",
     "skelgen.app.files": "write",
+    "skelgen.app.bodies": "split_bodies",
     "skelgen.app.subject": "apply_subject",
     "skelgen.simulation": "simulate",
     "skelgen.app.constraints": "RunOptions",

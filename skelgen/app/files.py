@@ -13,6 +13,7 @@ from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.options import Format, Option
 
 from skelgen.app.arguments import with_checked_arguments
+from skelgen.app.bodies import body_files
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
@@ -95,7 +96,8 @@ def write(
     value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
         What to write.
     path : Path or str
-        The file; its format comes from `format` or the suffix.
+        The file; its format comes from `format` or the suffix. ``{body}`` in its name writes each body of a project
+        to a file of its own, as ``walk_{body}.bvh`` to ``walk_body1.bvh`` and ``walk_body2.bvh``.
     format : str, optional
         Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
     **options
@@ -118,10 +120,12 @@ def write(
     >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
     [PosixPath('rods.trc')]
     """
-    files = files_of(Path(path), format, options)
     recording = recording_of(value) if isinstance(value, Project) else None
-    check_outputs(files, (recording,), files if Path(path).exists() else (Path(path),))
-    return write_any(value, path, format, **options)
+    parts = body_files(value, Path(path))
+    for _, target in parts:
+        files = files_of(target, format, options)
+        check_outputs(files, (recording,), files if target.exists() else (target,))
+    return [file for part, target in parts for file in write_any(part, target, format, **options)]
 
 
 def write_any(
@@ -190,9 +194,11 @@ def convert_file(
     project = open_input(source, from_format, monitor=monitor, **for_reader)
     remaining = {name: value for name, value in options.items() if name not in read}
     value = project if project.has("labels") else project.take
-    planned = files_of(target, to_format, remaining)
-    check_outputs(planned, (recording_of(project),), planned)
-    files = write_any(value, target, to_format, **remaining)
+    parts = body_files(value, target)
+    for _, path in parts:
+        planned = files_of(path, to_format, remaining)
+        check_outputs(planned, (recording_of(project),), planned)
+    files = [file for part, path in parts for file in write_any(part, path, to_format, **remaining)]
     return (*project.take.notices, *_remarks(project, target, to_format, remaining)), files
 
 

@@ -22,7 +22,12 @@ from skelgen.cli.screen import (
 )
 from skelgen.errors import InputError, ParameterError
 
-OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
+OutputFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="OUT", help="File to write; its suffix tells the format. {body} in its name writes each body by itself."
+    ),
+]
 OutputFormat = Annotated[
     str | None, typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix")
 ]

@@ -32,6 +32,9 @@ STEADY = 0.1
 RIGID = 0.02
 """Of the longest usual step: steadier pairs are all alike when they are compared."""
 
+TINY = 1e-6
+"""mm; keeps logarithms finite for markers in one place."""
+
 LONG = 0.9
 """Part of the other steps that are shorter than a long one, beside which a step is judged."""
 
@@ -113,6 +116,7 @@ def cuts(far: Floats, unsteady: Floats) -> Cuts:
     empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros((0, len(FEATURES))))
     if n_markers < 2 * LEAST_MARKERS or not known.any(axis=1).all():
         return empty
+    far = np.maximum(far, TINY)
     usual = float(np.median(np.where(known, far, np.inf).min(axis=1)))
     tree = _tree(np.where(known, far * np.hypot(unsteady, STEADY * usual), 0.0))
     steps = np.array([far[one, other] for one, other in tree])
@@ -120,7 +124,7 @@ def cuts(far: Floats, unsteady: Floats) -> Cuts:
     for index, second in enumerate(_branches(tree, n_markers)):
         n_smaller = min(int(second.sum()), n_markers - int(second.sum()))
         across = np.ix_(~second, second)
-        if n_smaller < LEAST_MARKERS or len(tree) < n_markers - 1 or usual <= 0.0:
+        if n_smaller < LEAST_MARKERS or len(tree) < n_markers - 1:
             continue
         long = float(np.quantile(np.delete(steps, index), LONG))
         apart, wobble = far[across] / long, np.maximum(unsteady[across] / long, RIGID)

@@ -1,0 +1,143 @@
+"""One project per body of a take that shows several."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.kinematics.inverse.motion import MotionAngles
+from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, Topology, Trajectories
+from skelgen.model.arrays import Ints
+from skelgen.model.bodies import Body
+
+_Writable = TypeVar("_Writable")
+
+BODY = "{body}"
+"""In the name of a file: stands for the name of a body, each of which gets a file of its own."""
+
+
+def split_bodies(project: Project) -> tuple[Project, ...]:
+    """Return a project for each body, with its markers, limbs, joints and motion; nothing is computed anew.
+
+    Parameters
+    ----------
+    project : Project
+        With joints, as `skelgen.reconstruct` makes it.
+
+    Returns
+    -------
+    tuple of Project
+        In the order of `project.bodies`, called ``walk_body1``, ``walk_body2`` and so on. A project of one body is
+        returned as it is.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> two = skelgen.reconstruct(skelgen.simulate("rods", n_frames=200, subjects=2, seed=1).take)
+    >>> [body.skeleton.n_limbs for body in skelgen.split_bodies(two)]
+    [3, 3]
+    """
+    bodies = project.bodies
+    return (project,) if len(bodies) == 1 else tuple(_one_body(project, body) for body in bodies)
+
+
+def body_files(value: _Writable, path: Path) -> tuple[tuple[_Writable | Project, Path], ...]:
+    """Return what is written to which file: each body of a project by itself where the name of the file says so.
+
+    Parameters
+    ----------
+    value : Project or other
+        What is to be written.
+    path : Path
+        The file; ``{body}`` in its name stands for ``body1``, ``body2`` and so on.
+    """
+    if BODY not in path.name or not isinstance(value, Project):
+        return ((value, path),)
+    if not value.has("joints"):
+        raise WriteError(f"{path}: bodies are told by their joints, which this project has not; run the stages first")
+    names = [path.with_name(path.name.replace(BODY, body.name)) for body in value.bodies]
+    return tuple(zip(split_bodies(value), names, strict=True))
+
+
+def _one_body(project: Project, body: Body) -> Project:
+    take, limbs = project.trajectories, project.limbs
+    names = tuple(take.names[marker] for marker in body.markers)
+    own = Trajectories(take.positions[:, body.markers], names, take.rate, f"{project.name}_{body.name}")
+    membership = None if limbs.membership is None else limbs.membership[np.ix_(body.markers, body.limbs)]
+    of_body = Limbs(
+        _renumbered(limbs.limb_of_marker[body.markers], body.limbs),
+        limbs.distance_deviation[np.ix_(body.markers, body.markers)],
+        tuple(limbs.names[limb] for limb in body.limbs),
+        membership,
+    )
+    found = Project(own, project.seed, source=project.source).with_trajectories(own, project.reports["labels"])
+    found = found.with_limbs(of_body, project.reports["limbs"])
+    joints = np.flatnonzero(np.isin(project.topology.children, body.limbs))
+    found = found.with_topology(_topology(project.topology, body, joints), project.reports["joints"])
+    if not project.has("skeleton"):
+        return found
+    skeleton = _skeleton(project.skeleton, body, joints)
+    motion = _motion(project.motion, body, joints, MotionAngles(skeleton, own.positions))
+    return found.with_skeleton(skeleton, motion, project.reports["skeleton"])
+
+
+def _renumbered(indices: Ints, kept: Ints) -> Ints:
+    """Indices into what is kept, which rises; -1 stays."""
+    return np.where(indices < 0, -1, np.searchsorted(kept, indices))
+
+
+def _topology(topology: Topology, body: Body, joints: Ints) -> Topology:
+    places = {int(limb): index for index, limb in enumerate(body.limbs)}
+    loops = tuple((places[one], places[other]) for one, other in topology.loops if one in places and other in places)
+    sure, rival = (
+        None if values is None else values[joints] for values in (topology.edge_probability, topology.rival_probability)
+    )
+    return replace(
+        topology,
+        parents=_renumbered(topology.parents[body.limbs], body.limbs),
+        joint_costs=topology.joint_costs[np.ix_(body.limbs, body.limbs)],
+        raw_joint_positions=topology.raw_joint_positions[:, joints],
+        n_iterations=topology.n_iterations[joints],
+        values=topology.values[joints],
+        loops=loops,
+        edge_probability=sure,
+        rival_probability=rival,
+    )
+
+
+def _skeleton(skeleton: Skeleton, body: Body, joints: Ints) -> Skeleton:
+    places = {int(limb): index for index, limb in enumerate(body.limbs)}
+
+    def moved(joint: Joint) -> Joint:
+        return replace(joint, parent=places[joint.parent], child=places[joint.child])
+
+    offset_std, noise, length_std = skeleton.offset_std, skeleton.marker_noise, skeleton.length_std
+    is_own = np.array([int(first) in set(joints.tolist()) for first, _ in skeleton.lengths], dtype=np.bool_)
+    return Skeleton(
+        parents=_renumbered(skeleton.parents[body.limbs], body.limbs),
+        joints=tuple(moved(skeleton.joints[joint]) for joint in joints),
+        limb_of_marker=_renumbered(skeleton.limb_of_marker[body.markers], body.limbs),
+        marker_offsets=skeleton.marker_offsets[body.markers],
+        marker_std=skeleton.marker_std[body.markers],
+        reference_pose=skeleton.reference_pose[body.limbs],
+        offset_std=None if offset_std is None else offset_std[body.markers],
+        length_std=None if length_std is None else length_std[is_own],
+        marker_noise=None if noise is None else noise[body.markers],
+        loops=tuple(moved(joint) for joint in skeleton.loops if joint.parent in places),
+        limb_names=tuple(skeleton.limb_names[limb] for limb in body.limbs),
+    )
+
+
+def _motion(motion: Motion, body: Body, joints: Ints, angles: MotionAngles) -> Motion:
+    return Motion(
+        world_from_limb=motion.world_from_limb[:, body.limbs],
+        joint_positions=motion.joint_positions[:, joints],
+        marker_positions=motion.marker_positions[:, body.markers],
+        residuals=motion.residuals[:, body.markers],
+        limb_seen=motion.limb_seen[:, body.limbs],
+        rate=motion.rate,
+        joint_std=None if motion.joint_std is None else motion.joint_std[:, joints],
+        compute_angles=angles,
+    )
