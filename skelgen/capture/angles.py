@@ -92,16 +92,30 @@ def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAng
     poses = parent.world_from_body, child.world_from_body
     in_parent, in_child = poses[0] @ joint.parent_from_joint, poses[1] @ joint.child_from_joint
     turn = in_parent[:3, :3].T @ in_child[:3, :3]
-    kind = _kinematic(joint.kind)
-    gap, tilt = in_child[:3, 3] - in_parent[:3, 3], np.zeros(0)
-    if joint.kind == "hinge":  # the rotation about x and y [rad] that the least squares angle leaves
-        tilt = vector_from_matrix(turn @ matrix_from_vector(-joint_angles(kind, turn[np.newaxis])[0] * _Z))[:2]
-    error, spread = _most_likely(
-        joint, poses, block_diagonal(parent.covariance, child.covariance), np.concatenate([gap, tilt])
-    )
+    kind, violation = _kinematic(joint.kind), violation_of(joint, poses)
+    error, spread = _most_likely(joint, poses, block_diagonal(parent.covariance, child.covariance), violation)
     held = (matrix_from_vector(-error) @ turn)[np.newaxis]
     angles, std = joint_angles(kind, held)[0], angle_deviations(kind, held, spread[np.newaxis])[0]
-    return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ gap, tilt))
+    return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ violation[:3], violation[3:]))
+
+
+def violation_of(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
+    """Return how far poses are from what a joint allows: the gap [mm], and of a hinge the tilt [rad] about x and y.
+
+    Parameters
+    ----------
+    joint : TargetJoint
+        With its frames in both bodies.
+    poses : tuple of ndarray, shape (4, 4), mm
+        world_from_body of the parent and of the child.
+    """
+    in_parent, in_child = poses[0] @ joint.parent_from_joint, poses[1] @ joint.child_from_joint
+    gap = in_child[:3, 3] - in_parent[:3, 3]
+    if joint.kind != "hinge":
+        return np.asarray(gap)
+    turn = in_parent[:3, :3].T @ in_child[:3, :3]  # of which the least squares angle leaves the tilt
+    left = turn @ matrix_from_vector(-joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0] * _Z)
+    return np.concatenate([gap, vector_from_matrix(left)[:2]])
 
 
 def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:

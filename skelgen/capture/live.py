@@ -16,6 +16,7 @@ import numpy as np
 from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.bodies.prediction import Prediction, PredictionParameters
+from skelgen.capture.chain_filter import chain_filters
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
@@ -154,6 +155,7 @@ class MotionCapture:
         self._bodies = BodyFinder(settings.bodies, search_parameters(settings), self._executor)
         names = [body.name for body in settings.bodies]
         self._prediction = None if prediction is None else Prediction(names, prediction)
+        self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
         self._watch = RigWatch(settings.rig)
         self.n_frames = 0
         self.n_dropped = 0
@@ -209,12 +211,18 @@ class MotionCapture:
         time : float, s
             Of the frame, for the prediction.
         """
-        expected = None if self._prediction is None else self._prediction.expected(time)
-        found = self._bodies.find(points, expected)
-        if self._prediction is not None:
-            found = self._prediction.corrected(time, found)
+        expected = None if self._prediction is None else dict(self._prediction.expected(time))
+        for chain in self._chains:
+            expected = (expected or {}) | chain.expected(time)
+        raw = self._bodies.find(points, expected)
+        found = raw if self._prediction is None else self._prediction.corrected(time, raw)
         bodies = {body.name: body for body in found}
+        for chain in self._chains:
+            bodies |= {body.name: body for body in chain.corrected(time, raw, points) or ()}
+        bodies = {body.name: bodies[body.name] for body in self.settings.bodies if body.name in bodies}
         angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
+        for chain in self._chains:
+            angles |= chain.angles
         return bodies, {name: angle for name, angle in angles.items() if angle is not None}
 
 

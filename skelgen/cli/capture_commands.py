@@ -43,6 +43,10 @@ def motion_capture(
     no_angles: Annotated[bool, typer.Option("-a", help="Write no joint angles.")] = False,
     errors: Annotated[bool, typer.Option("--errors", help="Write standard deviations behind all values.")] = False,
     predict: Annotated[bool, typer.Option("--predict", help="Predict and smooth poses (Kalman filter).")] = False,
+    predict_joints: Annotated[
+        bool,
+        typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter)."),
+    ] = False,
     record: Annotated[
         list[Path] | None,
         typer.Option("--record", metavar="FILE", help="Record into a new .mfml or .c3d file; may be repeated."),
@@ -62,8 +66,8 @@ def motion_capture(
         What is left out: residuals, pictures, the first line, poses, joint angles.
     errors : bool
         Whether standard deviations stand behind all values.
-    predict : bool
-        Whether poses are predicted and smoothed.
+    predict, predict_joints : bool
+        Whether poses are predicted and smoothed, each target by itself or all that joints hold together.
     record : list of Path, optional
         New files to record into.
     source : str, optional
@@ -79,7 +83,7 @@ def motion_capture(
 
     rig = read_capture_settings(settings)
     columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
-    prediction = PredictionParameters() if predict else None
+    prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
     stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
     counts = _Counts(record or [], [body.name for body in rig.bodies])
     try:

@@ -12,6 +12,7 @@ motion would be smoothed away.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -44,6 +45,9 @@ _ROTATIONS = np.array([True, True, True, False, False, False])
 MEMORY = 60
 """Frames over which the noise is measured: of five balls each tells nine numbers, so that it is known to 3 %."""
 
+UNUSUAL = 2.1
+"""Mean square of nine normal numbers that two of a hundred exceed: as where a ball is half hidden."""
+
 LEAST_NOISE = 0.02
 """Of the stated standard deviations: balls of exact images are no more certain than that."""
 
@@ -67,19 +71,21 @@ class PredictionParameters(StageParameters):
     hold: float = declare(
         0.5, "A body that was not found for longer is looked for everywhere.", unit="s", within=(0.0, 10.0)
     )
+    joints: bool = declare(False, "Whether bodies that joints hold together are predicted together, by their angles.")
 
 
 class MeasuredNoise:
     """How far balls are from their target, in stated standard deviations, over the last frames."""
 
     def __init__(self) -> None:
-        self._square, self._n = 0.0, 0
+        self._squares: deque[float] = deque(maxlen=MEMORY)
 
     def applied(self, found: FoundBody) -> FoundBody:
-        """Return a body with its covariance as the balls of the last frames say, its own among them."""
-        self._n = min(self._n + 1, MEMORY)
-        self._square += (found.noise**2 - self._square) / self._n
-        return replace(found, covariance=max(self._square, LEAST_NOISE**2) * found.covariance)
+        """Return a body with its covariance as the balls of the last frames say; more, where its own are far off."""
+        square = found.noise**2
+        self._squares.append(square)
+        usual = max(float(np.median(self._squares)), LEAST_NOISE**2)
+        return replace(found, covariance=max(usual, square / UNUSUAL) * found.covariance)
 
 
 class BodyFilter:

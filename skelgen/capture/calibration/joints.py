@@ -206,7 +206,7 @@ def _fit_chains(
 ) -> tuple[list[TargetJoint], float]:
     """The joints of each tree fitted together where there are several, and the noise of the last."""
     fitted, noise = list(models), float("nan")
-    for tree in _trees_of(models):
+    for tree in trees_of(models):
         if len(tree) < 2:
             continue
         joints = [models[index] for index in tree]
@@ -239,8 +239,8 @@ def _with_zero_angles(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]])
     return joint
 
 
-def _trees_of(models: Sequence[TargetJoint]) -> list[list[int]]:
-    """Joints that hang together, each after the joint above it; joints that close a loop are left alone."""
+def trees_of(models: Sequence[TargetJoint]) -> list[list[int]]:
+    """Return the joints that hang together, each after the joint above it; joints that close a loop are left alone."""
     left, trees = list(range(len(models))), []
     children = {model.child for model in models}
     while left:
