@@ -30,6 +30,7 @@ from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
+from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
 from skelgen_gui.widgets.keys import KeyKeeper
@@ -117,7 +118,7 @@ class Window(QMainWindow):
     def view_state(self) -> ViewState:
         """Return what the window shows and its forms hold, for the project file."""
         page, tab, frame = self.pages.current.key, self.tabs.currentIndex(), self.session.frame
-        return ViewState(page, tab, frame, self.runner.entered, self.cameras.shown)
+        return ViewState(page, tab, frame, self.runner.entered, self.cameras.shown, self.video.kept)
 
     def _make_views(self) -> None:
         self.view3d, self.matrix, self.graph = View3D(self.session), MatrixView(self.session), GraphView(self.session)
@@ -145,6 +146,10 @@ class Window(QMainWindow):
         timeline.raise_()
         corrections = self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
 
+        self.video = VideoPane(self.session, self.errors.report)
+        self.video_dock = self._dock("video", self.tr("Video"), self.video, Qt.DockWidgetArea.RightDockWidgetArea)
+        self.tabifyDockWidget(corrections, self.video_dock)
+        self.video_dock.hide()
         self.tutorial = Tutorial()
         self.tutorial.asked.connect(self._do)
         tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea)
@@ -197,6 +202,8 @@ class Window(QMainWindow):
         state = ViewState.of(project)
         self.runner.begin_with(state.forms)
         self.cameras.begin_with(project, state.cameras)
+        self.video.begin_with(state.video)
+        self.video_dock.setVisible(bool(state.video) or self.video_dock.isVisible())
         keys = [entry.key for entry in self.pages.entries]
         self.pages.page(state.page if state.page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(state.tab)

@@ -73,6 +73,8 @@ class ViewState:
         Parameters that were entered, by stage and name.
     cameras : tuple of ShownCamera
         Cameras in the 3-D view.
+    video : mapping of str to value
+        The reference video, as its pane keeps it; empty for none.
     """
 
     page: str = ""
@@ -80,13 +82,16 @@ class ViewState:
     frame: int = 0
     forms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     cameras: tuple[ShownCamera, ...] = ()
+    video: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, project: Project) -> ViewState:
         """Return what the window showed when a project was saved."""
         view = project.view
         page, tab, frame = str(view.get("page", "")), int(view.get("tab", 0)), int(view.get("frame", 0))
-        return cls(page, tab, frame, view.get("forms", {}), _cameras_from(view.get("cameras")))
+        video = view.get("video")
+        video = video if isinstance(video, Mapping) else {}
+        return cls(page, tab, frame, view.get("forms", {}), _cameras_from(view.get("cameras")), video)
 
     def kept_in(self, project: Project) -> Project:
         """Return a project that keeps what the window shows."""
@@ -95,9 +100,8 @@ class ViewState:
             for camera in self.cameras
         ]
         forms = {stage: dict(values) for stage, values in self.forms.items()}
-        return replace(
-            project, view={"page": self.page, "frame": self.frame, "forms": forms, "tab": self.tab, "cameras": cameras}
-        )
+        view = {"page": self.page, "frame": self.frame, "forms": forms, "tab": self.tab, "cameras": cameras}
+        return replace(project, view=view | ({"video": dict(self.video)} if self.video else {}))
 
 
 def _cameras_from(kept: Any) -> tuple[ShownCamera, ...]:
