@@ -40,7 +40,8 @@ from skelgen_gui.widgets.shortcuts import make_actions
 from skelgen_gui.widgets.tutorial import Tutorial
 from skelgen_gui.window_commands import WindowCommands
 
-SIZE = (1440, 900)  # px, before the user has chosen one
+SIZE = (1440, 900)  # px, before the user has chosen one, where the screen has room for it
+_PART = 0.92  # of the screen's room that the window takes at most at first: the frame of the window needs some
 
 
 class Window(QMainWindow):
@@ -68,7 +69,7 @@ class Window(QMainWindow):
         self.runner = Runner(self.document, self.jobs, report, self)
         self.files = FileActions(self.document, self.jobs, preferences, self.view_state, report, self)
         self.cameras = Cameras(report, self)
-        self.autosave = Autosave(self.session, preferences, recovery, self)
+        self.autosave = Autosave(self.session, preferences, recovery, self, view_state=self.view_state)
         self.corrections = CorrectionActions(self.document, self.runner, report, self)
         self.actions_by_id = make_actions(self)
         self.keys = KeyKeeper(self)
@@ -85,7 +86,9 @@ class Window(QMainWindow):
         self.preloading = Preloading(self.pages, self)
         self._connect()
         self.setAcceptDrops(True)
-        self.resize(*SIZE)
+        room = self.screen().availableSize() * _PART
+        self.resize(min(SIZE[0], room.width()), min(SIZE[1], room.height()))
+        self._first_layout = self.saveState()
         self.restoreGeometry(preferences.geometry)
         self.restoreState(preferences.layout)
         self._follow_state()
@@ -115,10 +118,22 @@ class Window(QMainWindow):
             self.autosave.end()
         self._rest()
 
+    def reset_layout(self) -> None:
+        """Put docks and tool bar where they are at first."""
+        self.middle.reset_layout(self._first_layout)
+
+    def show_full_screen(self, is_full: bool) -> None:
+        """Fill the screen, or no longer."""
+        self.setWindowState(self.windowState() & ~Qt.WindowState.WindowFullScreen)
+        if is_full:
+            self.setWindowState(self.windowState() | Qt.WindowState.WindowFullScreen)
+
     def view_state(self) -> ViewState:
         """Return what the window shows and its forms hold, for the project file."""
         page, tab, frame = self.pages.current.key, self.tabs.currentIndex(), self.session.frame
-        return ViewState(page, tab, frame, self.runner.entered, self.cameras.shown, self.video.kept)
+        viewpoint, shown = self.view3d.viewpoint, self.view3d.shown
+        forms, cameras, video = self.runner.entered, self.cameras.shown, self.video.kept
+        return ViewState(page, tab, frame, forms, cameras, video, viewpoint, shown)
 
     def _make_views(self) -> None:
         self.view3d, self.matrix, self.graph = View3D(self.session), MatrixView(self.session), GraphView(self.session)
@@ -184,6 +199,11 @@ class Window(QMainWindow):
         self.files.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self.pages.page)
         self.autosave.failed.connect(self.status.notice)
+        self.files.saved.connect(self.status.notice)
+        self.session.project_changed.connect(self._note_up)
+        self.actions_by_id["full_screen"].toggled.connect(self.show_full_screen)
+        self.actions_by_id["reset_layout"].triggered.connect(self.reset_layout)
+        self.view3d.shown_changed.connect(self._note_up)
         self.commands.parameter_files.noticed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
         self.session.menu_requested.connect(lambda place: self._show_corrections(place, self.session.selection))
@@ -208,12 +228,23 @@ class Window(QMainWindow):
         self.pages.page(state.page if state.page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(state.tab)
         self.session.show_frame(state.frame)
-        self.view3d.fit_take()
+        if state.shown is not None:
+            up = self.view3d.shown.up if state.shown.up is None else state.shown.up
+            self.view3d.set_shown(replace(state.shown, up=up))
+        if state.viewpoint is not None:
+            self.view3d.stand_at(state.viewpoint)
+        else:
+            self.view3d.fit_take()
+
+    def _note_up(self) -> None:
+        """Tell the pages which axis the 3-D view has up: exports are turned as it is."""
+        self.session.up = None if self.session.project is None else self.view3d.up
 
     def _show_cameras(self) -> None:
         project, cameras = self.session.project, self.cameras.shown
         points = None if project is None else Scene(project).inliers
         self.view3d.show_cameras([camera.lines_to(points) for camera in cameras], up_axis(cameras))
+        self._note_up()
 
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""
@@ -251,6 +282,8 @@ class Window(QMainWindow):
     def _rest(self) -> None:
         """Stop playing and loading, and remember the layout of the window."""
         self.timeline.player.pause()
+        self.corrections.end()
+        self.jobs.stop()  # what a correction has begun meanwhile
         self.preloading.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())
 
@@ -285,6 +318,13 @@ class CentralViews(QStackedWidget):
         elif view is None and self._layout is not None:
             layout, self._layout = self._layout, None
             self._window.restoreState(layout)
+
+    def reset_layout(self, layout: QByteArray) -> None:
+        """Arrange the docks anew; while a page's view is shown, for when it has gone."""
+        if self._layout is None:
+            self._window.restoreState(layout)
+        else:
+            self._layout = layout
 
     def layout_of_window(self) -> QByteArray:
         """Return the arrangement of the window's docks as it is while the views of the take are shown."""

@@ -1,6 +1,7 @@
 """Menus, tool bar and keys of the window, and what they do; among it, changing preferences."""
 
 from collections.abc import Callable
+from functools import partial
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction
@@ -17,9 +18,11 @@ from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
 from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 from skelgen_gui.widgets.shortcuts import ShortcutsDialog, fill_menu_bar, fill_tool_bar
 
+_MOST_LETTERS = 60  # of what is undone, in the menu
 _WIDTH = 420  # px, of the dialog of preferences: the help fits into its lines
 
 
@@ -61,7 +64,7 @@ class WindowCommands(QObject):
         menus["&File"].insertMenu(actions["compare"], recent)
         menus["&File"].insertMenu(actions["compare"], SampleMenu(context.files, window))
         self._fill_edit(menus["&Edit"])
-        window.menuBar().insertMenu(menus["&Play"].menuAction(), self._view_menu())
+        self._fill_view(menus["&View"])
         bar = QToolBar(self.tr("Main tool bar"), window)
         bar.setObjectName("tools")
         fill_tool_bar(bar, actions)
@@ -73,6 +76,12 @@ class WindowCommands(QObject):
             actions[name].setEnabled(False)  # nothing was changed yet
             changed.connect(actions[name].setEnabled)
             actions[name].triggered.connect(context.runner.catch_up)  # after the change
+        for name, words, changed in (
+            ("undo", self.tr("&Undo: {0}"), stack.undoTextChanged),
+            ("redo", self.tr("&Redo: {0}"), stack.redoTextChanged),
+        ):
+            action = actions[name]
+            changed.connect(partial(_say_what, action, words, action.text(), action.toolTip()))
         context.jobs.begun.connect(self._follow)
         context.jobs.ended.connect(self._follow)
         context.session.state_changed.connect(self._follow)
@@ -86,10 +95,9 @@ class WindowCommands(QObject):
         self.correct_menu.aboutToShow.connect(lambda: self._corrections.fill(self.correct_menu))
         self._corrections.fill(self.correct_menu)
 
-    def _view_menu(self) -> QMenu:
-        menu = QMenu(self.tr("&View"), self._window)
-        menu.setToolTipsVisible(True)
+    def _fill_view(self, menu: QMenu) -> None:
         commands = self._view3d.commands
+        menu.addSeparator()
         menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
         commands.fill(menu)
@@ -99,7 +107,6 @@ class WindowCommands(QObject):
         menu.addSeparator()
         for dock in self._window.findChildren(QDockWidget):
             menu.addAction(dock.toggleViewAction())
-        return menu
 
     def _acts(self) -> dict[str, Callable[[], object]]:
         """What each command does, by its id."""
@@ -163,6 +170,26 @@ class WindowCommands(QObject):
         for name in ("open", "open_with"):
             self.actions[name].setEnabled(not is_busy)
         self.actions["cancel"].setEnabled(is_busy)
+
+
+def _say_what(action: QAction, words: str, plain: str, tip: str, what: str) -> None:
+    """Let a command of the menu say what it would change, in few words.
+
+    Parameters
+    ----------
+    action : QAction
+        The command.
+    words : str
+        Its text, with a place for what is changed.
+    plain, tip : str
+        Text and tool tip without that.
+    what : str
+        What would be changed; empty if nothing would be.
+    """
+    short = what if len(what) <= _MOST_LETTERS else what[: _MOST_LETTERS - 1] + "…"
+    action.setText(words.format(short.replace("&", "&&")) if what else plain)
+    action.setIconText(plain.replace("&", ""))  # in the tool bar, where there is no room
+    action.setToolTip(as_rich_text(f"{tip}\n{what}") if what else tip)
 
 
 class PreferencesDialog(QDialog):

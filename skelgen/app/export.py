@@ -7,7 +7,7 @@ from pathlib import Path
 from skelgen_formats import registry
 from skelgen_formats.bone_profiles import remarks_on_bone_names
 from skelgen_formats.marker_output import trajectories_of
-from skelgen_formats.options import FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
+from skelgen_formats.options import AUTO, FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
 from skelgen_formats.rest_pose import remarks_on_rest
 
 from skelgen.app.drawing.wording import counted, listed
@@ -15,6 +15,7 @@ from skelgen.app.replacing import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.geometry.frame_rate import n_frames_at
+from skelgen.geometry.up_axis import AS_RECORDED, TURNS
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
@@ -139,6 +140,21 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     chosen = registry.options_of(entry, options)
     files = tuple(Planned(file, file.exists()) for file in entry.files(path, chosen))
     return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
+
+
+def turn_upright(entry: Format, up: str) -> str:
+    """Return the choice of axes with which what is up in a recording is up as a format has it.
+
+    Parameters
+    ----------
+    entry : Format
+        One of `export_formats` that says which axis is up.
+    up : str
+        What is up in the recording: ``x``, ``y`` or ``z``.
+    """
+    if up == entry.up:
+        return AS_RECORDED
+    return f"{up}-to-{entry.up}" if f"{up}-to-{entry.up}" in TURNS else AUTO
 
 
 def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:

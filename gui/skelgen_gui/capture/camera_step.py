@@ -37,6 +37,8 @@ class CameraStep(Step[BoardShot]):
     -------
     calibrated(object, object)
         The rig that was found, and the boards in space, a `FoundInSpace`.
+    forgotten()
+        What was seen belongs to other images, or to another board.
 
     Parameters
     ----------
@@ -49,6 +51,7 @@ class CameraStep(Step[BoardShot]):
     """
 
     calibrated = Signal(object, object)
+    forgotten = Signal()
 
     def __init__(
         self, jobs: Jobs, report_error: Callable[[Exception], None], settings: Callable[[], str], parent: QWidget
@@ -161,6 +164,8 @@ class CameraStep(Step[BoardShot]):
 
     def _start_over(self) -> None:
         self.collection.clear()
+        self.feed.take()  # what is still on its way belongs to the images before
+        self.forgotten.emit()
         self._forget_result()
         self._show_views()
 

@@ -4,15 +4,15 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QScrollArea, QWidget
 
 from skelgen.app.capture_jobs.messages import CaptureControl, CaptureEnd, Feed, LiveShot
 from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import column, describe
+from skelgen_gui.widgets.layouts import bare_column, column, describe
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
@@ -102,7 +102,14 @@ class LivePanel(QWidget):
     def _lay_out(self) -> None:
         self.notices.setMinimumHeight(_LEAST_HEIGHT)
         known = QLabel(self.tr("What to know"), self), self.notices
-        layout = column(self, (self.choice, self.go, self.recorder, self.numbers, self.angles, self.bodies, *known))
+        parts = (self.choice, self.go, self.recorder, self.numbers, self.angles, self.bodies, *known)
+        area, inner = QScrollArea(self), QWidget(self)  # on low screens
+        layout = column(inner, parts)
+        area.setWidget(inner)
+        area.setWidgetResizable(True)
+        area.setFrameShape(QScrollArea.Shape.NoFrame)
+        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        bare_column(self, (area,))
         for widget, share in ((self.angles, 4), (self.bodies, 3), (self.notices, 1)):
             layout.setStretchFactor(widget, share)
 

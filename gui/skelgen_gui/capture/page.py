@@ -66,6 +66,8 @@ class CapturePage(QWidget):
         self.live.ended.connect(self._remember)
         self.camera_step.shot.connect(lambda shot: self.view.pictures.show_pair(shot.left, shot.right))
         self.camera_step.calibrated.connect(self._show_calibrated)
+        self.camera_step.forgotten.connect(self.view.pictures.clear)
+        self.camera_step.forgotten.connect(self.view.space.clear)
         self._fields = [one.settings for one in (self.live.choice, self.target.form, self.joints.form)]
         for field in self._fields:
             field.changed.connect(partial(self._share, field))

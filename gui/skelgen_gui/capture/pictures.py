@@ -54,6 +54,11 @@ class PicturePair(QWidget):
         self._images = left, right
         self.update()
 
+    def clear(self) -> None:
+        """Show none."""
+        self._images = None
+        self.update()
+
     def place_of(self, side: int, x: float, y: float) -> QPointF:
         """Return where a place [px] in the left (0) or right (1) picture is in this widget.
 

@@ -64,6 +64,12 @@ class Space(QWidget):
         self._canvas = replace(self._canvas, viewpoint=_HOME)
         self._lay_frustums(2 * rig.baseline)  # a typical distance, before anything was seen
 
+    def clear(self) -> None:
+        """Show nothing: what was found belongs to other images."""
+        self._rig, self._found, self._is_home = None, FoundInSpace(), True
+        self._frustums = np.zeros((0, 2, 3))
+        self.update()
+
     def show_found(self, found: FoundInSpace) -> None:
         """Show what was found in a pair of images."""
         is_first = not len(self._found.points) and len(found.points) > 0

@@ -86,6 +86,20 @@ def new_name(project: Project, name: str) -> str:
     return f"{name}_{number}"
 
 
+def frames_seen_together(project: Project, names: tuple[str, ...]) -> int:
+    """Return in how many frames two or more of some markers are seen.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    names : tuple of str
+        Of the markers.
+    """
+    columns = [project.trajectories.names.index(name) for name in names]
+    return int((project.trajectories.seen[:, columns].sum(axis=1) > 1).sum())
+
+
 def _of_labels(names: tuple[str, ...]) -> list[Offer]:
     found = []
     if len(names) >= 2:

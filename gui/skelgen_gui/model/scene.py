@@ -136,6 +136,33 @@ class Scene:
         return np.asarray(points[((points >= low - pad) & (points <= high + pad)).all(axis=1)])
 
     @cached_property
+    def skeleton_sample(self) -> Floats:
+        """Joints in some frames of the take, of limbs whose pose was seen, shape (n, 3): some lie beside markers."""
+        if not self.project.has("skeleton") or not len(self.project.skeleton.joints):
+            return _NO_POINTS
+        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_SAMPLES, self.n_frames)).astype(np.intp))
+        motion, joints = self.project.motion, self.project.skeleton.joints
+        seen = motion.limb_seen[frames]
+        known = np.stack([seen[:, one.parent] & seen[:, one.child] for one in joints], axis=1)
+        points = motion.joint_positions[frames][known]
+        return np.asarray(points[~np.isnan(points).any(axis=1)])
+
+    def nearest_place(self, marker: int, frame: int) -> Floats:
+        """Return where a marker is in a frame [mm], or where it is seen next in time; NaN if it never is.
+
+        Parameters
+        ----------
+        marker, frame : int
+            Their indices.
+        """
+        place = np.asarray(self._markers(frame)[0][marker])
+        if self.trajectories is None or not np.isnan(place[0]):
+            return place
+        seen = np.flatnonzero(self.trajectories.seen[:, marker])
+        nearest = seen[np.abs(seen - frame).argmin()] if len(seen) else frame
+        return np.asarray(self.trajectories.positions[nearest, marker])
+
+    @cached_property
     def spans(self) -> Floats:
         """Extent along each axis [mm] of what is seen in a typical frame, shape (3,)."""
         known = self.sample[(~np.isnan(self.sample[..., 0])).any(axis=1)]

@@ -132,7 +132,7 @@ class ViewCamera:
     def fit_take(self) -> None:
         """Fit the whole take, with the cameras that see it."""
         if self.scene is not None:
-            self._fit(np.concatenate([self.scene.inliers, self._cameras]))
+            self._fit(np.concatenate([self.scene.inliers, self.scene.skeleton_sample, self._cameras]))
 
     def fit_frame(self, frame: int, markers: set[int]) -> None:
         """Fit some markers in a frame, or all that is there.
@@ -142,14 +142,20 @@ class ViewCamera:
         frame : int
             The frame.
         markers : set of int
-            Markers that are fitted; all that is there if it is empty.
+            Markers that are fitted, where they are next in time if they are unseen; all that is there if it is empty,
+            and the whole take if nothing is.
         """
         if self.scene is None or frame >= self.scene.n_frames:
             return
         self.follow(None if self._anchor is None else frame)
         snapshot = self.scene.at(frame)
-        everything = np.concatenate([snapshot.markers, snapshot.unlabelled, snapshot.joints])
-        self._fit(snapshot.markers[sorted(markers)] if markers else everything)
+        points = np.concatenate([snapshot.markers, snapshot.unlabelled, snapshot.joints, snapshot.bones.reshape(-1, 3)])
+        if markers:
+            points = np.array([self.scene.nearest_place(marker, frame) for marker in sorted(markers)])
+        if np.isnan(points[:, 0]).all():
+            self.fit_take()
+        else:
+            self._fit(points)
 
     @property
     def _front(self) -> float:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Project
 from skelgen_gui.model.cameras import ShownCamera
+from skelgen_gui.model.viewpoint import DOWN, Viewpoint
+
+_T = TypeVar("_T")
 
 TRAIL_SECONDS = (0.25, 0.5, 1.0, 2.0)
 """Lengths of trails to choose from [s]."""
@@ -75,6 +79,10 @@ class ViewState:
         Cameras in the 3-D view.
     video : mapping of str to value
         The reference video, as its pane keeps it; empty for none.
+    viewpoint : Viewpoint or None
+        Where the viewer stands; None fits the take.
+    shown : Shown or None
+        Which parts are drawn; None leaves them as they are.
     """
 
     page: str = ""
@@ -83,6 +91,8 @@ class ViewState:
     forms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     cameras: tuple[ShownCamera, ...] = ()
     video: Mapping[str, Any] = field(default_factory=dict)
+    viewpoint: Viewpoint | None = None
+    shown: Shown | None = None
 
     @classmethod
     def of(cls, project: Project) -> ViewState:
@@ -91,7 +101,9 @@ class ViewState:
         page, tab, frame = str(view.get("page", "")), int(view.get("tab", 0)), int(view.get("frame", 0))
         video = view.get("video")
         video = video if isinstance(video, Mapping) else {}
-        return cls(page, tab, frame, view.get("forms", {}), _cameras_from(view.get("cameras")), video)
+        cameras, viewpoint = _cameras_from(view.get("cameras")), _kept(Viewpoint, view.get("viewpoint"))
+        shown = _kept(Shown, view.get("shown"))
+        return cls(page, tab, frame, view.get("forms", {}), cameras, video, viewpoint, shown)
 
     def kept_in(self, project: Project) -> Project:
         """Return a project that keeps what the window shows."""
@@ -101,7 +113,31 @@ class ViewState:
         ]
         forms = {stage: dict(values) for stage, values in self.forms.items()}
         view = {"page": self.page, "frame": self.frame, "forms": forms, "tab": self.tab, "cameras": cameras}
+        for name, part in (("viewpoint", self.viewpoint), ("shown", self.shown)):
+            if part is not None:
+                view[name] = asdict(part)
         return replace(project, view=view | ({"video": dict(self.video)} if self.video else {}))
+
+
+def _kept(kind: type[_T], kept: Any) -> _T | None:
+    """The value of a dataclass that a project keeps; None if it keeps none, or something else."""
+    try:
+        default = kind()
+        values = {one.name: kept[one.name] for one in fields(default) if one.name in kept}  # type: ignore[arg-type]
+        for name, value in values.items():
+            before = getattr(default, name)
+            if isinstance(before, tuple):
+                values[name] = tuple(float(part) for part in value)
+                is_right = len(values[name]) == len(before) and all(map(math.isfinite, values[name]))
+            elif before is None:
+                is_right = value is None or type(value) is int
+            else:
+                is_right = type(value) is type(before) and (not isinstance(value, float) or math.isfinite(value))
+            if not is_right:
+                return None
+        return kind(**values) if values and values.get("up") in {None, *range(2 * DOWN)} else None
+    except (TypeError, ValueError, KeyError):
+        return None
 
 
 def _cameras_from(kept: Any) -> tuple[ShownCamera, ...]:

@@ -18,16 +18,27 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
+from skelgen_formats.options import AUTO
 
-from skelgen.app.export import Preview, export_formats, export_path, export_project, obstacle_to, preview_export
+from skelgen.app.export import (
+    Preview,
+    export_formats,
+    export_path,
+    export_project,
+    obstacle_to,
+    preview_export,
+    turn_upright,
+)
 from skelgen.app.outputs import stem_of
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.progress import Monitor
+from skelgen_gui.model.viewpoint import DOWN
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
+from skelgen_gui.widgets.preferences import AXES
 from skelgen_gui.widgets.theme import PROBLEM_ROLE
 
 _PER_MILLE = 1000  # steps of the progress bar
@@ -52,6 +63,7 @@ class ExportPage(QWidget):
         self.setObjectName("page-export")
         self._session, self._jobs = session, jobs
         self._take: object = None
+        self._turned: object = None
         self._is_running = False
         self._written: Path | None = None
         self.formats = export_formats()
@@ -73,6 +85,7 @@ class ExportPage(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         """Look again which files there are."""
         super().showEvent(event)
+        self._turn_upright()
         self._follow()
 
     def _describe(self) -> None:
@@ -116,8 +129,7 @@ class ExportPage(QWidget):
         project = self._session.project
         if project is not None and project.take is not self._take:
             self._take = project.take
-            path = self._session.path
-            self.target.suggest(path.parent if path else None, stem_of(project.name) or _NAME_WITHOUT_TAKE)
+            self.target.suggest(self._session.folder, stem_of(project.name) or _NAME_WITHOUT_TAKE)
         self._enable_formats()
         self._follow()
 
@@ -143,7 +155,20 @@ class ExportPage(QWidget):
         self.form.changed.connect(self._follow)
         self._options.addWidget(self.form)
         self.options_box.setVisible(bool(options))
+        self._turned = None
+        self._turn_upright()
         self._follow()
+
+    def _turn_upright(self) -> None:
+        """Turn what is up in the 3-D view to where the format has it, unless the user has chosen otherwise."""
+        row = self.form.rows.get("axes")
+        if row is None or row.declaration.default != AUTO or self._session.up is None:
+            return
+        entry, up = self.formats[self.choice.currentIndex()], self._session.up
+        wanted = AUTO if up >= DOWN else turn_upright(entry, AXES[up])
+        if row.editor.entered() in {AUTO, self._turned}:
+            self._turned = wanted
+            row.show_value(wanted)
 
     def _follow(self) -> None:
         """Show what would be written now."""

@@ -64,7 +64,9 @@ class OpenPage(QWidget):
 
     def _choose_identities(self) -> None:
         project = self._context.session.project
-        name, _ = QFileDialog.getOpenFileName(self, self.tr("Identities"), "", self.tr("Identities (*.csv)"))
+        name, _ = QFileDialog.getOpenFileName(
+            self, self.tr("Identities"), self._context.runner.folder, self.tr("Identities (*.csv)")
+        )
         if name and project is not None:
             self._read_identities(Path(name), project)
 

@@ -161,7 +161,8 @@ class StagePage(QWidget):
 
     def _choose(self) -> None:
         title = self.tr("Project file with the saved result")
-        name, _ = QFileDialog.getOpenFileName(self, title, self.path.text(), self.tr("Projects (*{0})").format(SUFFIX))
+        place, kinds = self.path.text() or self._context.runner.folder, self.tr("Projects (*{0})").format(SUFFIX)
+        name, _ = QFileDialog.getOpenFileName(self, title, place, kinds)
         if name:
             self.path.setText(name)
             self.uses_saved.setChecked(True)

@@ -39,6 +39,7 @@ class Cameras(QObject):
         super().__init__(window)
         self._report_error, self._window = report_error, window
         self._shown: tuple[ShownCamera, ...] = ()
+        self._folder = ""
         self._known: dict[Path, StereoRig] = {}
         self._reader = Deriver(self)
 
@@ -70,6 +71,7 @@ class Cameras(QObject):
             The cameras that it keeps.
         """
         self._show(cameras)
+        self._folder = "" if project.source is None else str(Path(project.source.path).parent)
         if self._shown or project.source is None:
             return
         path = Path(project.source.path)
@@ -85,7 +87,7 @@ class Cameras(QObject):
     def choose(self) -> None:
         """Ask for the settings of a capture, and show their cameras."""
         title, kinds = self.tr("Cameras of a capture"), self.tr("Settings (*.xml)")
-        name, _ = QFileDialog.getOpenFileName(self._window, title, "", kinds)
+        name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder, kinds)
         if name:
             self._reader.derive(partial(_rig_or_reason, Path(name)), partial(self._show_read, is_asked_for=True))
 

@@ -140,6 +140,7 @@ class Runner(QObject):
         self._wanted: str | None = None
         jobs.progressed.connect(self._follow_stage)
         jobs.ended.connect(self._go_on)
+        jobs.cancelled.connect(self._want_nothing)
         document.session.project_changed.connect(self._follow_project)
 
     def set_values(self, stage: str, values: Mapping[str, Any]) -> None:
@@ -164,6 +165,11 @@ class Runner(QObject):
         if stage not in self._values and project is not None and stage in project.reports:
             return project.reports[stage].parameters
         return self._values.get(stage, {})
+
+    @property
+    def folder(self) -> str:
+        """Where the project is, for dialogs; empty if that is not known."""
+        return str(self._document.session.folder or "")
 
     @property
     def entered(self) -> Mapping[str, Mapping[str, Any]]:
@@ -220,6 +226,9 @@ class Runner(QObject):
         self._jobs.cancel()
         if project is not None and project.take is begun_with.take and not project.has(last):
             self._wanted = last
+
+    def _want_nothing(self) -> None:
+        self._wanted = None
 
     def _go_on(self) -> None:
         """Begin the run that is waited for, as soon as nothing else runs."""

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QListWidget,
     QMenu,
+    QMessageBox,
     QPushButton,
     QSpinBox,
     QWidget,
@@ -24,7 +25,7 @@ from skelgen.app.corrections import with_correction
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import Offer, new_name, offers
+from skelgen_gui.model.offers import Offer, frames_seen_together, new_name, offers
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
@@ -109,6 +110,11 @@ class CorrectionActions(QObject):
                 self._runner.run_again(before)
         self._go_on()
 
+    def end(self) -> None:
+        """Apply no more corrections: the window closes."""
+        self._queue.clear()
+        self.deriver.forget()
+
     def take_back(self, index: int) -> None:
         """Take one correction back, and compute again what was there."""
         before = self._document.session.project
@@ -136,10 +142,29 @@ class CorrectionActions(QObject):
                 return None
             value = self._asked_name(offer) if offer.kind == "split" else ""
             return None if value is None else offer.correction(value, *frames)
+        if offer.kind == "merge" and not self._may_merge(offer):
+            return None
         if offer.kind in {"rename", "name"}:
             value = self._asked_name(offer)
             return offer.correction(value) if value else None
         return offer.correction()
+
+    def _may_merge(self, offer: Offer) -> bool:
+        """Ask before markers are merged that are seen at the same time: no marker is in two places."""
+        project = self._document.session.project
+        n_frames = 0 if project is None else frames_seen_together(project, offer.names)
+        if not n_frames:
+            return True
+        question = self.tr(
+            "{0} are seen at the same time in {1} frames, so they are hardly one marker. Merge them all the same, and "
+            "leave out the positions of the others there?"
+        )
+        question = question.format(self.tr(" and ").join(offer.names), n_frames)
+        title, buttons = self.tr("Merge markers"), QMessageBox.StandardButton.Yes | QMessageBox.StandardButton.No
+        answer = QMessageBox.question(
+            self._window, title, as_rich_text(question), buttons, QMessageBox.StandardButton.No
+        )
+        return answer == QMessageBox.StandardButton.Yes
 
     def _asked_name(self, offer: Offer) -> str | None:
         project = self._document.session.project

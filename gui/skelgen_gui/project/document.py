@@ -19,18 +19,24 @@ from skelgen_gui.project.session import Session
 class _Step(QUndoCommand):
     """From one project to another."""
 
-    def __init__(self, text: str, show: Callable[[Project], None], before: Project, after: Project) -> None:
+    def __init__(
+        self, text: str, show: Callable[[Project], None], before: Project, after: Project, *, is_done: bool = False
+    ) -> None:
         super().__init__(text)
         self._show, self._before = show, before
         self.after = after
+        self._is_done = is_done
 
     def undo(self) -> None:
         """Show the project before."""
         self._show(self._before)
 
     def redo(self) -> None:
-        """Show the project after, with what was computed from it since."""
-        self._show(self.after)
+        """Show the project after, with what was computed from it since; nothing if it is shown when this is pushed."""
+        if self._is_done:
+            self._is_done = False
+        else:
+            self._show(self.after)
 
 
 class Document(QObject):
@@ -61,6 +67,24 @@ class Document(QObject):
         """
         self.undo_stack.clear()
         self.session.open(project, path)
+
+    def restore(self, project: Project, path: Path | None) -> None:
+        """Open unsaved work again: it still belongs to its file, and each of its corrections can be undone.
+
+        Parameters
+        ----------
+        project : Project
+            The unsaved work.
+        path : Path or None
+            The project file that it came from.
+        """
+        states = [project]
+        for _ in project.corrections:
+            states.insert(0, without_correction(states[0], len(states[0].corrections) - 1))
+        self.undo_stack.clear()
+        self.session.open(project, path, is_saved=False)
+        for correction, before, after in zip(project.corrections, states, states[1:], strict=False):
+            self.undo_stack.push(_Step(correction.sentence, self.session.change, before, after, is_done=True))
 
     def computed(self, project: Project) -> None:
         """Show new results of the same project; undoing goes back to before the last correction, redoing to these."""

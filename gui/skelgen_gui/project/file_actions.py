@@ -52,10 +52,13 @@ class FileActions(QObject):
         A project was opened.
     restored(object)
         The unsaved work of a window that crashed is open now.
+    saved(str)
+        The project was saved, and where, as a sentence.
     """
 
     opened = Signal(object)
     restored = Signal(object)
+    saved = Signal(str)
 
     def __init__(
         self,
@@ -125,7 +128,7 @@ class FileActions(QObject):
         """Open the unsaved work of a window that crashed; it stays unsaved until the user saves it."""
 
         def done(project: Project) -> None:
-            self._document.open(project)
+            self._document.restore(project, entry.path)
             self.opened.emit(project)
             self.restored.emit(entry)
 
@@ -144,7 +147,8 @@ class FileActions(QObject):
         project = self._document.session.project
         if project is None:
             return
-        proposed = str(Path(project.name or "take").with_suffix(SUFFIX))
+        folder = self._document.session.folder or Path()
+        proposed = str(folder / Path(project.name or "take").with_suffix(SUFFIX))
         title, kinds = self.tr("Save the project"), self.tr("Projects (*{0})").format(SUFFIX)
         name, _ = QFileDialog.getSaveFileName(self._window, title, proposed, kinds)
         if name:
@@ -176,7 +180,10 @@ class FileActions(QObject):
             then()
 
     def _asked(self, title: str) -> Path | None:
-        name, _ = QFileDialog.getOpenFileName(self._window, title, "", file_filter())
+        folder = self._document.session.folder
+        if folder is None:
+            folder = next((path.parent for path in self._preferences.recent if path.parent.is_dir()), None)
+        name, _ = QFileDialog.getOpenFileName(self._window, title, str(folder or ""), file_filter())
         return Path(name) if name else None
 
     def _begin(self, opening: Opening) -> None:
@@ -230,6 +237,7 @@ class FileActions(QObject):
         def done(saved: Path) -> None:
             self._document.session.saved(saved, project)
             self._preferences.remember(saved)
+            self.saved.emit(self.tr("Saved: {0}").format(saved))
             if then is not None:
                 then()
 

@@ -95,12 +95,15 @@ class Jobs(QObject):
         Something the user should know.
     ended()
         No job is running any more.
+    cancelled()
+        What runs is to stop, and what waits for it is not to begin.
     """
 
     begun = Signal(str)
     progressed = Signal(str, float)
     noticed = Signal(str)
     ended = Signal()
+    cancelled = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -153,6 +156,7 @@ class Jobs(QObject):
 
     def cancel(self) -> None:
         """Ask the job to stop at the next chance."""
+        self.cancelled.emit()
         if self._monitor is not None:
             self._monitor.stop.set()
 

@@ -38,9 +38,13 @@ class ParameterFiles(QObject):
         super().__init__(window)
         self._runner, self._report_error, self._window = runner, report_error, window
 
+    @property
+    def _proposed(self) -> str:
+        return str(Path(self._runner.folder) / _PROPOSED)
+
     def choose(self) -> None:
         """Ask for a file, and load it."""
-        name, _ = QFileDialog.getOpenFileName(self._window, self.tr("Load parameters"), _PROPOSED, self._kinds)
+        name, _ = QFileDialog.getOpenFileName(self._window, self.tr("Load parameters"), self._proposed, self._kinds)
         if name:
             self.load(Path(name))
 
@@ -57,7 +61,7 @@ class ParameterFiles(QObject):
 
     def save_as(self) -> None:
         """Ask for a file, and save the parameters of all forms there."""
-        name, _ = QFileDialog.getSaveFileName(self._window, self.tr("Save parameters"), _PROPOSED, self._kinds)
+        name, _ = QFileDialog.getSaveFileName(self._window, self.tr("Save parameters"), self._proposed, self._kinds)
         if name:
             self.save(Path(name))
 

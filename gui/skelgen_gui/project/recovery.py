@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -18,6 +19,7 @@ from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.errors import SkelgenError
 from skelgen.files import replacing
 from skelgen.model import Project
+from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.preferences import Preferences
 
@@ -91,6 +93,8 @@ class Autosave(QObject):
         Where all windows keep theirs.
     parent : QObject, optional
         Owner.
+    view_state : callable () -> ViewState, optional
+        What the window shows, which is kept with the project.
 
     Signals
     -------
@@ -102,10 +106,16 @@ class Autosave(QObject):
     _tried = Signal(object, str)
 
     def __init__(
-        self, session: Session, preferences: Preferences, folder: Path | None = None, parent: QObject | None = None
+        self,
+        session: Session,
+        preferences: Preferences,
+        folder: Path | None = None,
+        parent: QObject | None = None,
+        *,
+        view_state: Callable[[], ViewState] | None = None,
     ) -> None:
         super().__init__(parent)
-        self._session = session
+        self._session, self._view_state = session, view_state
         self._folder = (folder or _recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
         self._inherited: list[RecoveryEntry] = []
@@ -127,7 +137,8 @@ class Autosave(QObject):
             return
         if project is None or not self._session.is_dirty or project is self._kept:
             return
-        self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
+        shown = project if self._view_state is None else self._view_state().kept_in(project)
+        self._thread = threading.Thread(target=self._keep, args=(project, shown, self._session.path))
         self._thread.start()
 
     def take_over(self, entry: RecoveryEntry) -> None:
@@ -149,13 +160,13 @@ class Autosave(QObject):
         else:
             self._timer.stop()
 
-    def _keep(self, project: Project, path: Path | None) -> None:
+    def _keep(self, project: Project, shown: Project, path: Path | None) -> None:
         now, place = datetime.now().isoformat(), str(path or "")
         note = {"name": project.name, "path": place, "time": now, "process": os.getpid()}
         problem = ""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            save_project(project, self._folder / _PROJECT)
+            save_project(shown, self._folder / _PROJECT)
             with replacing(self._folder / _NOTE) as temporary:
                 temporary.write_text(json.dumps(note), encoding="utf-8")
         except (OSError, SkelgenError) as error:

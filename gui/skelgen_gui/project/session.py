@@ -15,6 +15,11 @@ from skelgen_gui.model.selection import Selection, carried
 class Session(QObject):
     """What the window shows.
 
+    Attributes
+    ----------
+    up : int or None
+        Coordinate axis that points up in the 3-D view, 0 .. 2, or down, 3 .. 5; None while that is not known.
+
     Signals
     -------
     project_changed()
@@ -48,6 +53,7 @@ class Session(QObject):
         self._selection = Selection()
         self._selected_in: tuple[Selection, Project] | None = None
         self._had: frozenset[str] = frozenset()
+        self.up: int | None = None
 
     @property
     def project(self) -> Project | None:
@@ -68,6 +74,14 @@ class Session(QObject):
     def is_dirty(self) -> bool:
         """Whether something would be lost if the window closed."""
         return self._project is not None and self._project is not self._saved
+
+    @property
+    def folder(self) -> Path | None:
+        """Where the project's file is, otherwise its recording; None if neither is known."""
+        if self._path is not None:
+            return self._path.parent
+        source = None if self._project is None else self._project.source
+        return None if source is None else Path(source.path).parent
 
     @property
     def stale(self) -> frozenset[str]:
@@ -95,7 +109,7 @@ class Session(QObject):
         """What is selected."""
         return self._selection
 
-    def open(self, project: Project, path: Path | None = None) -> None:
+    def open(self, project: Project, path: Path | None = None, *, is_saved: bool = True) -> None:
         """Show another project, from its first frame, with nothing selected.
 
         Parameters
@@ -104,9 +118,11 @@ class Session(QObject):
             The project.
         path : Path, optional
             The project file that it came from; None for a recording that is not saved as a project yet.
+        is_saved : bool
+            Whether that file holds all of it.
         """
         self._path = path
-        self._saved = project if path is not None else None
+        self._saved = project if path is not None and is_saved else None
         self._frame, self._other = 0, None
         self._selection, self._selected_in, self._had = Selection(), None, frozenset()
         self.change(project)

@@ -124,6 +124,10 @@ class View3D(QWidget):
         self._camera.show_cameras(self._frustums.reshape(-1, 3), up)
         self.update()
 
+    def stand_at(self, viewpoint: Viewpoint) -> None:
+        """Put the viewer where another window had left him."""
+        self._move(viewpoint)
+
     def fit(self) -> None:
         """Fit the markers that are selected or on the selected limb, otherwise all of this frame."""
         scene = self._camera.scene

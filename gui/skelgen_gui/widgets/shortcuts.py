@@ -30,7 +30,7 @@ SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
 
 
-_FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
+_FILE, _EDIT, _RUN, _PLAY, _VIEW, _HELP = "&File", "&Edit", "&Run", "&Play", "&View", "&Help"
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,8 @@ COMMANDS: tuple[Command, ...] = (
     Command(SEPARATOR, _RUN),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
+    Command("full_screen", _VIEW, "F&ull screen", "F11", "Fill the screen", is_checkable=True),
+    Command("reset_layout", _VIEW, "&Reset layout", tip="Put panels and tool bar where they are at first"),
     Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, is_checkable=True),
     Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", is_checkable=True),
     Command(SEPARATOR, _PLAY),

@@ -140,7 +140,7 @@ def test_what_is_under_the_pointer_is_explained(view, session, eye, hand):
     assert session.project.trajectories.names[marker] in text
     assert session.project.limbs.called(int(session.project.limbs.limb_of_marker[marker])) in text
     assert "there with " in text
-    assert "confidence" in text
+    assert " sure" in text
     assert "residual" in text
     assert f"{session.project.trajectories.positions[20, marker, 0]:.1f}" in text
     assert eye.changed(before, eye.picture_of(view), place + QPointF(60, 0), 50) > 200

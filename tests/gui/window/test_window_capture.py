@@ -65,7 +65,8 @@ def test_one_click_captures_the_simulated_rig(qtbot, window, page, has_colour):
     assert not window.jobs.is_busy
 
 
-def test_rings_are_drawn_where_the_balls_are(qtbot, page, starts):
+def test_rings_are_drawn_where_the_balls_are(qtbot, window, page, starts):
+    window.resize(1440, 900)
     shot = starts(SHORT)
     pictures = page.view.pictures
     image = pictures.grab().toImage()

@@ -9,12 +9,13 @@ import sys
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtWidgets import QApplication, QInputDialog
+from PySide6.QtWidgets import QApplication, QInputDialog, QMessageBox
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.corrections import FramesDialog
 
 import skelgen
 from skelgen.app.project_file.archive import find_result, open_project
+from skelgen.model.corrections import Correction
 from skelgen.model.project import STAGES
 from skelgen.simulation import simulate
 
@@ -119,6 +120,42 @@ def test_markers_are_merged(window, person, computed, chooses, answers):
     project = chooses(markers(names.index(old), names.index("other")), "Merge")
     assert project.trajectories.n_markers == computed.trajectories.n_markers
     assert project.trajectories.seen.all()
+
+
+def test_markers_that_are_seen_together_are_merged_only_after_a_warning(window, person, computed, monkeypatch):
+    asked = []
+
+    def refuse(parent, title, text, *rest):
+        asked.append(text)
+        return QMessageBox.StandardButton.No
+
+    monkeypatch.setattr(QMessageBox, "question", refuse)
+    trigger(window, markers(0, 1), "Merge")
+    person.waits()
+    assert "in 120 frames" in asked[0]
+    assert window.session.project is computed
+    person.answers(QMessageBox.StandardButton.Yes)
+    trigger(window, markers(0, 1), "Merge")
+    person.waits(lambda: window.session.project.has("skeleton") and window.session.project is not computed)
+    assert window.session.project.trajectories.n_markers == computed.trajectories.n_markers - 1
+
+
+def test_what_contradicts_is_refused_with_the_name_of_the_other(window, person, computed):
+    first, mate = computed.limbs.markers_of(0)[:2].tolist()
+    window.runner.computes_at_once = False
+    trigger(window, markers(first, mate), "On one limb")
+    person.waits(lambda: len(window.session.project.corrections) == 1)
+    window.corrections.apply(Correction("apart", tuple(computed.trajectories.names[each] for each in (mate, first))))
+    assert "share a limb'; take that one back first" in person.is_told()
+    assert len(window.session.project.corrections) == 1
+
+
+def test_undo_says_what_it_takes_back(window, person, computed, chooses):
+    chooses(Selection(limb=int(np.flatnonzero(computed.topology.parents >= 0)[0])), "Root")
+    assert window.actions_by_id["undo"].text().startswith("&Undo: the limb of")
+    person.does("undo")
+    assert window.actions_by_id["undo"].text() == "&Undo"
+    assert window.actions_by_id["redo"].text().startswith("&Redo: the limb of")
 
 
 def test_a_marker_is_renamed(window, person, computed, chooses, answers):

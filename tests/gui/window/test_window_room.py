@@ -1,0 +1,42 @@
+"""The window fits the screen, works when it is small, fills the screen, and its layout can be put back."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QDockWidget
+
+
+def test_at_first_it_fits_the_screen(window):
+    room = window.screen().availableSize().expandedTo(window.minimumSizeHint())
+    assert window.width() <= room.width()
+    assert window.height() <= room.height()
+
+
+def test_it_works_at_1024_by_700(qtbot, window, person, rods):
+    person.opens(rods)
+    window.resize(1024, 700)
+    qtbot.waitUntil(lambda: window.width() == 1024)
+    for entry in window.pages.entries:
+        window.pages.page(entry.key)
+        qtbot.wait(1)
+        assert (window.width(), window.height()) == (1024, 700), entry.key
+    window.pages.page("open")
+    assert window.minimumSizeHint().width() <= 1024
+    assert window.minimumSizeHint().height() <= 700
+    assert window.view3d.width() >= 300
+
+
+def test_the_layout_is_put_back(window, person):
+    docks = {dock.objectName(): dock for dock in window.findChildren(QDockWidget)}
+    before = {name: (window.dockWidgetArea(dock), dock.isHidden()) for name, dock in docks.items()}
+    docks["corrections"].setFloating(True)
+    docks["timeline"].hide()
+    person.does("reset_layout")
+    assert {name: (window.dockWidgetArea(dock), dock.isHidden()) for name, dock in docks.items()} == before
+    assert not docks["corrections"].isFloating()
+
+
+def test_the_screen_is_filled_and_left_again(qtbot, window, person):
+    person.does("full_screen")
+    qtbot.waitUntil(window.isFullScreen)
+    person.does("full_screen")
+    qtbot.waitUntil(lambda: not window.isFullScreen())
