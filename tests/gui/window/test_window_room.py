@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import QSize
 from PySide6.QtWidgets import QDockWidget
 
 
 def test_at_first_it_fits_the_screen(window):
-    room = window.screen().availableSize().expandedTo(window.minimumSizeHint())
+    room = window.screen().availableSize().expandedTo(QSize(1024, 700))
     assert window.width() <= room.width()
     assert window.height() <= room.height()
 
