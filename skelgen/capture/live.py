@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 
 from skelgen.capture.angles import JointAngle, find_angles
+from skelgen.capture.ball_pairs import BallPairs
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.bodies.prediction import Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters
@@ -156,6 +157,8 @@ class MotionCapture:
         names = [body.name for body in settings.bodies]
         self._prediction = None if prediction is None else Prediction(names, prediction)
         self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
+        sizes = settings.rig.left.size, settings.rig.right.size
+        self._pairs = BallPairs(*sizes) if prediction is not None and prediction.balls else None
         self._watch = RigWatch(settings.rig)
         self.n_frames = 0
         self.n_dropped = 0
@@ -194,8 +197,10 @@ class MotionCapture:
         """Return what is found in one pair."""
         start = perf_counter()
         left, right, points = self._points.find(pair)
-        bodies, angles = self.recognise(points, pair.time)
         notices = self._watch.notices(pair, left, right, points)
+        if self._pairs is not None:
+            points = self._pairs.resolved(left, right, points, pair.time)
+        bodies, angles = self.recognise(points, pair.time)
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start

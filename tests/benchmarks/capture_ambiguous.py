@@ -14,7 +14,8 @@ import numpy as np
 from capture_pipeline import bent
 from shown import show, show_machine
 
-from skelgen.capture.markers.candidates import BallTracks, CandidateStore
+from skelgen.capture.ball_tracks import BallTracks
+from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import accept_best_first, evidence_over_time, find_markers, track_pairs
 from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig

@@ -71,6 +71,7 @@ class PredictionParameters(StageParameters):
     hold: float = declare(
         0.5, "A body that was not found for longer is looked for everywhere.", unit="s", within=(0.0, 10.0)
     )
+    balls: bool = declare(True, "Whether balls are followed from image to image, so that time tells wrong pairs.")
     joints: bool = declare(False, "Whether bodies that joints hold together are predicted together, by their angles.")
 
 

@@ -7,9 +7,10 @@ from itertools import islice
 
 import numpy as np
 
+from skelgen.capture.ball_tracks import BallTracks
 from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
 from skelgen.capture.live import PointFinder
-from skelgen.capture.markers.candidates import BallTracks, CandidateStore
+from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import find_markers, noise_scale, track_pairs
 from skelgen.capture.markers.one_camera import BallStore, points_of_one_camera
 from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints

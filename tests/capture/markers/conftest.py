@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.markers.candidates import BallTracks, CandidateStore
+from skelgen.capture.ball_tracks import BallTracks
+from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import track_pairs
 from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.markers.candidates import BallTracks
+from skelgen.capture.ball_tracks import BallTracks
 
 SIZE = (640, 480)
 
