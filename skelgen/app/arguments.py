@@ -27,7 +27,7 @@ _KINDS: Mapping[str, tuple[type, ...]] = {
     "project": (Project,),
     "root": (str,),
     "frames": (Sequence,),
-    "subject": (Project, Path, str),
+    "subject": (Project, Path, str, Sequence),
     "take": (PointCloud, Trajectories, Poses, Project),
     "takes": (Iterable,),
 }

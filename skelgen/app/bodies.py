@@ -1,16 +1,18 @@
-"""One project per body of a take that shows several."""
+"""One project per body of a take that shows several, and one of several bodies that were calibrated each by itself."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.kinematics.inverse.motion import MotionAngles
-from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, Topology, Trajectories
-from skelgen.model.arrays import Ints
+from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, StageReport, Topology, Trajectories
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.bodies import Body
+from skelgen.model.topology import joint_children
 
 _Writable = TypeVar("_Writable")
 
@@ -59,6 +61,109 @@ def body_files(value: _Writable, path: Path) -> tuple[tuple[_Writable | Project,
         raise WriteError(f"{path}: bodies are told by their joints, which this project has not; run the stages first")
     names = [path.with_name(path.name.replace(BODY, body.name)) for body in value.bodies]
     return tuple(zip(split_bodies(value), names, strict=True))
+
+
+def join_bodies(projects: Sequence[Project]) -> Project:
+    """Return one project with the bodies of several takes, as the subject of a take that shows them together.
+
+    Parameters
+    ----------
+    projects : sequence of Project
+        Calibrated takes of markers, with skeletons. Markers and limbs keep their names where these differ; else those
+        of each take begin with its name.
+
+    Returns
+    -------
+    Project
+        All markers, limbs and joints, one body after the other. Shorter takes are stretched to the frames of the
+        longest: their poses do not belong together.
+    """
+    n_frames = max(project.take.n_frames for project in projects)
+    takes = [project.trajectories for project in projects]
+    frames = [np.linspace(0, take.n_frames - 1, n_frames).round().astype(np.intp) for take in takes]
+    titles = _distinct([project.name for project in projects])
+    positions = np.concatenate([take.positions[shown] for take, shown in zip(takes, frames, strict=True)], axis=1)
+    names = _distinct_names([take.names for take in takes], titles)
+    limb_names = _distinct_names([project.skeleton.limb_names for project in projects], titles)
+    joined = Trajectories(positions, names, takes[0].rate, " + ".join(titles))
+    skeleton = _joined_skeletons(projects, limb_names)
+    motion = _joined_motions(projects, frames, skeleton)
+    body_of_limb = np.repeat(np.arange(len(projects)), [project.skeleton.n_limbs for project in projects])
+    deviation = np.full((len(names), len(names)), np.nan)
+    limbs = Limbs(skeleton.limb_of_marker, deviation, limb_names, body_of_limb=body_of_limb)
+    costs = np.where(np.eye(len(body_of_limb)) > 0, 0.0, np.nan)
+    topology = Topology(skeleton.parents, costs, motion.joint_positions, *_no_descents(skeleton.n_joints), alpha=0.0)
+    report = StageReport()
+    project = Project(joined).with_trajectories(joined, report).with_limbs(limbs, report)
+    return project.with_topology(topology, report).with_skeleton(skeleton, motion, report)
+
+
+def _no_descents(n_joints: int) -> tuple[Ints, Floats]:
+    return np.zeros(n_joints, dtype=np.intp), np.full(n_joints, np.nan)
+
+
+def _distinct(titles: Sequence[str]) -> list[str]:
+    """Titles of takes; those that are used twice, or empty, are numbered."""
+    return [
+        title if title and titles.count(title) == 1 else f"{title or 'body'} {number}"
+        for number, title in enumerate(titles, start=1)
+    ]
+
+
+def _distinct_names(names: Sequence[Sequence[str]], titles: Sequence[str]) -> tuple[str, ...]:
+    every = [name for some in names for name in some]
+    if len(set(every)) == len(every):
+        return tuple(every)
+    return tuple(f"{title}: {name}" for title, some in zip(titles, names, strict=True) for name in some)
+
+
+def _joined_skeletons(projects: Sequence[Project], limb_names: tuple[str, ...]) -> Skeleton:
+    skeletons = [project.skeleton for project in projects]
+    firsts = np.cumsum([0, *(skeleton.n_limbs for skeleton in skeletons)])[:-1].tolist()
+
+    def placed(which: str) -> list[Ints]:
+        values = [getattr(skeleton, which) for skeleton in skeletons]
+        return [np.where(value < 0, -1, value + first) for value, first in zip(values, firsts, strict=True)]
+
+    def of_all(which: str) -> Floats | None:
+        values = [getattr(skeleton, which) for skeleton in skeletons]
+        return None if any(value is None for value in values) else np.concatenate(values)
+
+    def moved(which: str) -> list[Joint]:
+        return [
+            replace(joint, parent=joint.parent + first, child=joint.child + first)
+            for skeleton, first in zip(skeletons, firsts, strict=True)
+            for joint in getattr(skeleton, which)
+        ]
+
+    parents = np.concatenate(placed("parents"))
+    by_child = {joint.child: joint for joint in moved("joints")}
+    return Skeleton(
+        parents=parents,
+        joints=tuple(by_child[child] for child in joint_children(parents).tolist()),
+        limb_of_marker=np.concatenate(placed("limb_of_marker")),
+        marker_offsets=np.concatenate([skeleton.marker_offsets for skeleton in skeletons]),
+        marker_std=np.concatenate([skeleton.marker_std for skeleton in skeletons]),
+        reference_pose=np.concatenate([skeleton.reference_pose for skeleton in skeletons]),
+        offset_std=of_all("offset_std"),
+        length_std=of_all("length_std"),
+        marker_noise=of_all("marker_noise"),
+        loops=tuple(moved("loops")),
+        limb_names=limb_names,
+    )
+
+
+def _joined_motions(projects: Sequence[Project], frames: Sequence[Ints], skeleton: Skeleton) -> Motion:
+    motions = [(project.motion, shown) for project, shown in zip(projects, frames, strict=True)]
+
+    def side_by_side(which: str) -> Any:
+        return np.concatenate([getattr(motion, which)[shown] for motion, shown in motions], axis=1)
+
+    every = ("world_from_limb", "marker_positions", "residuals", "limb_seen")
+    together = {which: side_by_side(which) for which in every}
+    children = [joint.child for joint in skeleton.joints]
+    joints = together["world_from_limb"][:, children][..., :3, 3]
+    return Motion(joint_positions=joints, rate=motions[0][0].rate, **together)
 
 
 def _one_body(project: Project, body: Body) -> Project:

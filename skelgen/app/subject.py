@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from skelgen.app.arguments import with_checked_arguments
+from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.inputs import body_of, check_take, trajectories_from_poses
 from skelgen.app.project_file.archive import find_result, open_project
@@ -40,16 +41,19 @@ from skelgen.stages.subject import (
 
 @with_checked_arguments
 def apply_subject(
-    take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
+    take: Take,
+    subject: Project | Path | str | Sequence[Project | Path | str],
+    parameters: ParameterValues = None,
+    monitor: Monitor | None = None,
 ) -> Project:
-    """Label and pose a take by a skeleton that was calibrated on another take of the same body.
+    """Label and pose a take by skeletons that were calibrated on other takes of the same bodies.
 
     Parameters
     ----------
     take : PointCloud, Trajectories or Poses
         The new take.
-    subject : Project, Path or str
-        The calibrated take with its skeleton, or the file that holds it.
+    subject : Project, Path or str, or a sequence of them
+        The calibrated take with its skeleton, or the file that holds it; one for each body that the take shows.
     parameters : mapping, Path or str, optional
         As for `skelgen.reconstruct`: ``labels`` says how points are followed, ``skeleton`` which markers are outliers.
     monitor : Monitor, optional
@@ -74,13 +78,41 @@ def apply_subject(
     >>> skelgen.apply_subject(walk, calibrated).skeleton.lengths == calibrated.skeleton.lengths
     True
     """
-    known = subject if isinstance(subject, Project) else open_subject(subject)
+    subjects = [subject] if isinstance(subject, Project | Path | str) else list(subject)
+    known = known_bodies(subjects)
     return run_with_subject(
         Project(take.take if isinstance(take, Project) else take),
         known,
         settings=Settings(parameters),
         monitor=monitor or SILENT,
     )
+
+
+def known_bodies(subjects: Sequence[Project | Path | str]) -> Project:
+    """Return what labels a take: the subject that is given, or the bodies of several as one.
+
+    Parameters
+    ----------
+    subjects : sequence of Project, Path or str
+        One or more calibrated takes, or the files that hold them.
+
+    Raises
+    ------
+    InputError
+        If there is none, one has no skeleton yet, or several are not all of markers.
+    """
+    found = [one if isinstance(one, Project) else open_subject(one) for one in subjects]
+    if not found:
+        raise InputError("no calibrated skeleton is given; name one for each body that the take shows")
+    if len(found) == 1:
+        return found[0]
+    for one in found:
+        check_subject(one, one.name or "the subject")
+        if isinstance(one.take, Poses):
+            raise InputError(
+                f"{one.name}: several skeletons together label takes of markers, and this one is of sensors"
+            )
+    return join_bodies(found)
 
 
 def open_subject(path: Path | str) -> Project:
@@ -189,6 +221,9 @@ def _with_skeleton(
 ) -> Project:
     if np.array_equal(limbs.limb_of_marker, subject.limbs.limb_of_marker):
         limbs = replace(limbs, membership=subject.limbs.membership)
+    if limbs.n_limbs == subject.limbs.n_limbs:
+        bodies, sure = subject.limbs.body_of_limb, subject.limbs.body_probability
+        limbs = replace(limbs, body_of_limb=bodies, body_probability=sure)
     done = project.with_limbs(limbs, StageReport({}, 0.0, report.notices))
     done = done.with_topology(subject.topology.for_take(project.take.n_frames), StageReport({}, 0.0, report.notices))
     return done.with_skeleton(*found, report)

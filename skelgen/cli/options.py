@@ -101,6 +101,16 @@ SubjectFile = Annotated[
         show_default=False,
     ),
 ]
+SubjectFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--skeleton",
+        metavar="PROJECT",
+        help="Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder; "
+        "once for each body that the take shows.",
+        show_default=False,
+    ),
+]
 Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -76,7 +76,7 @@ _RUN_OPTIONS = {
         ("n_jobs", 1, options.Jobs),
         ("hierarchy", None, options.Hierarchy),
         ("root", None, options.Root),
-        ("skeleton", None, options.SubjectFile),
+        ("skeleton", None, options.SubjectFiles),
     )
 }
 
@@ -96,7 +96,7 @@ def run(
     root: options.Root = None,
     names: options.NamesFile = None,
     marker_set: options.MarkerSetName = None,
-    skeleton: options.SubjectFile = None,
+    skeleton: options.SubjectFiles = None,
     seed: options.Seed = None,
     jobs: options.Jobs = 1,
     config: options.Config = None,
@@ -120,8 +120,10 @@ def run(
         Folder for the results.
     n_markers, n_limbs : int, optional
         Numbers of markers and limbs; found if left out.
-    identities, hierarchy, skeleton, config : Path, optional
-        Files that state points, the tree, the subject and the parameters.
+    identities, hierarchy, config : Path, optional
+        Files that state points, the tree and the parameters.
+    skeleton : list of Path, optional
+        Subjects, one for each body.
     methods : str, optional
         Methods of all stages: ``default`` or ``classic``.
     root : str, optional
@@ -160,7 +162,7 @@ def run(
         project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
     if names is not None:
         project = with_stated_names(project, read_limb_names(names))
-    if skeleton is not None:
+    if skeleton:
         refuse_beside_skeleton(
             {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
             | {"--root": root, "--from": from_stage, "--until": until_stage}
@@ -169,7 +171,7 @@ def run(
     else:
         run_options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
         work = _stages_run(from_stage, until_stage, settings, run_options)
-    inputs = (take, identities, hierarchy, names, skeleton, config)
+    inputs = (take, identities, hierarchy, names, *(skeleton or ()), config)
     target = _Target(output or _folder_for(take), stem_of(take), inputs=inputs, overwrite=overwrite)
     _run_and_write(screen, project, work, target)
 
@@ -253,7 +255,8 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         settings = Settings(config, methods)
         source, target = (Path(getattr(settings.files, file)) for file in _DEFAULT_FILES[stage])
         take = find_result(take) if take else None
-        inputs = (take or source, values.get("identities"), values.get("hierarchy"), values.get("skeleton"), config)
+        files = values.get("identities"), values.get("hierarchy"), *(values.get("skeleton") or ())
+        inputs = (take or source, *files, config)
         wanted = {name: values.pop(name) for name in _OPTION_NAMES[stage]}
         identities, skeleton = wanted.pop("identities", None), wanted.pop("skeleton", None)
         run_options = RunOptions(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
@@ -337,10 +340,10 @@ def _stages_run(first: str | None, last: str | None, settings: Settings, run_opt
     )
 
 
-def _subject_run(skeleton: Path, settings: Settings) -> _Work:
-    from skelgen.app.subject import open_subject, run_with_subject
+def _subject_run(skeletons: Sequence[Path], settings: Settings) -> _Work:
+    from skelgen.app.subject import known_bodies, run_with_subject
 
-    subject = open_subject(skeleton)
+    subject = known_bodies(skeletons)
     return lambda project, monitor: run_with_subject(project, subject, settings=settings, monitor=monitor)
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.errors import WriteError
+from skelgen.app.bodies import join_bodies, split_bodies
+from skelgen.errors import InputError, WriteError
+from skelgen.simulation import simulate
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +60,33 @@ def test_summary_lists_bodies(two, tmp_path):
         ("body2", 3, 9),
     ]
     assert bodies[0]["probability"] > 0.9
+
+
+def test_subjects_calibrated_each_by_itself_label_a_take_of_both(tmp_path):
+    alone = [simulate("rods", seed=seed, n_frames=300, noise=0.2) for seed in (1, 1_000_004)]
+    subjects = [skelgen.reconstruct(one.take) for one in alone]
+    skelgen.write(subjects[1], tmp_path / "second.skelgen")
+    both = simulate("rods", seed=1, subjects=2, n_frames=200, noise=0.2, dropouts=0.05, labelled=False)
+    project = skelgen.apply_subject(both.take, [subjects[0], tmp_path / "second.skelgen"])
+    scores = skelgen.evaluate(project, both.truth)
+    assert scores.labels.idf1 > 0.99
+    assert scores.bodies.is_exact
+    lengths = [subject.skeleton.lengths.values() for subject in subjects]
+    assert sorted(project.skeleton.lengths.values()) == sorted(length for some in lengths for length in some)
+
+
+def test_joined_bodies_come_apart_again_as_they_were():
+    one, other = (
+        skelgen.reconstruct(simulate("rods", seed=seed, n_frames=length).take) for seed, length in ((1, 80), (2, 120))
+    )
+    first, second = split_bodies(join_bodies([one, other]))
+    for before, after in ((one, first), (other, second)):
+        assert list(after.skeleton.lengths.values()) == list(before.skeleton.lengths.values())
+        np.testing.assert_array_equal(after.skeleton.marker_offsets, before.skeleton.marker_offsets)
+    assert first.trajectories.names[0] == f"{one.name}: {one.trajectories.names[0]}"
+    np.testing.assert_array_equal(second.motion.world_from_limb, other.motion.world_from_limb)
+
+
+def test_subjects_must_be_given():
+    with pytest.raises(InputError, match="no calibrated skeleton"):
+        skelgen.apply_subject(simulate("rods", n_frames=10).take, [])
