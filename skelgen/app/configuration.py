@@ -98,8 +98,10 @@ class Settings:
         else:
             raise ParameterError(f"parameters are {wanted!r:.60}; they must map names of stages to their parameters")
         if methods == METHODS[1]:
+            stated = wanted if isinstance(wanted, Mapping) else {}
             for stage in STAGES:
-                self._parameters[stage] = _made_classic(self.of(stage), ())
+                given = stated.get(stage, {})
+                self._parameters[stage] = _made_classic(self.of(stage), given if isinstance(given, Mapping) else ())
 
     @property
     def files(self) -> FileParameters:

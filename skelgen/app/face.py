@@ -125,6 +125,7 @@ def reconstruct(
     root: str | None = None,
     joined: Iterable[tuple[str, str]] = (),
     parted: Iterable[tuple[str, str]] = (),
+    methods: str | None = None,
 ) -> Project:
     """Find limbs, joints and skeleton of a take, and the skeleton's motion.
 
@@ -157,6 +158,9 @@ def reconstruct(
     joined, parted : iterable of pairs of str
         Limbs between which there is a joint, and between which there is none, each by its name or by one of its
         markers.
+    methods : str, optional
+        ``classic``: the methods of Schönauer (2007) in all stages, but for what `parameters` states; ``default``: the
+        usual ones, whatever a ``config.xml`` sets.
 
     Returns
     -------
@@ -184,7 +188,7 @@ def reconstruct(
         project = Project(take, seed, identities=given_identities(identities))
     options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
     return run_stages(
-        project, until_stage=until, settings=Settings(parameters), options=options, monitor=monitor or SILENT
+        project, until_stage=until, settings=Settings(parameters, methods), options=options, monitor=monitor or SILENT
     )
 
 

@@ -116,6 +116,27 @@ def test_usual_methods_stay_where_they_are_asked_for_or_the_file_has_names_of_ou
     assert "neighbour = 5 has no effect: it acts with method=spectral" in settings.notices("limbs", {"n_limbs": ""})[0]
 
 
+def test_what_is_stated_stays_beside_classic_methods():
+    stated = {"limbs": {"method": "greedy"}}
+    assert Settings(stated, "classic").limbs.method == "greedy"
+    assert Settings(stated, "classic").joints.solver == Settings(None, "classic").joints.solver
+
+
+def test_a_script_chooses_the_methods_of_the_thesis_with_one_word():
+    take = skelgen.simulate("rods", n_frames=60).take
+    classic = Settings(None, "classic")
+    values = {stage: classic.of(stage) for stage in ("labels", "limbs", "joints", "skeleton")}
+    by_word, by_name = (
+        skelgen.reconstruct(take, n_markers=9, n_limbs=3, **how)
+        for how in ({"methods": "classic"}, {"parameters": values})
+    )
+    np.testing.assert_array_equal(by_word.motion.joint_positions, by_name.motion.joint_positions)
+    usual = skelgen.reconstruct(take, n_markers=9, n_limbs=3)
+    assert not np.array_equal(usual.motion.joint_positions, by_word.motion.joint_positions)
+    with pytest.raises(skelgen.ParameterError, match="methods are 'best'; they must be"):
+        skelgen.reconstruct(take, methods="best")
+
+
 def test_classic_methods_need_no_file():
     settings = Settings(None, "classic")
     chosen = (settings.labels.method, settings.limbs.method, settings.joints.solver, settings.skeleton.fit)
