@@ -169,3 +169,10 @@ def test_work_of_a_window_that_was_killed_is_offered_and_restored_by_the_next(
 def test_the_installed_command_is_this_function():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["gui-scripts"]
     assert EntryPoint("skelgen-gui", declared["skelgen-gui"], "gui_scripts").load() is start.main
+
+
+def test_the_window_starts_without_what_only_stages_need():
+    code = "import sys, skelgen_gui.window; print([name for name in %r if name in sys.modules])"
+    heavy = ["scipy.special", "scipy.optimize", "sklearn", "numba", "networkx", "cv2"]
+    run = subprocess.run([sys.executable, "-c", code % heavy], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

@@ -3,7 +3,6 @@
 Every text and attribute is escaped; colours come from the page's style sheet.
 """
 
-import math
 from dataclasses import dataclass
 
 from markupsafe import Markup, escape
@@ -165,13 +164,13 @@ def path_through(x: Floats, y: Floats) -> str:
     x, y : ndarray, shape (n,), px
         The points.
     """
-    words, drawing_on = [], False
+    words, pen = [], "M"
     for across, down in zip(x.tolist(), y.tolist(), strict=True):
-        if math.isnan(down):
-            drawing_on = False
+        if down != down:  # NaN
+            pen = "M"
             continue
-        words.append(f"{'L' if drawing_on else 'M'}{number(across)} {number(down)}")
-        drawing_on = True
+        words.append(f"{pen}{number(across)} {number(down)}")
+        pen = "L"
     return "".join(words)
 
 
@@ -179,7 +178,7 @@ def number(value: str | float) -> str:
     """Return a coordinate with one decimal at most; strings pass."""
     if isinstance(value, str):
         return value
-    return f"{value:.1f}".rstrip("0").rstrip(".") if not float(value).is_integer() else str(int(value))
+    return f"{value + 0.0:.1f}".removesuffix(".0")  # plus 0, as a zero may be negative
 
 
 @dataclass(frozen=True)

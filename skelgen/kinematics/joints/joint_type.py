@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtri
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import Parts, descended, linearised
@@ -229,6 +228,8 @@ def _type_fit(
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = linear.squares / max(n_rows * n_frames - start.n_constants, 1)
     for_means, independent = effective_frames_of_both(solution.residuals)
+    from scipy.special import fdtri  # noqa: PLC0415 - a fifth of a second, which the window's start need not wait for
+
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
     unweighted = np.broadcast_to(np.eye(3), rotations.shape)
     wobble = float(np.sqrt(_linearised(rotation, rotations, unweighted).squares / n_frames))
