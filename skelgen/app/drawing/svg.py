@@ -3,6 +3,7 @@
 Every text and attribute is escaped; colours come from the page's style sheet.
 """
 
+import math
 from dataclasses import dataclass
 
 from markupsafe import Markup, escape
@@ -166,7 +167,7 @@ def path_through(x: Floats, y: Floats) -> str:
     """
     words, pen = [], "M"
     for across, down in zip(x.tolist(), y.tolist(), strict=True):
-        if down != down:  # NaN
+        if math.isnan(down):
             pen = "M"
             continue
         words.append(f"{pen}{number(across)} {number(down)}")
