@@ -196,7 +196,7 @@ def joint_constraints(
     """
     from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
 
-    is_joint = {} if marker_set in {"auto", "none"} else _joints_of_person(project)
+    is_joint = {} if marker_set in {"auto", "none"} else joints_of_person(project)
     root = project.limbs.names.index("pelvis") if is_joint and "pelvis" in project.limbs.names else None
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
@@ -261,7 +261,7 @@ def _markers_of_segments(project: Project, marker_set: str) -> list[tuple[str, .
     return [tuple(markers) for markers in segments.values()]
 
 
-def _joints_of_person(project: Project) -> dict[tuple[int, int], bool]:
+def joints_of_person(project: Project) -> dict[tuple[int, int], bool]:
     """Joints between the segments of a person that limbs are named by; a segment that is missing is passed over."""
     from skelgen.stages.names import PARENTS  # noqa: PLC0415 - reads tables
 

@@ -105,6 +105,10 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
     """
     if isinstance(project.take, Poses):
         names = project.take.names
+    elif project.trajectories.are_keypoints:
+        from skelgen.stages.names import name_bones  # noqa: PLC0415 - reads tables
+
+        names = name_bones(limbs, project.trajectories.names)
     elif marker_set == "none":
         names = replace(limbs, names=()).names
     else:

@@ -11,10 +11,18 @@ from functools import partial
 from typing import cast
 
 from skelgen.app.configuration import Settings
-from skelgen.app.constraints import RunOptions, joint_constraints, joint_types, limb_constraints, stated_number
+from skelgen.app.constraints import (
+    RunOptions,
+    joint_constraints,
+    joint_types,
+    joints_of_person,
+    limb_constraints,
+    stated_number,
+)
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion
+from skelgen.app.set_prior import with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -177,15 +185,14 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     from skelgen.stages.limbs import doubt_notices, find_limbs  # noqa: PLC0415 - see the module's docstring
 
     n_limbs = options.n_limbs or stated_number(project, "n_limbs")
-    find = partial(
-        find_limbs,
-        parameters=settings.limbs,
-        n_limbs=n_limbs,
-        constraints=limb_constraints(project, settings.limbs.marker_set, monitor),
-        seed=project.seed,
-        monitor=monitor,
-    )
-    limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
+    stated = limb_constraints(project, settings.limbs.marker_set, monitor)
+    find = partial(find_limbs, parameters=settings.limbs, n_limbs=n_limbs, seed=project.seed, monitor=monitor)
+    split = project.labelling.split if project.has_labelling else ()
+    limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
+    if settings.limbs.marker_set == "auto" and n_limbs is None:
+        prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)
+        if prior is not None:
+            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior))
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
@@ -225,15 +232,14 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     from skelgen.stages.joints import find_joints, find_sensor_slips  # noqa: PLC0415 - see the module's docstring
 
     constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
+    find = partial(
+        find_joints, project.trajectories, project.limbs, settings.joints, seed=project.seed, monitor=monitor
+    )
     with _processes(options.n_jobs):
-        topology = find_joints(
-            project.trajectories,
-            project.limbs,
-            settings.joints,
-            constraints=constraints,
-            seed=project.seed,
-            monitor=monitor,
-        )
+        topology = find(constraints=constraints)
+        if settings.limbs.marker_set == "auto" and _wears_set(project):
+            prior = with_tree(project, topology, constraints, joints_of_person(project), monitor)
+            topology = topology if prior is None else find(constraints=prior)
     if isinstance(project.take, Poses):
         bodies, _ = _bodies_exchanged_back(project.take)
         for slip in find_sensor_slips(bodies.world_from_body, topology.edges):
@@ -263,7 +269,8 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
     if project.trajectories.are_keypoints:
         from skelgen.stages.keypoints import fit_keypoint_skeleton  # noqa: PLC0415 - see the module's docstring
 
-        return SkeletonResult(*fit_keypoint_skeleton(project.trajectories, project.limbs))
+        skeleton, motion = fit_keypoint_skeleton(project.trajectories, project.limbs)
+        return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
     types = joint_types(project, monitor)
@@ -295,6 +302,12 @@ def _processes(n_jobs: int) -> AbstractContextManager[object]:
     from joblib import parallel_config  # noqa: PLC0415 - several processes are rare
 
     return cast(AbstractContextManager[object], parallel_config("loky", n_jobs=n_jobs, inner_max_num_threads=1))
+
+
+def _wears_set(project: Project) -> bool:
+    from skelgen.stages.names import recognised_set  # noqa: PLC0415 - reads tables
+
+    return not isinstance(project.take, Poses) and recognised_set(project.trajectories.names) is not None
 
 
 def _labels_of_points(

@@ -27,6 +27,17 @@ _KEYPOINT = re.compile(
     rf"(?:body)?(?:(?:{_MIDDLE})|(?P<before>{_SIDE})(?P<first>{'|'.join(_JOINTS)}|{_SIDED})"
     rf"|(?P<second>{'|'.join(_JOINTS)}|{_SIDED}|mouth)(?P<after>{_SIDE})|face[a-z]*)"
 )
+_BONE_ENDS = {
+    "thigh": ("knee",),
+    "shank": ("ankle",),
+    "foot": ("foot", "heel", "bigtoe", "smalltoe", "toe"),
+    "upper arm": ("elbow",),
+    "forearm": ("wrist",),
+    "hand": ("hand", "index", "pinky", "thumb"),
+    "pelvis": ("hip", "pelvis", "midhip", "root", "spinebase"),
+    "head": ("head", "nose", "top", "jaw", "eye", "ear", "mouth", "face"),
+}
+_UNSIDED = frozenset({"pelvis", "chest", "head"})
 _LEAST_JOINTS, _LEAST_SHARE = 8, 0.6  # of the twelve joints of arms and legs, and of all names
 _CONSTANT, _ROUNDING = 0.003, 0.05  # a length that varies by this part, or by this [mm], is constant
 _FLEXING = 5.0  # times as much as a constant one: a distance across a joint
@@ -56,6 +67,24 @@ def joint_of_name(name: str) -> tuple[str, str]:
     found = _KEYPOINT.fullmatch(_plain(name))
     part = (found["first"] or found["second"] or "") if found else ""
     return ((found["before"] or found["after"])[0], part) if found and part in _JOINTS else ("", "")
+
+
+def segment_of_name(name: str) -> str:
+    """Return the segment whose bone ends in a keypoint, by its name, with its side; empty if that is not known.
+
+    Examples
+    --------
+    >>> segment_of_name("RKnee"), segment_of_name("left_wrist"), segment_of_name("neck"), segment_of_name("M017")
+    ('right thigh', 'left forearm', 'chest', '')
+    """
+    plain = _plain(name)
+    found = _KEYPOINT.fullmatch(plain)
+    if found is None:
+        return ""
+    side = (found["before"] or found["after"] or "")[:1]
+    part = found["first"] or found["second"] or plain
+    segment = next((segment for segment, words in _BONE_ENDS.items() if part.startswith(words)), "chest")
+    return f"{'left' if side == 'l' else 'right'} {segment}" if side and segment not in _UNSIDED else segment
 
 
 def named_bones(names: Sequence[str]) -> list[tuple[int, int]]:

@@ -54,7 +54,7 @@ class LimbParameters(StageParameters):
     )
     marker_set: str = declare(
         "auto",
-        "auto names limbs by the names of their markers, and by the marker set that is recognised; none gives them "
+        "auto names limbs by their markers or shape, and takes a recognised marker set for a prior; none gives them "
         "numbers; the name of a marker set puts its markers on its limbs, and these into its tree",
         basic=True,
     )

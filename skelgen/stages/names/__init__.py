@@ -1,6 +1,6 @@
 """Names of limbs by what the markers on them are called and the sets that people wear, or by shape and motion."""
 
-from skelgen.stages.names.by_markers import name_limbs, segments_of_markers
+from skelgen.stages.names.by_markers import name_bones, name_limbs, segments_of_markers
 from skelgen.stages.names.by_shape import contradicts_sides, names_by_shape
 from skelgen.stages.names.marker_sets import (
     MARKER_SET_CHOICES,
@@ -16,6 +16,7 @@ __all__ = [
     "MarkerSet",
     "contradicts_sides",
     "find_marker_set",
+    "name_bones",
     "name_limbs",
     "names_by_shape",
     "recognised_set",

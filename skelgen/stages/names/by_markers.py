@@ -11,6 +11,7 @@ from functools import cache
 from itertools import chain, count
 from pathlib import Path
 
+from skelgen.geometry.keypoints import segment_of_name
 from skelgen.model import Limbs
 from skelgen.stages.names.marker_sets import MarkerSet, plain_name
 
@@ -58,6 +59,26 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
             named[limb] = max((weight, name) for name, weight in votes.items())
+    return unique_names(named, limbs.n_limbs)
+
+
+def name_bones(limbs: Limbs, points: Sequence[str]) -> tuple[str, ...]:
+    """Return a name for each bone between keypoints by the points that it ends in; ``limb7`` where they do not tell.
+
+    Parameters
+    ----------
+    limbs : Limbs
+        Which point each bone ends in; the root's are its own.
+    points : sequence of str, length n_points
+        Names of the keypoints.
+    """
+    named: dict[int, tuple[float, str]] = {}
+    for limb in range(limbs.n_limbs):
+        votes = Counter(segment_of_name(points[point]) for point in limbs.markers_of(limb).tolist())
+        del votes[""]
+        if votes:
+            segment, weight = votes.most_common(1)[0]
+            named[limb] = (float(weight), segment)
     return unique_names(named, limbs.n_limbs)
 
 

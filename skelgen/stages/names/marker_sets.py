@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 from skelgen.errors import ParameterError
 from skelgen.simulation.people.tables import MARKER_SETS, read_table, worn_markers
 
-MARKER_SET_CHOICES = ("auto", "none", *MARKER_SETS)
+OTHER_SETS = ("cleveland-clinic",)
+"""Marker sets that the simulation does not wear."""
+
+MARKER_SET_CHOICES = ("auto", "none", *MARKER_SETS, *OTHER_SETS)
 """What a user may say of the marker set: find it by the names, give the limbs no names, or this one."""
 
 PARENTS: Mapping[str, str] = {
@@ -71,7 +77,7 @@ def recognised_set(names: Sequence[str]) -> MarkerSet | None:
     names : sequence of str
         All markers of the take.
     """
-    found = [find_marker_set(name, names) for name in MARKER_SETS]
+    found = [find_marker_set(name, names) for name in (*MARKER_SETS, *OTHER_SETS)]
     best = max(found, key=lambda one: 2 * len(one.segments) / (one.n_markers + one.n_taken))
     enough = len(best.segments) >= max(_LEAST_HITS, _LEAST_PART * best.n_taken)
     return best if enough else None
@@ -83,7 +89,7 @@ def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:
     Parameters
     ----------
     name : str
-        A set of `MARKER_SETS`.
+        A set of `MARKER_SETS` or `OTHER_SETS`.
     names : sequence of str
         All markers of the take.
 
@@ -92,11 +98,11 @@ def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:
     ParameterError
         If there is no such set.
     """
-    if name not in MARKER_SETS:
+    if name not in (*MARKER_SETS, *OTHER_SETS):
         raise ParameterError(f"there is no marker set {name!r}; there are {', '.join(MARKER_SET_CHOICES)}")
     segments = _segments(name)
     taken = {one: segments[plain_name(one)] for one in names if plain_name(one) in segments}
-    return MarkerSet(name, str(read_table("marker_sets")[name]["title"]), taken, len(segments), len(names))
+    return MarkerSet(name, str(_table(name)["title"]), taken, len(segments), len(names))
 
 
 def plain_name(name: str) -> str:
@@ -105,7 +111,19 @@ def plain_name(name: str) -> str:
 
 
 @cache
+def _table(name: str) -> Mapping[str, Any]:
+    if name in MARKER_SETS:
+        return read_table("marker_sets")[name]  # type: ignore[no-any-return]
+    text = Path(__file__).with_name("tables").joinpath("other_sets.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)[name]  # type: ignore[no-any-return]
+
+
+@cache
 def _segments(name: str) -> Mapping[str, str]:
-    markers = {plain_name(marker.name): marker.limb for marker in worn_markers(name)}
-    others = read_table("marker_sets")[name].get("also", {})
+    if name in MARKER_SETS:
+        markers = {plain_name(marker.name): marker.limb for marker in worn_markers(name)}
+    else:
+        rows = _table(name)["markers"].items()
+        markers = {plain_name(marker): segment for segment, found in rows for marker in found}
+    others = _table(name).get("also", {})
     return markers | {plain_name(other): markers[plain_name(one)] for other, one in others.items()}

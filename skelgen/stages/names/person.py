@@ -29,6 +29,8 @@ _WITHOUT_END = {LEG: 0.14, ARM: 0.11}
 _TO_TOES = 0.08
 """From the ankle to the joint of toes that move by themselves."""
 
+_TOES = 0.4  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer
+
 _STIFF = 0.2
 """From the shoulder to the middle of the markers of an arm that is one limb."""
 
@@ -47,6 +49,9 @@ _HEAD_HIGH, _HEAD_SPREAD, _HEADLESS = 1.55, 0.25, 1.0
 
 _STATURES = np.geomspace(0.75, 1.35, 19)  # around that of the ways between the ends
 _AROUND = 3.5  # statures that the ways from a foot to the other and from both to a hand have in all
+_UNEVEN = 0.7
+"""What a segment costs that is found in one arm alone; of legs it is as much as a limb too many."""
+
 _FARTHEST, _FARTHER = 0.2, 6.0
 """From which on a foot or a hand is too far from its joint, and what that costs: it is another leg's."""
 
@@ -173,7 +178,8 @@ def _joined(tree: MovingTree, chains: tuple[Chain, ...], stature: float) -> _Per
     heights = np.array([_height(tree, end, hips, shoulders) for end in loose])
     heads = _squares((heights - _HEAD_HIGH) / _HEAD_SPREAD)
     misfit = sum(chain.misfit for chain in chains) + _squares(wide / _WHOLE).sum()
-    misfit += _ADDED * len({*one.segments.values()} ^ {*other.segments.values()})  # legs are alike
+    misfit += _ADDED * len({*one.segments.values()} ^ {*other.segments.values()})
+    misfit += _UNEVEN * len({*third.segments.values()} ^ {*fourth.segments.values()})
     misfit += min(heads.min(initial=_MOST), _HEADLESS) + _ADDED * max(len(loose) - 1, 0)
     return _Person((one, other, third, fourth), float(misfit))
 
@@ -272,12 +278,19 @@ def _shape(tree: MovingTree, found: _Person) -> Person:
     legs, arms = (one, other), (third, fourth) if alike >= 0 else (fourth, third)
     sides = {limb: side for pair in (legs, arms) for side, chain in enumerate(pair) for limb in chain.segments}
     segments = {limb: segment for chain in found.chains for limb, segment in chain.segments.items()}
+    segments |= {limb: "foot" for leg in legs for limb in leg.segments if _is_forefoot(tree, leg, limb)}
     carrying = tree.path(one.limbs[0], third.limbs[0])
     for limb in _trunk_limbs(tree, found.chains):
         height = _height(tree, limb, *_middles(found.chains))
         segments[limb] = "head" if height > _HEAD and limb not in carrying else "chest" if height > _CHEST else "pelvis"
     _add_branches(tree, (*legs, *arms), segments, sides)
     return Person(legs, arms, _with_pelvis(segments, one), sides, found.misfit, abs(alike) > _LEAST_ALIKE)
+
+
+def _is_forefoot(tree: MovingTree, leg: Chain, limb: int) -> bool:
+    """Whether a limb that moves against the foot is a piece of it: toes are farther from the ankle."""
+    _, knee, ankle = leg.joints
+    return leg.segments[limb] == "toes" and distance(ankle, tree.centres[limb]) < _TOES * distance(knee, ankle)
 
 
 def _trunk_limbs(tree: MovingTree, chains: tuple[Chain, ...]) -> list[int]:

@@ -180,3 +180,11 @@ def test_project_of_keypoints_goes_on_from_its_file(body, tmp_path):
     again = skelgen.reconstruct(skelgen.load(file))
     assert again.take.are_keypoints
     assert again.skeleton.n_limbs == project.limbs.n_limbs
+
+
+def test_bones_are_called_by_the_points_that_they_end_in(body):
+    project = skelgen.reconstruct(body)
+    sided = {f"{side} {name}" for side in ("left", "right") for name in ("upper arm", "forearm", "thigh", "shank")}
+    assert set(project.limbs.names) == {"pelvis", "chest", "head", "right foot"} | sided
+    assert project.skeleton.limb_names == project.limbs.names
+    assert {"left knee", "neck", "right ankle", "waist"} <= set(project.skeleton.joint_names)

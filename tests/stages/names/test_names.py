@@ -42,6 +42,15 @@ def test_a_part_of_a_body_is_recognised_and_said():
 LEGS = {"ASI", "PSI", "THI", "KNE", "TIB", "ANK", "HEE", "TOE"}
 
 
+def test_a_set_that_is_only_known_by_name_names_its_limbs_rightly():
+    sides = [f"{side}.{name}" for side in "LR" for name in ("Thigh.Upper", "Thigh.Front", "Thigh.Rear", "Knee.Lat")]
+    sides += [f"{side}.{name}" for side in "LR" for name in ("Shank.Upper", "Shank.Front", "Shank.Rear", "Ankle.Lat")]
+    sides += [f"{side}.{name}" for side in "LR" for name in ("Heel", "Midfoot.Sup", "Midfoot.Lat", "Toe.Tip")]
+    found = recognised_set([*sides, "L.ASIS", "R.ASIS", "V.Sacral", "Sternum", "L.Acromion", "R.Acromion", "Top.Head"])
+    assert found.name == "cleveland-clinic"
+    assert found.segments["L.Knee.Lat"] == "left thigh"
+
+
 def test_names_of_no_set_are_none():
     assert recognised_set([f"M{number:03d}" for number in range(40)]) is None
     with pytest.raises(ParameterError, match="there is no marker set 'mine'"):

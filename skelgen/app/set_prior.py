@@ -1,0 +1,160 @@
+"""A marker set that is recognised as a prior: its segments are the limbs and its tree the joints, unless the data say
+otherwise and are sure of it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelgen.model import Limbs, Project, Topology
+from skelgen.progress import Monitor
+
+if TYPE_CHECKING:
+    from skelgen.stages.joints import JointConstraints
+    from skelgen.stages.limbs import LimbConstraints
+
+_OVERRULES = 0.95
+"""Probability of a marker's limb, or of an edge, from which on the data overrule a marker set."""
+
+_LOOSER = 4.0
+"""How many times more a marker moves against the segment of the set than against another that it surely is on."""
+
+_TOLD = 5  # markers that a note names
+
+
+def with_segments(
+    project: Project, limbs: Limbs, constraints: LimbConstraints, monitor: Monitor
+) -> LimbConstraints | None:
+    """Return constraints that put the markers of a recognised set on its segments, or None if nothing would change.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    limbs : Limbs
+        What is found without the set; a marker that is on the limb of another segment, and surely, stays free.
+    constraints : LimbConstraints
+        What the user states; markers of which it speaks are theirs.
+    monitor : Monitor
+        Is told which markers the data put elsewhere.
+    """
+    from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
+    from skelgen.stages.names import recognised_set  # noqa: PLC0415 - reads tables
+
+    names = project.trajectories.names
+    worn = recognised_set(names)
+    if worn is None:
+        return None
+    stated = {name for group in (*constraints.together, *constraints.apart) for name in group}
+    placed = {
+        marker: worn.segments[name]
+        for marker, name in enumerate(names)
+        if name in worn.segments and name not in stated and limbs.limb_of_marker[marker] >= 0
+    }
+    elsewhere = _elsewhere(limbs, placed)
+    segments: dict[str, list[str]] = {}
+    for marker, segment in placed.items():
+        if marker not in elsewhere:
+            segments.setdefault(segment, []).append(names[marker])
+    if elsewhere:
+        told = ", ".join(f"{names[marker]} with the {segment}" for marker, segment in list(elsewhere.items())[:_TOLD])
+        more = f" and {len(elsewhere) - _TOLD} more" if len(elsewhere) > _TOLD else ""
+        monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {told}{more}")
+    if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
+        return None
+    apart = tuple(group[0] for group in segments.values())
+    return LimbConstraints((*constraints.together, *map(tuple, segments.values())), (*constraints.apart, apart))
+
+
+def _groups(
+    limbs: Limbs, names: tuple[str, ...], placed: Mapping[int, str], elsewhere: Mapping[int, str]
+) -> set[frozenset[str]]:
+    """Markers of the set that share a limb, without those that the data put elsewhere."""
+    groups: dict[int, set[str]] = {}
+    for marker in placed:
+        if marker not in elsewhere:
+            groups.setdefault(int(limbs.limb_of_marker[marker]), set()).add(names[marker])
+    return set(map(frozenset, groups.values()))
+
+
+def _elsewhere(limbs: Limbs, placed: Mapping[int, str]) -> dict[int, str]:
+    """Markers that are surely on the limb of another segment than the set's, and which segment that is.
+
+    A segment of which no marker would be left is believed: one marker on a hand moves much as the forearm does.
+    """
+    votes: dict[int, Counter[str]] = {}
+    for marker, segment in placed.items():
+        votes.setdefault(int(limbs.limb_of_marker[marker]), Counter())[segment] += 1
+    found = {}
+    for marker, segment in placed.items():
+        counts = votes[int(limbs.limb_of_marker[marker])]
+        most = max(counts, key=lambda one: counts[one])
+        if counts[most] > counts[segment]:
+            steady, loose = (_deviation(limbs, placed, marker, one) for one in (most, segment))
+            if limbs.probability[marker] >= _OVERRULES or loose > _LOOSER * steady:
+                found[marker] = most
+    left = {segment for marker, segment in placed.items() if marker not in found}
+    return {marker: most for marker, most in found.items() if placed[marker] in left}
+
+
+def _deviation(limbs: Limbs, placed: Mapping[int, str], marker: int, segment: str) -> float:
+    """Median deviation of a marker's distances to the markers of a segment [mm]; 0 if there are none."""
+    others = [other for other, one in placed.items() if one == segment and other != marker]
+    deviations = limbs.distance_deviation[marker, others]
+    known = deviations[~np.isnan(deviations)]
+    return float(np.median(known)) if len(known) else 0.0
+
+
+def with_tree(
+    project: Project,
+    topology: Topology,
+    constraints: JointConstraints,
+    wanted: Mapping[tuple[int, int], bool],
+    monitor: Monitor,
+) -> JointConstraints | None:
+    """Return constraints that join the limbs of a person as a recognised set has them, or None if they are joined so.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs that are named by the set.
+    topology : Topology
+        What is found without the set; an edge that is sure stays.
+    constraints : JointConstraints
+        What the user states.
+    wanted : mapping of pairs of int to bool
+        Limbs between which a person has a joint.
+    monitor : Monitor
+        Is told which joints the data refuse.
+    """
+    names = [name.rstrip("0123456789 ") for name in project.limbs.names]
+    found = {frozenset((names[one], names[other])) for one, other in topology.edges.tolist()}
+    missing = [pair for pair in wanted if frozenset((names[pair[0]], names[pair[1]])) not in found]
+    probability = topology.edge_probability
+    if not missing or probability is None or constraints.parents is not None:
+        return None
+    sure = [edge for edge, p in zip(topology.edges.tolist(), probability.tolist(), strict=True) if p >= _OVERRULES]
+    body = list(range(len(names)))
+
+    def of(limb: int) -> int:
+        while body[limb] != limb:
+            limb = body[limb]
+        return limb
+
+    for one, other in [*sure, *constraints.joined]:
+        body[of(one)] = of(other)
+    taken, refused = [], []
+    for pair in missing:
+        if of(pair[0]) == of(pair[1]) or pair in constraints.parted:
+            refused.append(f"{names[pair[0]]} and {names[pair[1]]}")
+        else:
+            body[of(pair[0])] = of(pair[1])
+            taken.append(pair)
+    if refused:
+        monitor.notice(f"otherwise than in a person, limbs are surely not joined: {', '.join(refused)}")
+    return replace(constraints, joined=(*constraints.joined, *taken)) if taken else None

@@ -1,0 +1,51 @@
+"""A marker set that is recognised says what limbs and tree are, unless the data say otherwise and are sure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.stages.names import PARENTS
+
+
+@pytest.fixture(scope="module")
+def walking():
+    options = {"motion": "walk", "marker_set": "plug-in-gait", "soft_tissue": "realistic"}
+    return skelgen.simulate("human", n_frames=300, seed=0, noise=0.3, **options)
+
+
+def edges_of(project):
+    names = project.limbs.names
+    return {frozenset((names[joint.parent], names[joint.child])) for joint in project.skeleton.joints}
+
+
+def test_limbs_and_tree_are_those_of_the_set(walking):
+    project = skelgen.reconstruct(walking.take)
+    truth = walking.truth
+    assert set(project.limbs.names) == set(truth.limb_names)
+    assert edges_of(project) == {frozenset((truth.limb_names[a], truth.limb_names[b])) for a, b in truth.edges}
+    assert edges_of(project) <= {frozenset(pair) for pair in PARENTS.items()}
+
+
+def test_a_marker_that_surely_moves_with_another_limb_stays_there_with_a_note():
+    walking = skelgen.simulate("human", n_frames=300, seed=0, noise=0.1, motion="walk", marker_set="animation-41")
+    take, truth = walking.take, walking.truth
+    shank = truth.world_from_limb[:, truth.limb_names.index("left shank")]
+    positions = take.positions.copy()
+    on_thigh = take.names.index("LTHI")
+    positions[:, on_thigh] = (shank @ np.array([20.0, 60.0, -150.0, 1.0]))[:, :3]
+    project = skelgen.reconstruct(replace(take, positions=positions))
+    limb = project.limbs.limb_of_marker
+    assert limb[on_thigh] == limb[take.names.index("LSHN")]
+    notices = project.reports["limbs"].notices
+    assert any("LTHI with the left shank" in notice for notice in notices)
+
+
+def test_what_the_user_states_of_a_marker_counts_more_than_the_set(walking):
+    options = {"limbs": {"together": "LTHI, LKNE, LTIB"}}
+    limb = skelgen.reconstruct(walking.take, until="limbs", parameters=options).limbs.limb_of_marker
+    thigh, shank = (walking.take.names.index(name) for name in ("LTHI", "LTIB"))
+    assert limb[thigh] == limb[shank]
