@@ -23,10 +23,11 @@ from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_parameters
 from skelgen.capture.markers import ImageHealth, misfit_in_space
+from skelgen.capture.room.live import RoomCaptured
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
+from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
 RECORDINGS = (".mfml", ".c3d")
@@ -241,7 +242,7 @@ def _points_of(
     return found
 
 
-def _check_recording(path: Path, settings: CaptureSettings) -> None:
+def _check_recording(path: Path, settings: CaptureSettings | RoomSettings) -> None:
     """Check that a capture can be recorded into a file of this name, or raise `InputError`."""
     suffix = path.suffix.lower()
     if suffix not in RECORDINGS:
@@ -257,7 +258,7 @@ class Recording:
     ----------
     path : Path
         The file; it must not be there.
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What is captured.
     rate : float or None, Hz
         Pairs a second, if the source knows.
@@ -268,9 +269,11 @@ class Recording:
         If it cannot be recorded.
     """
 
-    def __init__(self, path: Path, settings: CaptureSettings, rate: float | None) -> None:
+    def __init__(self, path: Path, settings: CaptureSettings | RoomSettings, rate: float | None) -> None:
         _check_recording(path, settings)
         self.path, self._settings = path, settings
+        rig = settings.rig
+        self._camera = rig.left if isinstance(rig, StereoRig) else rig.cameras[0]
         self._recorder: MfmlRecorder | C3dRecorder
         if path.suffix.lower() == ".mfml":
             self._recorder = MfmlRecorder(path)
@@ -291,7 +294,7 @@ class Recording:
         """Make the file whole and close it; one without frames is removed."""
         self._recorder.close()
 
-    def add(self, captured: Captured) -> None:
+    def add(self, captured: Captured | RoomCaptured) -> None:
         """Append what one pair told."""
         if isinstance(self._recorder, C3dRecorder):
             positions = ball_positions(self._settings.bodies, captured)
@@ -299,7 +302,7 @@ class Recording:
             return
         kept = resolved_points(captured.points, captured.bodies.values())
         places = captured.points.points[kept]
-        errors = misfit_in_space(places, captured.points.epipolar_distance[kept], self._settings.rig.left)
+        errors = misfit_in_space(places, captured.points.epipolar_distance[kept], self._camera)
         self._recorder.add(captured.pair.time, places, errors)
 
 
@@ -308,7 +311,7 @@ def _ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
     return [f"{body.name}:{ball + 1}" for body in bodies for ball in range(len(body.points))]
 
 
-def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
+def ball_positions(bodies: Sequence[BodyTarget], captured: Captured | RoomCaptured) -> Floats:
     """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not.
 
     Parameters

@@ -20,7 +20,7 @@ from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
@@ -87,13 +87,16 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
 
 @with_checked_arguments
 def write(
-    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
+    value: Project | Take | Filled | CaptureSettings | RoomSettings,
+    path: Path | str,
+    format: str | None = None,
+    **options: Any,
 ) -> list[Path]:
     """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
 
     Parameters
     ----------
-    value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
+    value : Project, PointCloud, Trajectories, Poses, Filled, CaptureSettings or RoomSettings
         What to write.
     path : Path or str
         The file; its format comes from `format` or the suffix. ``{body}`` in its name writes each body of a project
@@ -129,7 +132,10 @@ def write(
 
 
 def write_any(
-    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
+    value: Project | Take | Filled | CaptureSettings | RoomSettings,
+    path: Path | str,
+    format: str | None = None,
+    **options: Any,
 ) -> list[Path]:
     """Write as `write`, replacing what is there: for those who have checked it.
 
@@ -138,7 +144,7 @@ def write_any(
     value, path, format, **options
         As of `write`.
     """
-    if isinstance(value, CaptureSettings):
+    if isinstance(value, CaptureSettings | RoomSettings):
         write_settings(value, Path(path))
         return [Path(path)]
     if isinstance(value, Filled):
@@ -284,11 +290,16 @@ def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor
     SkelgenError
         If there is no source, it breaks off, or its images do not belong to the settings.
     """
-    from skelgen.app.capture import read_capture_settings, source_of  # noqa: PLC0415 - numba takes a second
+    from skelgen.app.capture import source_of  # noqa: PLC0415 - numba takes a second
+    from skelgen.app.room import read_rig_settings, room_source_of  # noqa: PLC0415
     from skelgen.capture.markers import markers_of  # noqa: PLC0415
+    from skelgen.capture.room.recording import markers_of_room  # noqa: PLC0415
 
     path = Path(path)
-    settings = read_capture_settings(path)
+    settings = read_rig_settings(path)
+    if isinstance(settings, RoomSettings):
+        sets = room_source_of(settings, source or None)
+        return markers_of_room(settings, sets, n_frames=frames or None, name=path.name, monitor=monitor)
     images = source_of(settings, source or None)
     return markers_of(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
 

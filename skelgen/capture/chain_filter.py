@@ -40,7 +40,7 @@ from skelgen.geometry.rotations import (
 )
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import BodyTarget, CaptureSettings, TargetJoint
+from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, TargetJoint
 
 ITERATIONS = 2
 """Of each correction: angles that changed much since the last frame bend the chain's path."""
@@ -357,12 +357,14 @@ class _Play:
         return out
 
 
-def chain_filters(settings: CaptureSettings, parameters: PredictionParameters) -> tuple[ChainFilter, ...]:
+def chain_filters(
+    settings: CaptureSettings | RoomSettings, parameters: PredictionParameters
+) -> tuple[ChainFilter, ...]:
     """Return a filter for each tree of targets that joints hold together.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         Targets and joints.
     parameters : PredictionParameters
         How fast motion may change.

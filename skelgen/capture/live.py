@@ -25,7 +25,7 @@ from skelgen.capture.parameters import DetectionParameters
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, RoomSettings, StereoRig
 
 DISTANCE = 1000.0
 """mm from the left camera to the balls: as good as any."""
@@ -115,7 +115,67 @@ class PointFinder:
                 )
 
 
-class MotionCapture:
+class Recogniser:
+    """Points to bodies and joint angles, from frame to frame; kernels are loaded by `load`.
+
+    Parameters
+    ----------
+    settings : CaptureSettings or RoomSettings
+        Targets, joints, parameters of the search for targets.
+    prediction : PredictionParameters, optional
+        Predict and smooth poses; they are as found if it is left out.
+    executor : Executor, optional
+        Threads for the bodies.
+    """
+
+    def __init__(
+        self,
+        settings: CaptureSettings | RoomSettings,
+        prediction: PredictionParameters | None,
+        executor: Executor | None,
+    ) -> None:
+        self._targets, self._joints = settings.bodies, settings.joints
+        self._bodies = BodyFinder(settings.bodies, search_parameters(settings), executor)
+        names = [body.name for body in settings.bodies]
+        self._prediction = None if prediction is None else Prediction(names, prediction)
+        self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
+
+    def load(self) -> None:
+        """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
+        for body in self._targets:
+            self._bodies.find(trial_points(body))
+        exact = {body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.arange(0), 0.0) for body in self._targets}
+        for joint in self._joints:
+            find_angles(joint, exact)
+        if self._prediction is not None:
+            self._prediction.load()
+
+    def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
+        """Return the bodies and joint angles from the points of one frame, by name: the second half of a capture.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Of the frame.
+        time : float, s
+            Of the frame, for the prediction.
+        """
+        expected = None if self._prediction is None else dict(self._prediction.expected(time))
+        for chain in self._chains:
+            expected = (expected or {}) | chain.expected(time)
+        raw = self._bodies.find(points, expected)
+        found = raw if self._prediction is None else self._prediction.corrected(time, raw)
+        bodies = {body.name: body for body in found}
+        for chain in self._chains:
+            bodies |= {body.name: body for body in chain.corrected(time, raw, points) or ()}
+        bodies = {body.name: bodies[body.name] for body in self._targets if body.name in bodies}
+        angles = {joint.name: find_angles(joint, bodies) for joint in self._joints}
+        for chain in self._chains:
+            angles |= chain.angles
+        return bodies, {name: angle for name, angle in angles.items() if angle is not None}
+
+
+class MotionCapture(Recogniser):
     """Images to joint angles; a context manager, because it holds threads.
 
     Parameters
@@ -153,10 +213,7 @@ class MotionCapture:
         self._executor = ThreadPoolExecutor(n_threads, "capture") if wanted else None
         self.settings = settings
         self._points = PointFinder(settings, self._executor)
-        self._bodies = BodyFinder(settings.bodies, search_parameters(settings), self._executor)
-        names = [body.name for body in settings.bodies]
-        self._prediction = None if prediction is None else Prediction(names, prediction)
-        self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
+        super().__init__(settings, prediction, self._executor)
         sizes = settings.rig.left.size, settings.rig.right.size
         self._pairs = BallPairs(*sizes) if prediction is not None and prediction.balls else None
         self._watch = RigWatch(settings.rig)
@@ -166,15 +223,7 @@ class MotionCapture:
     def __enter__(self) -> Self:
         """Load the kernels before cameras run; see `PointFinder.load`."""
         self._points.load()
-        for body in self.settings.bodies:
-            self._bodies.find(trial_points(body))
-        exact = {
-            body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.arange(0), 0.0) for body in self.settings.bodies
-        }
-        for joint in self.settings.joints:
-            find_angles(joint, exact)
-        if self._prediction is not None:
-            self._prediction.load()
+        self.load()
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -206,32 +255,8 @@ class MotionCapture:
         latency = perf_counter() - start
         return Captured(pair, left, right, points, bodies, angles, notices, latency)
 
-    def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
-        """Return the bodies and joint angles from the points of one frame, by name: the second half of `see`.
 
-        Parameters
-        ----------
-        points : StereoPoints
-            Of the frame.
-        time : float, s
-            Of the frame, for the prediction.
-        """
-        expected = None if self._prediction is None else dict(self._prediction.expected(time))
-        for chain in self._chains:
-            expected = (expected or {}) | chain.expected(time)
-        raw = self._bodies.find(points, expected)
-        found = raw if self._prediction is None else self._prediction.corrected(time, raw)
-        bodies = {body.name: body for body in found}
-        for chain in self._chains:
-            bodies |= {body.name: body for body in chain.corrected(time, raw, points) or ()}
-        bodies = {body.name: bodies[body.name] for body in self.settings.bodies if body.name in bodies}
-        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
-        for chain in self._chains:
-            angles |= chain.angles
-        return bodies, {name: angle for name, angle in angles.items() if angle is not None}
-
-
-def search_parameters(settings: CaptureSettings) -> BodyParameters:
+def search_parameters(settings: CaptureSettings | RoomSettings) -> BodyParameters:
     """Return the limits of the search for targets that settings state."""
     return BodyParameters.from_mapping(settings.search, "search")
 

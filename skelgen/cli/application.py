@@ -24,6 +24,7 @@ from skelgen.cli import (
     capture_commands,
     file_commands,
     measure_commands,
+    room_commands,
     simulate_command,
     stage_commands,
 )
@@ -109,6 +110,7 @@ def _calibrate() -> typer.Typer:
     group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
     for name, function in (
         ("stereo", calibrate_commands.stereo),
+        ("room", room_commands.room),
         ("body", capture_commands.calibrate_body),
         ("joints", capture_commands.calibrate_joints),
         ("skeleton", calibrate_commands.skeleton),

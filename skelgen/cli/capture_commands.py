@@ -18,7 +18,10 @@ from skelgen.cli.screen import Screen, can_open_windows
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from skelgen.capture.live import Captured
+    from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import JointRequest, Place
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
@@ -75,21 +78,32 @@ def motion_capture(
     frames : int, optional
         Pairs at most.
     """
-    from skelgen.app.capture import capture, read_capture_settings, source_of
+    from skelgen.app.capture import capture, source_of
+    from skelgen.app.room import capture_room, read_rig_settings, room_source_of
     from skelgen.capture.bodies.prediction import PredictionParameters
+    from skelgen.capture.room.live import RoomCaptured
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
+    from skelgen.model.rig import RoomSettings
 
-    rig = read_capture_settings(settings)
+    rig = read_rig_settings(settings)
     columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
-    stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
+    stream: Generator[Captured | RoomCaptured, None, None]
+    if isinstance(rig, RoomSettings):
+        stream = capture_room(rig, room_source_of(rig, source), record or (), prediction, n_frames=frames)
+    else:
+        stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
     counts = _Counts(record or [], [body.name for body in rig.bodies])
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
-            pictures = None if no_graphics else _pictures([body.name for body in rig.bodies], stack)
+            pictures = (
+                None
+                if no_graphics or isinstance(rig, RoomSettings)
+                else _pictures([body.name for body in rig.bodies], stack)
+            )
             keys = stack.enter_context(watched_keys()) if interactive else None
             interrupted = stack.enter_context(watched_interrupt())
             for captured in stream:
@@ -100,7 +114,7 @@ def motion_capture(
                     print(f"note: {notice}", file=sys.stderr)
                 if not silent:
                     print(columns.residuals(captured), file=sys.stderr)
-                if pictures is not None:
+                if pictures is not None and not isinstance(captured, RoomCaptured):
                     pictures.show(captured)
                 if keys is None or keys.was_hit():
                     _write(columns.line(captured))
@@ -322,7 +336,7 @@ class _Counts:
         self._record, self._missed = record, dict.fromkeys(targets)
         self.n_pairs, self._n_lost = 0, 0
 
-    def add(self, captured: Captured) -> None:
+    def add(self, captured: Captured | RoomCaptured) -> None:
         self.n_pairs += 1
         self._n_lost += captured.pair.dropped
         for name in captured.bodies:

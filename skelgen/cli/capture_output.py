@@ -6,9 +6,10 @@ import numpy as np
 
 from skelgen.capture.angles import angle_names
 from skelgen.capture.live import Captured
+from skelgen.capture.room.live import RoomCaptured
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
-from skelgen.model.rig import CaptureSettings, TargetJoint
+from skelgen.model.rig import CaptureSettings, RoomSettings, TargetJoint
 
 _PLACE = ("x", "y", "z")
 _TURN = ("rx", "ry", "rz")
@@ -20,13 +21,13 @@ class Columns:
 
     Attributes
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         Targets and joints, in the order of the columns.
     poses, angles, errors : bool
         Whether poses of targets, angles of joints, and standard deviations behind each of them are wanted.
     """
 
-    settings: CaptureSettings
+    settings: CaptureSettings | RoomSettings
     poses: bool = True
     angles: bool = True
     errors: bool = False
@@ -41,7 +42,7 @@ class Columns:
             labels += self._with_errors([f"{name} [rad]" for name in angle_names(joint)])
         return "\t".join(labels)
 
-    def line(self, captured: Captured) -> str:
+    def line(self, captured: Captured | RoomCaptured) -> str:
         """The line of one pair; what was not found is nan."""
         values: list[float] = []
         for body in self.settings.bodies if self.poses else ():
@@ -51,7 +52,7 @@ class Columns:
         cells = [f"{value:.6g}" for value in values]
         return "\t".join([str(captured.pair.index), f"{captured.pair.time:.6f}", *cells])
 
-    def residuals(self, captured: Captured) -> str:
+    def residuals(self, captured: Captured | RoomCaptured) -> str:
         """Residuals of one pair in words: of targets the distance of the balls, of joints that of its frames."""
         parts = []
         for body in self.settings.bodies if self.poses else ():
@@ -65,7 +66,7 @@ class Columns:
     def _with_errors(self, names: list[str]) -> list[str]:
         return [*names, *(f"{name} std" for name in names)] if self.errors else names
 
-    def _pose(self, captured: Captured, name: str) -> list[float]:
+    def _pose(self, captured: Captured | RoomCaptured, name: str) -> list[float]:
         found = captured.bodies.get(name)
         if found is None:
             return [np.nan] * (12 if self.errors else 6)
@@ -77,7 +78,7 @@ class Columns:
             values += rotation_vector_deviations(turn[np.newaxis], found.covariance[np.newaxis, :3, :3])[0].tolist()
         return values
 
-    def _angles(self, captured: Captured, joint: TargetJoint) -> list[float]:
+    def _angles(self, captured: Captured | RoomCaptured, joint: TargetJoint) -> list[float]:
         angle = captured.angles.get(joint.name)
         if angle is None:
             return [np.nan] * (len(angle_names(joint)) * (2 if self.errors else 1))

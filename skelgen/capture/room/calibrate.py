@@ -20,6 +20,9 @@ from skelgen.model.rig import N_CAMERA_STD, Camera, CameraRig
 GOOD_NOISE, USABLE_NOISE = 0.3, 1.0
 """px; what is left after the adjustment: sharp balls leave less than 0.1, a whole pixel is a mistake."""
 
+LEAST_NOISE = 0.05
+"""px; balls that are half hidden or touch err more than those of a wand."""
+
 GOOD_SCALE, USABLE_SCALE = 0.0005, 0.005
 """Relative deviations of the distances between cameras."""
 
@@ -37,7 +40,8 @@ class WandCalibration:
     Attributes
     ----------
     rig : CameraRig
-        The world is the first camera's frame; see `on_ground`. Its noise is what the adjustment left.
+        The world is the first camera's frame; see `on_ground`. Its noise is what the adjustment left,
+        at least `LEAST_NOISE`.
     covariance : ndarray, shape (15 n_cameras, 15 n_cameras)
         Of all numbers, in the order of `CameraRig.std`.
     n_views : ndarray of intp, shape (n_cameras,)
@@ -105,7 +109,7 @@ def _calibration(adjusted: AdjustedRoom, names: Sequence[str]) -> WandCalibratio
     cameras = [replace(eye, name=name) for eye, name in zip(bundle.cameras, names, strict=True)]
     covariance = _of_places(adjusted.covariance, cameras)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(-1, N_CAMERA_STD)
-    rig = CameraRig(cameras, max(adjusted.noise, np.finfo(float).tiny), std)
+    rig = CameraRig(cameras, max(adjusted.noise, LEAST_NOISE), std)
     shows = np.asarray(np.isfinite(bundle.seen[..., 0]).any(axis=2))
     scale_std = _scale_std(rig, covariance)
     balls = bundle.balls.reshape(-1, 3)

@@ -41,11 +41,16 @@ class RoomPoints:
         """How many cameras see each point, shape (n_points,)."""
         return np.asarray((self.balls >= 0).sum(axis=1))
 
-    def as_stereo(self) -> StereoPoints:
-        """The points for those who look for bodies: none shares a ball with another."""
-        n = len(self)
-        none, numbers = np.zeros(n), np.arange(n)
-        return StereoPoints(self.points, self.covariance, numbers, numbers, none, none > 0)
+    def as_stereo(self, noise: float) -> StereoPoints:
+        """Return the points for those who look for bodies: none shares a ball with another.
+
+        Parameters
+        ----------
+        noise : float, px
+            Of the balls, by which misfits are distances in images.
+        """
+        numbers, shared = np.arange(len(self)), np.zeros(len(self), dtype=np.bool_)
+        return StereoPoints(self.points, self.covariance, numbers, numbers, noise * self.misfit, shared)
 
 
 def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:

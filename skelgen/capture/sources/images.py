@@ -147,7 +147,7 @@ def _matching(folder: Path, pattern: str) -> dict[str, Path]:
 def _ordered(left: dict[str, Path], right: dict[str, Path]) -> list[ImagePair]:
     pairs: list[ImagePair] = []
     lost = 0
-    for key in sorted(set(left) | set(right), key=_natural):
+    for key in sorted(set(left) | set(right), key=natural_order):
         if key in left and key in right:
             pairs.append(ImagePair(left[key], right[key], lost=lost if pairs else 0))
             lost = 0
@@ -156,8 +156,8 @@ def _ordered(left: dict[str, Path], right: dict[str, Path]) -> list[ImagePair]:
     return pairs
 
 
-def _natural(key: str) -> list[tuple[int, int, str]]:
-    """Order numbers by value: frame 10 comes after frame 9."""
+def natural_order(key: str) -> list[tuple[int, int, str]]:
+    """Return what sorts names with numbers by value: frame 10 comes after frame 9."""
     return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", key) if part]
 
 

@@ -1,0 +1,148 @@
+"""A room with many cameras: its settings, its calibration with a wand, its capture."""
+
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skelgen_formats.capture_settings import read_any_settings, write_settings
+
+from skelgen.errors import InputError
+from skelgen.model.rig import CaptureSettings, RoomSettings
+from skelgen.progress import SILENT, Monitor
+
+if TYPE_CHECKING:
+    from skelgen.capture.bodies.prediction import PredictionParameters
+    from skelgen.capture.room.calibrate import WandCalibration
+    from skelgen.capture.room.live import RoomCaptured
+    from skelgen.capture.room.sources import RoomSource
+
+
+def read_rig_settings(path: Path) -> CaptureSettings | RoomSettings:
+    """Read settings of two cameras or of a room, the parameters checked with their lines; errors as `read_settings`."""
+    from skelgen.capture.bodies import BodyParameters  # noqa: PLC0415 - with what it needs, a second
+    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415
+
+    return read_any_settings(path, DetectionParameters, BodyParameters)
+
+
+def room_source_of(settings: RoomSettings, text: str | None = None) -> "RoomSource":
+    """Return the source that a text names, or else the one of the settings.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        What the capture knows.
+    text : str, optional
+        Where images come from, as docs/capture/room.md has it.
+
+    Raises
+    ------
+    InputError
+        If neither names one, or its cameras are not as many as those of the settings.
+    """
+    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415 - loads the simulation
+
+    if not text and not settings.source:
+        raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
+    source = open_room_source(text or settings.source)
+    if len(source.cameras) != len(settings.rig.cameras):
+        raise InputError(
+            f"{text or settings.source} has {len(source.cameras)} cameras ({', '.join(source.cameras)}), the settings "
+            f"have {len(settings.rig.cameras)} ({', '.join(settings.rig.names)}); give the images of all "
+            "of them, in their order, or calibrate those that are there"
+        )
+    return source
+
+
+def calibrate_room(
+    waved: str,
+    wand: Sequence[float],
+    ground: str | None = None,
+    arms: tuple[float, float] = (600.0, 400.0),
+    monitor: Monitor = SILENT,
+) -> "tuple[RoomSettings, WandCalibration]":
+    """Calibrate the cameras of a room from images of a wand and of an L-frame.
+
+    Parameters
+    ----------
+    waved : str
+        Source in which the wand is waved.
+    wand : sequence of float, mm
+        Where the three balls are along it.
+    ground : str, optional
+        Source in which the L-frame lies on the floor; without it the world is the first camera's frame.
+    arms : tuple of float, mm
+        Of the L-frame, along x and along y.
+    monitor : Monitor
+        Reports how many images are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        If images, wand or frame are not what they must be; see `calibrate_wand` and `find_ground`.
+    """
+    from skelgen.capture.room.calibrate import calibrate_wand, on_ground  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
+    from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+    from skelgen.capture.room.wand import check_wand  # noqa: PLC0415
+
+    check_wand(wand)
+    source = open_room_source(waved)
+    frames, sizes = balls_of(source, monitor)
+    done = calibrate_wand(frames, wand, sizes, source.cameras)
+    if ground:
+        lying, _ = balls_of(open_room_source(ground), monitor)
+        done = on_ground(done, find_ground(lying, done.rig, arms))
+    return RoomSettings(done.rig), done
+
+
+def save_room(settings: RoomSettings, path: Path) -> None:
+    """Write calibrated cameras into a settings file; bodies, joints and other settings that stand there are kept.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        With the calibrated cameras.
+    path : Path
+        The file.
+    """
+    before = read_rig_settings(path) if path.exists() else None
+    write_settings(replace(before, rig=settings.rig) if isinstance(before, RoomSettings) else settings, path)
+
+
+def capture_room(
+    settings: RoomSettings,
+    source: "RoomSource",
+    record: Sequence[Path] = (),
+    prediction: "PredictionParameters | None" = None,
+    n_frames: int | None = None,
+) -> "Generator[RoomCaptured, None, None]":
+    """Run a capture of a room; closing the iterator ends it cleanly.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        Cameras, targets, joints.
+    source : RoomSource
+        Not yet entered.
+    record : sequence of Path
+        Files that are recorded while it runs.
+    prediction : PredictionParameters, optional
+        Predict and smooth poses.
+    n_frames : int, optional
+        Sets of images at most.
+    """
+    from skelgen.app.capture import Recording  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415
+
+    with ExitStack() as stack:
+        recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
+        live = stack.enter_context(RoomCapture(settings, prediction))
+        for captured in live.run(islice(stack.enter_context(source), n_frames)):
+            for recording in recordings:
+                recording.add(captured)
+            yield captured

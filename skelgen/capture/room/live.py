@@ -1,0 +1,130 @@
+"""The whole capture of a room, moment by moment: images of all cameras to balls, points, bodies and joint angles."""
+
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Self
+
+import numpy as np
+
+from skelgen.capture.angles import JointAngle
+from skelgen.capture.bodies.prediction import PredictionParameters
+from skelgen.capture.live import Recogniser
+from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.recording import BallFinder
+from skelgen.capture.room.sources import FrameSet
+from skelgen.capture.room.tracks import PointTracks
+from skelgen.capture.room.values import RoomPoints
+from skelgen.capture.values import FoundBody, StereoPoints
+from skelgen.model.rig import RoomSettings
+
+WINDOW, LEAST_FIT = 100, 0.3
+"""Frames over which a camera is judged, and the part of its balls that must be part of points."""
+
+FEWEST_BALLS = 50
+LASTING = 4
+"""Frames that a point of two cameras lasts before it is handed on."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoomCaptured:
+    """All that was found in one set of images.
+
+    Attributes
+    ----------
+    pair : FrameSet
+        The images, with their time and number.
+    points : StereoPoints
+        Points in space, without crossings of two rays that do not last.
+    n_cameras : ndarray of intp, shape (n_points,)
+        How many cameras see each.
+    bodies : dict of str to FoundBody
+        The targets that were found, by name.
+    angles : dict of str to JointAngle
+        The joints of which both bodies were found, by name.
+    notices : tuple of str
+        What the user should know; each trouble is reported once, when it begins.
+    latency : float, s
+        From the images to the angles.
+    """
+
+    pair: FrameSet
+    points: StereoPoints
+    n_cameras: np.ndarray
+    bodies: dict[str, FoundBody]
+    angles: dict[str, JointAngle]
+    notices: tuple[str, ...]
+    latency: float
+
+
+class RoomCapture(Recogniser):
+    """Images of all cameras to joint angles; a context manager, because it holds threads.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        Cameras, targets, joints, parameters of the detection and of the search for targets.
+    prediction : PredictionParameters, optional
+        Predict and smooth poses; they are as found if it is left out.
+    """
+
+    def __init__(self, settings: RoomSettings, prediction: PredictionParameters | None = None) -> None:
+        cores = os.cpu_count() or 1
+        self._executor = ThreadPoolExecutor(cores, "capture") if cores > 1 else None
+        self.settings = settings
+        self._balls, self._matcher = BallFinder(settings, self._executor), PointMatcher(settings.rig)
+        self._tracks = PointTracks()
+        super().__init__(settings, prediction, self._executor)
+        self._fits: deque[tuple[list[int], list[int]]] = deque(maxlen=WINDOW)
+        self._known: set[str] = set()
+
+    def __enter__(self) -> Self:
+        """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
+        cameras = self.settings.rig.cameras
+        self._balls.find(FrameSet(tuple(np.zeros(eye.size[::-1], dtype=np.uint8) for eye in cameras), 0.0, 0))
+        self.load()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the threads."""
+        if self._executor is not None:
+            self._executor.shutdown()
+
+    def run(self, source: Iterable[FrameSet]) -> Iterator[RoomCaptured]:
+        """Yield what is found in each set of an open source, in order."""
+        for frame in source:
+            yield self.see(frame)
+
+    def see(self, frame: FrameSet) -> RoomCaptured:
+        """Return what is found in one set of images."""
+        start = perf_counter()
+        views = self._balls.find(frame)
+        found = self._matcher.find(views, self._tracks.expected(frame.time))
+        tracks = self._tracks.follow(found, frame.time)
+        kept = self._tracks.are_markers(tracks, LASTING)
+        self._fits.append(([len(balls) for balls in views], (found.balls >= 0).sum(axis=0).tolist()))
+        points = RoomPoints(*(getattr(found, name)[kept] for name in RoomPoints.__dataclass_fields__))
+        stereo = points.as_stereo(self.settings.rig.noise)
+        bodies, angles = self.recognise(stereo, frame.time)
+        notices = self._notices(frame, [balls.notice for balls in views])
+        latency = perf_counter() - start
+        return RoomCaptured(frame, stereo, points.n_cameras, bodies, angles, notices, latency)
+
+    def _notices(self, frame: FrameSet, faults: list[str]) -> tuple[str, ...]:
+        names = self.settings.rig.names
+        lasting = [f"{name}: {fault}" for name, fault in zip(names, faults, strict=True) if fault]
+        lasting += [f"{name} sends no images" for name, image in zip(names, frame.images, strict=True) if image is None]
+        n_balls, n_fitting = np.array(self._fits).sum(axis=0)
+        if len(self._fits) == WINDOW:
+            lasting += [
+                f"hardly any ball of {name} fits those of the others: it was moved, exchanged or is late"
+                for name, balls, fitting in zip(names, n_balls, n_fitting, strict=True)
+                if balls >= FEWEST_BALLS and fitting < LEAST_FIT * balls
+            ]
+        new = tuple(sentence for sentence in lasting if sentence not in self._known)
+        self._known = set(lasting)
+        lost = (f"{frame.dropped} sets of images were lost before number {frame.index}",) if frame.dropped else ()
+        return (*lost, *new)

@@ -1,0 +1,249 @@
+"""From the images of many cameras to balls, and to the unlabelled markers of a whole recording."""
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from itertools import islice
+
+import numpy as np
+
+from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.sources import FrameSet, RoomSource
+from skelgen.capture.room.tracks import PointTracks
+from skelgen.capture.room.values import RoomPoints, Views, balls_at
+from skelgen.capture.room.watch import FitCounter
+from skelgen.capture.values import Balls, Image
+from skelgen.errors import InputError
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import Camera, CameraRig, RoomSettings
+from skelgen.progress import SILENT, Monitor, with_progress
+
+MANY_LOST = 0.001
+"""Part of a camera's images that are lost from which on that is told."""
+
+
+class BallFinder:
+    """Images of all cameras to balls.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        The cameras, and the parameters of the detection.
+    executor : Executor, optional
+        Threads for the images.
+    """
+
+    def __init__(self, settings: RoomSettings, executor: Executor | None = None) -> None:
+        self.rig, self._executor = settings.rig, executor
+        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+
+    def find(self, frame: FrameSet) -> list[Balls]:
+        """Return the balls that each camera shows; none where an image was lost.
+
+        Raises
+        ------
+        InputError
+            If there are not as many images as cameras, or one has another size than its camera.
+        """
+        cameras = self.rig.cameras
+        if len(frame.images) != len(cameras):
+            raise InputError(
+                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
+                f"{', '.join(self.rig.names)}"
+            )
+        run = map if self._executor is None else self._executor.map
+        return list(run(self._balls, frame.images, cameras))
+
+    def _balls(self, image: Image | None, camera: Camera) -> Balls:
+        if image is None:
+            return balls_at(np.empty((0, 2)), self.rig.noise)
+        height, width = image.shape
+        if (width, height) != camera.size:
+            raise InputError(
+                f"{camera.name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
+                f"{camera.height}: set it to that size, or calibrate again"
+            )
+        return correct_eccentricity(camera, detect_balls(image, self._parameters))
+
+
+def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[Views], list[tuple[int, int]]]:
+    """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Not yet entered.
+    monitor : Monitor
+        Reports how many sets are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        If a camera has no image at all, or images of two sizes.
+    """
+    parameters = DetectionParameters()
+    frames: list[Views] = []
+    found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
+    monitor.begin("images")
+    with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
+        for frame in with_progress(sets, source.n_frames or 0, monitor):
+            for sizes_of, image in zip(found, frame.images, strict=True):
+                if image is not None:
+                    sizes_of.add((image.shape[1], image.shape[0]))
+            frames.append(list(threads.map(lambda image: _detected(image, parameters), frame.images)))
+    for name, sizes_of in zip(source.cameras, found, strict=True):
+        if len(sizes_of) != 1:
+            what = "has no image" if not sizes_of else "has images of several sizes"
+            raise InputError(f"{name} {what}: see that it is switched on and set to one size")
+    return frames, [sizes_of.pop() for sizes_of in found]
+
+
+def _detected(image: Image | None, parameters: DetectionParameters) -> Balls:
+    return balls_at(np.empty((0, 2)), 1.0) if image is None else detect_balls(image, parameters)
+
+
+def markers_of_room(
+    settings: RoomSettings,
+    source: RoomSource,
+    *,
+    n_frames: int | None = None,
+    name: str = "",
+    monitor: Monitor = SILENT,
+) -> PointCloud:
+    """Return the markers that two cameras or more see, frame by frame and without labels.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        The cameras, and the parameters of the detection.
+    source : RoomSource
+        Not yet entered.
+    n_frames : int, optional
+        Sets of images at most; by default all of them.
+    name : str
+        What the take is called; by default as the source.
+    monitor : Monitor
+        Reports how many sets are done; may cancel.
+
+    Returns
+    -------
+    PointCloud
+        In the rig's world. Of each point ``reprojection_error`` [mm] says how far its rays are from meeting, ``std``
+        [mm] how uncertain it is in its worst direction, and ``n_blobs`` how many cameras see it.
+
+    Raises
+    ------
+    InputError
+        If the source has no end, other cameras than the settings, or nothing is seen by two of them.
+    """
+    if n_frames is None and source.n_frames is None:
+        raise InputError(f"{source.name} goes on without end; say how many sets of images are taken: --frames")
+    total = min(count for count in (n_frames, source.n_frames) if count is not None)
+    monitor.begin("images")
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores, "images") as threads, source as sets:
+        finder = BallFinder(settings, threads if cores > 1 else None)
+        recording = RoomRecording(settings.rig)
+        for frame in with_progress(islice(sets, n_frames), total, monitor):
+            recording.add(finder.find(frame), frame.time, [image is None for image in frame.images])
+    return recording.cloud(name or source.name, source.rate)
+
+
+class RoomRecording:
+    """Points of all frames, and what is wrong with cameras.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    """
+
+    def __init__(self, rig: CameraRig) -> None:
+        self._rig, self._matcher, self._tracks = rig, PointMatcher(rig), PointTracks()
+        self._fits = FitCounter(rig)
+        self._found: list[tuple[RoomPoints, Ints]] = []
+        self._times: list[float] = []
+        self._lost: Counter[int] = Counter()
+        self._faulty: dict[int, tuple[int, int, str]] = {}
+
+    def add(self, views: Views, time: float, lost: list[bool] | None = None) -> RoomPoints:
+        """Take the balls of the next moment; return their points.
+
+        Parameters
+        ----------
+        views : sequence of Balls
+            What each camera sees.
+        time : float, s
+            Of the moment.
+        lost : list of bool, optional
+            Which cameras' images were lost.
+        """
+        points = self._matcher.find(views, self._tracks.expected(time))
+        self._found.append((points, self._tracks.follow(points, time)))
+        self._lost.update(index for index, is_lost in enumerate(lost or []) if is_lost)
+        for index, balls in enumerate(views):
+            if balls.notice:
+                count, first, fault = self._faulty.get(index, (0, len(self._times), balls.notice))
+                self._faulty[index] = count + 1, first, fault
+        self._times.append(time)
+        self._fits.add(views, points)
+        return points
+
+    def cloud(self, name: str, rate: float | None) -> PointCloud:
+        """Return the markers, without what does not last.
+
+        Parameters
+        ----------
+        name : str
+            What the take is called.
+        rate : float or None, Hz
+            Sets a second; None if unknown.
+
+        Raises
+        ------
+        InputError
+            If nothing is seen by two cameras.
+        """
+        kept = [self._tracks.are_markers(tracks) for _, tracks in self._found]
+        counts = [int(one.sum()) for one in kept]
+        notices = tuple(self._notices(rate))
+        if not sum(counts):
+            raise InputError(f"{name}: no ball is seen by two cameras" + (f"; {'; '.join(notices)}" if notices else ""))
+        points = np.concatenate([found.points[one] for (found, _), one in zip(self._found, kept, strict=True)])
+        covariance = np.concatenate([found.covariance[one] for (found, _), one in zip(self._found, kept, strict=True)])
+        misfit = np.concatenate([found.misfit[one] for (found, _), one in zip(self._found, kept, strict=True)])
+        n_cameras = np.concatenate([found.n_cameras[one] for (found, _), one in zip(self._found, kept, strict=True)])
+        std = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])
+        attributes = {
+            "reprojection_error": misfit * _noise_in_space(points, self._rig),
+            "std": std,
+            "n_blobs": n_cameras.astype(np.float64),
+        }
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
+        return PointCloud(points, starts, np.array(self._times), attributes, name, notices)
+
+    def _notices(self, rate: float | None) -> Iterator[str]:
+        names, n_frames = self._rig.names, len(self._times)
+        for index, count in sorted(self._lost.items()):
+            if count > MANY_LOST * n_frames:
+                share = 100 * count / n_frames
+                yield f"{names[index]} lost {count} of {n_frames} images ({share:.1f} %); the others went on"
+        for index, (count, first, fault) in sorted(self._faulty.items()):
+            yield f"{names[index]}: {count} of {n_frames} images, the first of number {first}: {fault}"
+        yield from self._fits.notices()
+        n_ghosts = sum(int((~self._tracks.are_markers(tracks)).sum()) for _, tracks in self._found)
+        if n_ghosts:
+            yield f"{n_ghosts} crossings of two rays do not last and are left out"
+        if rate is None:
+            yield "the number of images per second is unknown: one is assumed; give the source ?rate=100"
+
+
+def _noise_in_space(points: Floats, rig: CameraRig) -> Floats:
+    """The noise of a ball where a point is [mm], by the middle distance of the cameras."""
+    distances = np.linalg.norm(points[:, np.newaxis] - rig.places, axis=2).mean(axis=1)
+    focal = np.mean([camera.matrix[0, 0] for camera in rig.cameras])
+    return np.asarray(rig.noise * distances / focal)

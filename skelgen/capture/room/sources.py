@@ -1,0 +1,295 @@
+"""Where the images of many cameras come from: a folder with one folder for each camera, videos, the simulated room.
+
+A camera whose image is lost delivers None; the others go on.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, Self
+
+import numpy as np
+
+from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
+from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.room.simulated import RoomScene, frame_scene, person_scene, room_rig, wand_scene
+from skelgen.capture.simulated_rig import render_view
+from skelgen.capture.sources.images import natural_order
+from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
+from skelgen.capture.values import Image
+from skelgen.errors import CaptureError, FormatError, InputError
+from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig
+from skelgen.parameters import StageParameters, declare
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """One moment seen by all cameras.
+
+    Attributes
+    ----------
+    images : tuple of ndarray of uint8, shape (height, width), or None
+        Grey images in the order of the cameras; None where one was lost.
+    time : float, s
+        Since the first set.
+    index : int
+        Number of the set since the source was opened, lost ones counted.
+    dropped : int
+        Sets that were lost before this one.
+    """
+
+    images: tuple[Image | None, ...]
+    time: float
+    index: int
+    dropped: int = 0
+
+
+class RoomSource(Protocol):
+    """What delivers sets of images; a context manager, iterated once."""
+
+    name: str
+    rate: float | None
+    cameras: tuple[str, ...]
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of sets; None if it does not end by itself."""
+
+    def __enter__(self) -> Self:
+        """Open files or cameras."""
+
+    def __exit__(self, *exception: object) -> None:
+        """Close them."""
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver the sets in the order of their times."""
+
+
+class FolderSets:
+    """Images in a folder with one folder for each camera; those of one moment bear one name.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the folders are; cameras are in the order of their names.
+    options : FileOptions
+        Rate and number of sets.
+
+    Raises
+    ------
+    CaptureError
+        If there are not at least two folders with images.
+    """
+
+    def __init__(self, folder: Path, options: FileOptions) -> None:
+        if not folder.is_dir():
+            raise CaptureError(f"{folder}: no such folder")
+        below = sorted((path for path in folder.iterdir() if path.is_dir()), key=lambda path: natural_order(path.name))
+        found = {path.name: _images_in(path) for path in below}
+        found = {name: images for name, images in found.items() if images}
+        _check_count(len(found), f"{folder}: {len(found)} folders with images; make one for each camera")
+        self.name, self.rate, self.cameras = folder.name, options.rate or None, tuple(found)
+        stems = sorted(set().union(*found.values()), key=natural_order)
+        self._files = [[images.get(stem) for images in found.values()] for stem in stems[: options.frames or None]]
+
+    @property
+    def n_frames(self) -> int:
+        """Number of moments of which any camera has an image."""
+        return len(self._files)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Read one moment after the other."""
+        for index, files in enumerate(self._files):
+            images = tuple(None if path is None else read_image(path) for path in files)
+            yield FrameSet(images, index / self.rate if self.rate else float(index), index)
+
+
+def _images_in(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES}
+
+
+def _check_count(count: int, what: str) -> None:
+    fewest, most = CAMERAS_OF_A_ROOM
+    if not fewest <= count <= most:
+        raise CaptureError(f"{what} ({fewest} to {most})")
+
+
+class VideoSets:
+    """Videos, one for each camera; one that ends before the others delivers nothing more.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        The files.
+    options : VideoOptions
+        Rate and number of sets.
+
+    Raises
+    ------
+    FormatError
+        If a file is no video.
+    """
+
+    def __init__(self, paths: tuple[Path, ...], options: VideoOptions) -> None:
+        _check_count(len(paths), f"{len(paths)} videos; give one for each camera, with commas between them")
+        self.name, self.cameras = paths[0].parent.name or "videos", tuple(path.stem for path in paths)
+        self._paths, self._limit, self._stack = paths, options.frames, ExitStack()
+        self._videos: list[Any] = []
+        cv2 = opencv()
+        with self:
+            self._counts = [int(video.get(cv2.CAP_PROP_FRAME_COUNT)) for video in self._videos]
+            rates = [float(video.get(cv2.CAP_PROP_FPS)) for video in self._videos]
+        self.rate: float | None = options.rate or float(np.median(rates)) or None
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of frames that the longest file promises."""
+        promised = max(self._counts)
+        return min(promised, self._limit) if self._limit else promised
+
+    def __enter__(self) -> Self:
+        for path in self._paths:
+            video = opencv().VideoCapture(str(path))
+            self._stack.callback(video.release)
+            if not path.is_file() or not video.isOpened():
+                self._stack.close()
+                raise FormatError(path, "", "is no video that can be read")
+            self._videos.append(video)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._videos = []
+        self._stack.close()
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Read frame by frame until all have ended."""
+        index = 0
+        while not self._limit or index < self._limit:
+            images = tuple(_next_grey(video) for video in self._videos)
+            if all(image is None for image in images):
+                return
+            yield FrameSet(images, index / self.rate if self.rate else float(index), index)
+            index += 1
+
+
+def _next_grey(video: Any) -> Image | None:
+    there, frame = video.read()
+    if not there:
+        return None
+    return np.asarray(frame if frame.ndim == 2 else opencv().cvtColor(frame, opencv().COLOR_BGR2GRAY), np.uint8)
+
+
+@dataclass(frozen=True)
+class RoomOptions(StageParameters):
+    """The simulated room."""
+
+    stage: ClassVar[str] = "room"
+    cameras: int = declare(8, "cameras around the room", within=CAMERAS_OF_A_ROOM)
+    width: int = declare(640, "of the images; the height is three quarters of it", unit="px", within=(160, 4096))
+    rate: float = declare(100.0, "sets a second", unit="Hz", within=(0.1, 1e4))
+    frames: int = declare(600, "sets that are rendered", within=(1, 1e9))
+    seed: int = declare(0, "of motion and noise", within=(0, 2**31 - 1))
+
+
+_SMALLEST = 7.0  # px across, of a ball at the distance of the middle
+_DISTANCE = 3500.0  # mm
+
+
+class SimulatedRoom:
+    """A room whose cameras need no hardware.
+
+    Parameters
+    ----------
+    scene : RoomScene
+        What moves.
+    rig : CameraRig
+        The cameras.
+    seed : int
+        Of the sensors' noise.
+    """
+
+    def __init__(self, scene: RoomScene, rig: CameraRig, seed: int = 0) -> None:
+        self.scene, self.rig, self._seed = scene, rig, seed
+        self.name, self.cameras = "simulated room", rig.names
+        self.rate: float | None = scene.rate
+        size = _SMALLEST * _DISTANCE / float(rig.cameras[0].matrix[0, 0])
+        self.parameters = RenderParameters().replace(bright_distance=_DISTANCE, diameter=size, reflections=0)
+
+    @property
+    def n_frames(self) -> int:
+        """Length of the scene."""
+        return self.scene.n_frames
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Render one moment after the other."""
+        for frame in range(self.scene.n_frames):
+            images = []
+            for index, camera in enumerate(self.rig.cameras):
+                shown = np.where(self.scene.hidden[frame, index, :, np.newaxis], np.nan, self.scene.positions[frame])
+                images.append(render_view(camera, shown, self.parameters, self._seed, (frame, index))[0])
+            yield FrameSet(tuple(images), frame / self.scene.rate, frame)
+
+
+def _open_folder(text: SourceText) -> RoomSource:
+    return FolderSets(Path(text.place), FileOptions.from_mapping(text.options, str(text)))
+
+
+def _open_videos(text: SourceText) -> RoomSource:
+    return VideoSets(tuple(map(Path, text.places)), VideoOptions.from_mapping(text.options, str(text)))
+
+
+def _open_room(text: SourceText) -> RoomSource:
+    options = RoomOptions.from_mapping(text.options, str(text))
+    rig = room_rig(int(options.cameras), (int(options.width), int(options.width) * 3 // 4))
+    n_frames, seed, rate = int(options.frames), int(options.seed), float(options.rate)
+    if text.place == "wand":
+        return SimulatedRoom(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
+    if text.place == "frame":
+        return SimulatedRoom(frame_scene(rig, n_frames), rig, seed)
+    return SimulatedRoom(person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
+
+
+ROOM_SOURCES: Mapping[str, tuple[str, Callable[[SourceText], RoomSource]]] = {
+    "folder": ("folder:recording", _open_folder),
+    "video": ("video:one.avi,two.avi,three.avi", _open_videos),
+    "room": ("room:human?cameras=8", _open_room),
+}
+"""Kinds of sources, with an example of each."""
+
+
+def open_room_source(text: str) -> RoomSource:
+    """Return the source that a text names.
+
+    Parameters
+    ----------
+    text : str
+        ``folder:recording?rate=100`` (a folder for each camera in it), ``video:one.avi,two.avi,...``, or the simulated
+        room: ``room:wand``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the path of a folder.
+
+    Raises
+    ------
+    InputError
+        If no kind of source is meant.
+    CaptureError, FormatError
+        If files are not there or cannot be read.
+    """
+    parsed = parse_source(text)
+    if parsed is not None and parsed.kind in ROOM_SOURCES:
+        return ROOM_SOURCES[parsed.kind][1](parsed)
+    if text.strip() and Path(text).is_dir():
+        return _open_folder(SourceText("folder", text))
+    known = ", ".join(example for example, _ in ROOM_SOURCES.values())
+    raise InputError(f"{text!r} is no source of images of many cameras; known are {known}, or a folder of folders")

@@ -1,0 +1,99 @@
+"""`skelgen calibrate room`: the cameras of a room, calibrated with a wand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.screen import Screen
+from skelgen.errors import InputError
+
+SETTINGS = Path("room.xml")
+
+
+def room(
+    source: Annotated[str, typer.Argument(metavar="SOURCE", help="Where the images of the waved wand come from.")],
+    wand: Annotated[
+        str, typer.Option("--wand", metavar="MM,MM,MM", help="Where the three balls are along the wand.")
+    ] = "0,180,500",
+    ground: Annotated[
+        str | None, typer.Option("--ground", metavar="SOURCE", help="Images of the L-frame on the floor.")
+    ] = None,
+    arms: Annotated[
+        str, typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, along x and along y.")
+    ] = "600,400",
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate two to sixteen cameras around a room with a wand that is waved through it.
+
+    Parameters
+    ----------
+    source : str
+        Where the images of the waved wand come from.
+    wand : str
+        Where its three balls are along it, in mm.
+    ground : str, optional
+        Where images of an L-frame on the floor come from; without it the world is the first camera's frame.
+    arms : str
+        Arms of the L-frame along x and along y, in mm.
+    output : Path
+        Settings to write.
+    quiet, as_json : bool
+        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
+    """
+    import numpy as np
+
+    from skelgen.app.room import calibrate_room, save_room
+
+    screen = Screen(quiet, as_json)
+    distances, lengths = _numbers(wand, 3, "--wand"), _numbers(arms, 2, "--arms")
+    with screen.watching() as monitor:
+        settings, found = calibrate_room(source, distances, ground, (lengths[0], lengths[1]), monitor)
+    save_room(settings, output)
+    rows = [
+        {
+            "camera": camera.name,
+            "views": int(views),
+            "fx [px]": f"{camera.matrix[0, 0]:.2f} +- {std[0]:.2f}",
+            "fy [px]": f"{camera.matrix[1, 1]:.2f} +- {std[1]:.2f}",
+            "place [mm]": ", ".join(f"{value:.1f}" for value in place),
+            "+- [mm]": round(float((std[12:] ** 2).sum() ** 0.5), 3),
+        }
+        for camera, views, std, place in zip(
+            found.rig.cameras, found.n_views, np.asarray(found.rig.std), found.rig.places, strict=True
+        )
+    ]
+    screen.table("Cameras", rows)
+    for sentence in found.verdict.sentences:
+        screen.say(sentence)
+    if not ground:
+        screen.note(
+            ["the world is the first camera's frame: lay an L-frame on the floor and give its images: --ground"]
+        )
+    screen.say(f"written: {output}")
+    screen.json(
+        {
+            "file": str(output),
+            "grade": found.verdict.grade,
+            "verdict": list(found.verdict.sentences),
+            "noise_px": found.rig.noise,
+            "point_std_mm": found.point_std,
+            "scale_std": found.scale_std,
+            "cameras": rows,
+        }
+    )
+
+
+def _numbers(text: str, count: int, option: str) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise InputError(f"{option} is {text!r}; {count} numbers in mm belong there, with commas between them")
+    return values
