@@ -159,14 +159,15 @@ class Bench:
             (place / name).mkdir()
         words = COMMANDS[command].replace("{in}", str(self._inputs)).split()
         paths = os.pathsep.join(str(ROOT / name) for name in (".", "gui", "formats"))
-        return subprocess.Popen(
-            [sys.executable, "-m", "skelgen", *words],
-            cwd=place / "work",
-            env=os.environ | {"PYTHONPATH": paths, "TMPDIR": str(place / "tmp")},
-            stdout=subprocess.DEVNULL,
-            stderr=(place / "said").open("wb"),
-            start_new_session=True,
-        )
+        with (place / "said").open("wb") as said:
+            return subprocess.Popen(
+                [sys.executable, "-m", "skelgen", *words],
+                cwd=place / "work",
+                env=os.environ | {"PYTHONPATH": paths, "TMPDIR": str(place / "tmp")},
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                start_new_session=True,
+            )
 
     def _faults_of(self, work: Path, known: Undisturbed, *, complete: bool) -> list[str]:
         found = {str(path.relative_to(work.parent)): path for path in files_in(work)}

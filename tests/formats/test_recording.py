@@ -53,8 +53,8 @@ def test_ezc3d_reads_it_too(tmp_path):
 
 def test_recording_that_was_never_closed_is_whole_up_to_the_last_second(tmp_path):
     places = positions(130)
-    record(tmp_path / "walk.c3d", places, close=False)
-    np.testing.assert_array_equal(read_c3d(tmp_path / "walk.c3d").positions, places[:120])
+    with record(tmp_path / "walk.c3d", places, close=False):
+        np.testing.assert_array_equal(read_c3d(tmp_path / "walk.c3d").positions, places[:120])
 
 
 def test_more_frames_than_the_header_can_count(tmp_path):
