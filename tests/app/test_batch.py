@@ -147,6 +147,9 @@ class TestOutcome:
         job = Job(formats=("trc", "report"))
         run_batch([waves / "wave0.csm"], tmp_path / "out", job, pool=here)
         assert {"wave0.trc", "wave0.html"} <= {path.name for path in (tmp_path / "out/wave0").iterdir()}
+        page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
+        assert '<a href="wave0/wave0.html#play" title="play"><img' in page
+        assert '<section id="play">' in (tmp_path / "out/wave0/wave0.html").read_text(encoding="utf-8")
 
     @pytest.mark.parametrize(("arguments", "code"), [(["in"], 3), (["in/wave2b.c3d"], 2), (["in/wave0.csm"], 0)])
     def test_exit_codes_tell_how_it_went(self, waves, arguments, code, capsys):

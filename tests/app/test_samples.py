@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.app.samples import SAMPLES, open_sample
+from skelgen.app.samples import SAMPLES, compile_ahead, open_sample
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 
@@ -22,3 +22,7 @@ def test_sample_is_a_take_that_moves(sample):
 def test_unknown_sample_is_an_error_that_lists_them():
     with pytest.raises(InputError, match="there is no sample 'dog'; there are person, machine, animal, unlabelled"):
         open_sample("dog")
+
+
+def test_what_is_compiled_ahead_runs_all_stages():
+    compile_ahead()  # on takes of 60 frames: raises if a stage cannot work on them

@@ -13,10 +13,13 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+from PySide6.QtCore import QSettings
 from skelgen_gui import main as start
 from skelgen_gui.project.recovery import find_recovery_entries
+from skelgen_gui.widgets.preferences import Preferences
 
 import skelgen
+from skelgen._kernels import sources_digest
 from skelgen.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
@@ -176,3 +179,12 @@ def test_the_window_starts_without_what_only_stages_need():
     heavy = ["scipy.special", "scipy.optimize", "sklearn", "numba", "networkx", "cv2"]
     run = subprocess.run([sys.executable, "-c", code % heavy], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_nothing_is_compiled_ahead_twice(tmp_path):
+    preferences = Preferences(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
+    process = start.compile_ahead(preferences)
+    process.terminate()
+    process.wait()
+    preferences.compiled = sources_digest()
+    assert start.compile_ahead(preferences) is None
