@@ -64,6 +64,15 @@ def test_a_cloud_without_results_comes_back(tmp_path):
     assert not again.has("labels")
 
 
+def test_a_file_from_before_bodies_were_told_apart_opens(saved, tmp_path):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json"))
+    for name in ("body_of_limb", "body_probability"):
+        del structure["limbs"]["fields"][name]
+    older = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "older.skelgen"))
+    assert older.limbs.n_bodies == 1
+
+
 @pytest.fixture
 def judged(small_project):
     """A project that knows how sure its labels are, in every detail."""

@@ -120,7 +120,8 @@ def _value(type_name: Any, fields: dict[str, object]) -> Any:
         if kind == type_name and on_disk in fields:
             fields = {name if key == on_disk else key: value for key, value in fields.items()}
     declared = dataclasses.fields(cls)
-    needed = {field.name for field in declared if field.default is dataclasses.MISSING}
+    unset = dataclasses.MISSING
+    needed = {field.name for field in declared if field.default is unset and field.default_factory is unset}
     known = {field.name for field in declared}
     if not needed <= set(fields) <= known:  # older files lack what was added since, with a default
         odd = ", ".join(sorted((needed - set(fields)) | (set(fields) - known)))
