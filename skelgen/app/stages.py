@@ -229,7 +229,7 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
                 what = "the root of keypoints is chosen with their limbs; run that stage with it"
                 raise InputError(f"{project.name}: {what}")
         return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
-    from skelgen.stages.joints import find_joints, find_sensor_slips  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
     constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
     find = partial(
@@ -240,10 +240,6 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
         if settings.limbs.marker_set == "auto" and _wears_set(project):
             prior = with_tree(project, topology, constraints, joints_of_person(project), monitor)
             topology = topology if prior is None else find(constraints=prior)
-    if isinstance(project.take, Poses):
-        bodies, _ = _bodies_exchanged_back(project.take)
-        for slip in find_sensor_slips(bodies.world_from_body, topology.edges):
-            monitor.notice(slip.sentence)
     return JointResult(topology)
 
 
@@ -333,18 +329,22 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
         "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
         "its axes), named body:o, body:x, body:-x and so on"
     )
-    bodies, exchanges = _bodies_exchanged_back(poses)
+    return LabelResult(trajectories_from_poses(_repaired(poses, monitor)), None)
+
+
+def _repaired(poses: Poses, monitor: Monitor) -> Poses:
+    """Bodies whose exchanged sensors are exchanged back, and whose sensors that slipped are moved back."""
+    from skelgen.stages.joints import slips_moved_back  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.repair import exchanged_back  # noqa: PLC0415
+
+    world_from_body, exchanges = exchanged_back(poses.world_from_body)
     for one, other, frame in exchanges:
         pair = f"{poses.names[one]} and {poses.names[other]}"
         monitor.notice(f"the sensors of {pair} are exchanged from frame {frame} on; they are exchanged back")
-    return LabelResult(trajectories_from_poses(bodies), None)
-
-
-def _bodies_exchanged_back(poses: Poses) -> tuple[Poses, tuple[tuple[int, int, int], ...]]:
-    from skelgen.stages.repair import exchanged_back  # noqa: PLC0415 - see the module's docstring
-
-    world_from_body, exchanges = exchanged_back(poses.world_from_body)
-    return (replace(poses, world_from_body=world_from_body) if exchanges else poses), exchanges
+    bodies, slips = slips_moved_back(replace(poses, world_from_body=world_from_body) if exchanges else poses)
+    for slip in slips:
+        monitor.notice(slip.told_of(poses.names[slip.limb]))
+    return bodies
 
 
 def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:

@@ -50,12 +50,11 @@ class SensorSlip:
     frame: int
     size: float
 
-    @property
-    def sentence(self) -> str:
-        """What is told of it."""
+    def told_of(self, name: str) -> str:
+        """Return what is told of the body of this name."""
         return (
-            f"the sensor of limb {self.limb} slips at frame {self.frame}: its joints jump by {self.size:.1f} mm in its "
-            "frame; part the take there, for joints and lengths are between those before and after"
+            f"the sensor of {name} slips at frame {self.frame}: its joints jump by {self.size:.1f} mm in its frame; "
+            "from there on it is moved back to where it was"
         )
 
 
