@@ -26,6 +26,7 @@ from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs, StatusLine
+from skelgen_gui.project.outline import Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
@@ -159,7 +160,11 @@ class Window(QMainWindow):
         timeline = self._dock("timeline", self.tr("Timeline"), self.timeline, below)
         self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
         timeline.raise_()
-        corrections = self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
+        right = Qt.DockWidgetArea.RightDockWidgetArea
+        corrections = self._dock("corrections", self.tr("Corrections"), listed, right)
+        self.outline = Outline(self.session, self.corrections)
+        self._outline_dock = self._dock("outline", self.tr("Names"), self.outline, right)
+        self.tabifyDockWidget(corrections, self._outline_dock)
 
         self.video = VideoPane(self.session, self.errors.report)
         self.video_dock = self._dock("video", self.tr("Video"), self.video, Qt.DockWidgetArea.RightDockWidgetArea)
@@ -201,6 +206,9 @@ class Window(QMainWindow):
         self.autosave.failed.connect(self.status.notice)
         self.files.saved.connect(self.status.notice)
         self.session.project_changed.connect(self._note_up)
+        self.outline.hidden_wanted.connect(self.view3d.hide_markers)
+        self.view3d.shown_changed.connect(lambda shown: self.outline.show_hidden(shown.hidden))
+        self.actions_by_id["rename"].triggered.connect(self._rename_selected)
         self.actions_by_id["full_screen"].toggled.connect(self.show_full_screen)
         self.actions_by_id["reset_layout"].triggered.connect(self.reset_layout)
         self.view3d.shown_changed.connect(self._note_up)
@@ -235,6 +243,12 @@ class Window(QMainWindow):
             self.view3d.stand_at(state.viewpoint)
         else:
             self.view3d.fit_take()
+
+    def _rename_selected(self) -> None:
+        """Let the user type a name in the panel of names, wherever something was selected."""
+        self._outline_dock.show()
+        self._outline_dock.raise_()
+        self.outline.rename_selected()
 
     def _note_up(self) -> None:
         """Tell the pages which axis the 3-D view has up: exports are turned as it is."""

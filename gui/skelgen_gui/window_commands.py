@@ -100,6 +100,8 @@ class WindowCommands(QObject):
         menu.addSeparator()
         menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
+        menu.addActions([commands.hide, commands.isolate, commands.show_all])
+        menu.addSeparator()
         commands.fill(menu)
         cameras = menu.addAction(self.tr("Cameras of a capture…"), self._context.cameras.choose)
         cameras.setToolTip(self.tr("Show the cameras in the settings of a capture that this recording was made with"))

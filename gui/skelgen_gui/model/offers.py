@@ -86,6 +86,19 @@ def new_name(project: Project, name: str) -> str:
     return f"{name}_{number}"
 
 
+def naming_markers(project: Project, limb: int) -> tuple[str, ...]:
+    """Return markers by which a limb that is given a name is found again.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    limb : int
+        Index of the limb.
+    """
+    return tuple(project.trajectories.names[marker] for marker in project.limbs.markers_of(limb)[:_NAMING].tolist())
+
+
 def frames_seen_together(project: Project, names: tuple[str, ...]) -> int:
     """Return in how many frames two or more of some markers are seen.
 
@@ -127,9 +140,8 @@ def _of_limbs(project: Project, selection: Selection, names: tuple[str, ...]) ->
     if len(selection.limbs) >= 2:
         found.append(Offer("together", _names_on(project, selection.limbs), about=_words(project, selection.limbs)))
     if selection.limb is not None:
-        markers = project.limbs.markers_of(selection.limb)[:_NAMING].tolist()
-        marked = tuple(project.trajectories.names[marker] for marker in markers)
-        found.append(Offer("name", marked, about=(limb_words(project, selection.limb),)))
+        words = (limb_words(project, selection.limb),)
+        found.append(Offer("name", naming_markers(project, selection.limb), about=words))
     return found
 
 

@@ -1,5 +1,6 @@
 """A frame as it lies in the picture: which parts are shown, their places and depths, trails of markers."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,10 @@ from skelgen_gui.model.viewpoint import Viewpoint
 _OUTLINE = np.linspace(0.0, 2 * np.pi, 33)[:-1]
 _BEHIND = 1 + 1e-6  # bones lie behind the joints and markers at their ends
 _LARGEST = 2000.0  # px, half an ellipse's axis: one that is larger is cut off rather than painted for seconds
+
+# Corners of names from the marker, right of it and left, above and below: gaps [px], and parts of the name's size
+_NAME_GAPS = np.array([(8.0, 2.0), (8.0, -2.0), (-8.0, 2.0), (-8.0, -2.0)])
+_NAME_SIDES = np.array([(0.0, -1.0), (0.0, 0.0), (-1.0, -1.0), (-1.0, 0.0)])
 
 N_AGES = 4
 """Steps in which a trail fades."""
@@ -89,7 +94,14 @@ class FrameView:
     shown: Shown
 
 
-def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: float, magnification: float) -> Picture:
+def take_picture(
+    snapshot: Snapshot,
+    canvas: Canvas,
+    shown: Shown,
+    axis_length: float,
+    magnification: float,
+    uncertain: Iterable[int] = (),
+) -> Picture:
     """Project what is shown of a snapshot.
 
     Parameters
@@ -104,6 +116,8 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
         Half the length of drawn axes.
     magnification : float
         Half axes of ellipsoids in standard deviations.
+    uncertain : iterable of int
+        Joints whose ellipsoids are drawn although those of others are not.
     """
     markers, marker_depths = canvas.project(snapshot.markers)
     markers[~np.where(snapshot.state == State.FILLED, shown.filled, shown.markers)] = np.nan
@@ -111,7 +125,7 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
     joints, joint_depths = canvas.project(snapshot.joints)
     ellipses = _ellipses(snapshot, canvas, joints, joint_depths, magnification)
     if not shown.uncertainty:
-        ellipses[:] = np.nan
+        ellipses[~np.isin(np.arange(len(ellipses)), list(uncertain))] = np.nan
     bones, bone_depths = canvas.project(_only(snapshot.bones, shown.bones))
     if not shown.joints:
         joints[:] = np.nan
@@ -166,6 +180,35 @@ def _half_axes(covariances: Floats) -> Floats:
     """Main axes, one a column, as long as their standard deviations."""
     values, vectors = np.linalg.eigh(covariances)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, np.newaxis, :])
+
+
+def place_names(markers: Floats, sizes: Floats) -> Floats:
+    """Place names beside markers so that none covers another one: those that find no room are left out.
+
+    Parameters
+    ----------
+    markers : ndarray, shape (n, 2), px
+        Markers, the most important first.
+    sizes : ndarray, shape (n, 2), px
+        Width and height of their names.
+
+    Returns
+    -------
+    ndarray, shape (n, 2), px
+        Upper left corner of each name; NaN where it is left out.
+    """
+    corners = np.full((len(markers), 2), np.nan)
+    placed = np.zeros((0, 4))  # left, top, right, bottom
+    for index, (place, size) in enumerate(zip(markers, sizes, strict=True)):
+        tried = place + _NAME_GAPS + _NAME_SIDES * size
+        boxes = np.concatenate([tried, tried + size], axis=1)[:, np.newaxis]
+        covers = (boxes[..., :2] < placed[:, 2:]) & (boxes[..., 2:] > placed[:, :2])
+        is_covering = np.all(covers, axis=2)
+        free = np.flatnonzero(~np.any(is_covering, axis=1))
+        if len(free):
+            corners[index] = tried[free[0]]
+            placed = np.concatenate([placed, boxes[free[0]]])
+    return corners
 
 
 def trail_lines(places: Floats, limb_of_marker: Ints) -> list[tuple[int, int, Floats]]:

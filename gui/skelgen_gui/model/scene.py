@@ -4,7 +4,7 @@ Rows are taken when a frame is shown: opening a project costs nothing.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from skelgen.app.drawing.poses import Bones, MarkerState, find_bones, find_views, place_markers
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
 
@@ -222,6 +222,47 @@ class Scene:
             take.world_from_body[frame] if isinstance(take, Poses) else _NO_BODIES,
         )
 
+    def is_hidden(self, hidden: frozenset[str]) -> tuple[Bools, Bools]:
+        """Return which markers are hidden, and which limbs, because all of their markers are.
+
+        Parameters
+        ----------
+        hidden : frozenset of str
+            Names of markers.
+
+        Returns
+        -------
+        markers, limbs : ndarray of bool, shapes (n_markers,) and (n_limbs,)
+        """
+        markers = np.array([name in hidden for name in self.names], dtype=np.bool_)
+        shown = np.bincount(self.limb_of_marker[~markers & (self.limb_of_marker >= 0)])
+        limbs = np.ones(int(self.limb_of_marker.max(initial=-1)) + 1, dtype=np.bool_)
+        limbs[np.flatnonzero(shown)] = False
+        return markers, limbs
+
+    def without(self, snapshot: Snapshot, hidden: frozenset[str]) -> Snapshot:
+        """Return a frame without what is hidden: markers, and limbs of which all markers are.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            The frame.
+        hidden : frozenset of str
+            Names of markers.
+        """
+        if not hidden:
+            return snapshot
+        gone, limbs = self.is_hidden(hidden)
+        edges = self.project.topology.edges if len(snapshot.joints) else np.zeros((0, 2), dtype=np.intp)
+        joints: Bools = np.all(limbs[edges], axis=1)
+        return replace(
+            snapshot,
+            markers=_without(snapshot.markers, gone),
+            joints=_without(snapshot.joints, joints),
+            bones=_without(snapshot.bones, limbs[self.bones.limb]),
+            axes=_without(snapshot.axes, joints[self.axis_joints]) if len(snapshot.axes) else snapshot.axes,
+        )
+
     def middle(self, frame: int) -> Floats:
         """Return the middle of a frame: of its joints, or else of what is seen; NaN if that is nothing.
 
@@ -318,6 +359,10 @@ class Scene:
         motion = self.project.motion
         directions = [motion.world_from_limb[frame, limb, :3, :3] @ axis for _, limb, axis in self._limb_axes]
         return np.stack([motion.joint_positions[frame, self.axis_joints], directions], axis=1)
+
+
+def _without(values: Floats, gone: Bools) -> Floats:
+    return np.where(np.reshape(gone, (-1, *[1] * (values.ndim - 1))), np.nan, values)
 
 
 def joint_covariances(project: Project, frames: Ints) -> Floats:

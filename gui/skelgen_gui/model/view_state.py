@@ -33,7 +33,8 @@ class Shown:
         Measured markers; markers that are unseen, where the skeleton places them; names beside markers; ways that
         markers came.
     bones, joints, uncertainty, axes : bool
-        Bones; joints; ellipsoids of the joints' uncertainty; axes of hinges and of universal joints.
+        Bones; joints; ellipsoids of the uncertainty of all joints, and not of the selected one alone; axes of hinges
+        and of universal joints.
     floor, cameras, other : bool
         Floor grid and shadows; frustums of cameras; the second project.
     follow : bool
@@ -44,6 +45,8 @@ class Shown:
         Half axes of the ellipsoids in standard deviations; None chooses what can be seen and does not hide the rest.
     up : int or None
         Coordinate axis that points up, 0 .. 2, or down, 3 .. 5; None leaves it to the data.
+    hidden : tuple of str
+        Markers that are hidden; limbs with them if all their markers are.
     """
 
     markers: bool = True
@@ -52,7 +55,7 @@ class Shown:
     trails: bool = True
     bones: bool = True
     joints: bool = True
-    uncertainty: bool = True
+    uncertainty: bool = False
     axes: bool = True
     floor: bool = True
     cameras: bool = True
@@ -61,6 +64,7 @@ class Shown:
     trail_seconds: float = TRAIL_SECONDS[0]
     magnification: int | None = None
     up: int | None = None
+    hidden: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +130,10 @@ def _kept(kind: type[_T], kept: Any) -> _T | None:
         values = {one.name: kept[one.name] for one in fields(default) if one.name in kept}  # type: ignore[arg-type]
         for name, value in values.items():
             before = getattr(default, name)
-            if isinstance(before, tuple):
+            if name == "hidden":
+                values[name] = tuple(str(part) for part in value)
+                is_right = not isinstance(value, str)
+            elif isinstance(before, tuple):
                 values[name] = tuple(float(part) for part in value)
                 is_right = len(values[name]) == len(before) and all(map(math.isfinite, values[name]))
             elif before is None:

@@ -132,6 +132,8 @@ class Style(Enum):
     DOUBTFUL = "doubtful"
     HOLLOW = "hollow"
     JOINT = "joint"
+    OPEN_JOINT = "open joint"
+    """Its place is not determined."""
     RING = "ring"
     """Around what is selected."""
 
@@ -172,7 +174,7 @@ class Sprites:
             if len(self._kept) >= MOST_SPRITES:
                 self._kept.clear()
             size = step * _RADIUS_STEP
-            side = 2 * math.ceil(size + 5.0)
+            side = 2 * math.ceil(1.5 * size + 5.0)
             looks = (QPointF(side / 2, side / 2), size, colours[0], colours[-1])
             pixmap = drawn_pixmap(side, self.ratio, lambda painter: _PAINTERS[style](painter, *looks))
             self._kept[key] = pixmap
@@ -212,6 +214,15 @@ def _joint(painter: QPainter, middle: QPointF, radius: float, colour: QColor, ma
     painter.drawEllipse(middle, 0.85 * radius, 0.85 * radius)
 
 
+def _open_joint(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mark: QColor) -> None:
+    """A dashed circle that is larger than a joint: it is somewhere about here."""
+    inside = QColor(mark)
+    inside.setAlpha(30)
+    painter.setBrush(inside)
+    painter.setPen(QPen(mark, 1.6, Qt.PenStyle.DashLine))
+    painter.drawEllipse(middle, 1.5 * radius, 1.5 * radius)
+
+
 def _ring(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mark: QColor) -> None:
     painter.setBrush(Qt.BrushStyle.NoBrush)
     for ink, width in ((mark, 4.4), (colour, 2.2)):
@@ -219,4 +230,4 @@ def _ring(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mar
         painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
 
 
-_PAINTERS = dict(zip(Style, (_ball, _doubtful, _hollow, _joint, _ring), strict=True))
+_PAINTERS = dict(zip(Style, (_ball, _doubtful, _hollow, _joint, _open_joint, _ring), strict=True))

@@ -29,6 +29,8 @@ class Commands(QObject):
     ----------
     fit, fit_take, front, side, top : QAction
         Move the camera of the view.
+    hide, isolate, show_all : QAction
+        Hide and show what is selected.
     rectangle : QAction
         Checkable: dragging selects by a rectangle instead of turning the view.
     switches : dict of str to QAction
@@ -55,6 +57,9 @@ class Commands(QObject):
         self.front = self._action(tr("Front"), "1", tr("Look at the wider side"))
         self.side = self._action(tr("Side"), "3", tr("Look at the narrower side"))
         self.top = self._action(tr("Top"), "7", tr("Look from above"))
+        self.hide = self._action(tr("Hide"), "H", tr("Hide what is selected"))
+        self.isolate = self._action(tr("Isolate"), "Shift+H", tr("Show nothing but what is selected"))
+        self.show_all = self._action(tr("Show all"), "Ctrl+H", tr("Show what was hidden"))
         self.rectangle = self._action(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
         self.rectangle.setCheckable(True)
         self.switches = {name: self._switch(name, *words) for name, words in self._switch_words().items()}
@@ -65,7 +70,8 @@ class Commands(QObject):
     def with_keys(self) -> tuple[QAction, ...]:
         """The actions that have keys."""
         switches = (self.switches[name] for name in _KEYS)
-        return (self.fit, self.fit_take, self.front, self.side, self.top, self.rectangle, *switches)
+        moves = (self.fit, self.fit_take, self.front, self.side, self.top)
+        return (*moves, self.hide, self.isolate, self.show_all, self.rectangle, *switches)
 
     def fill(self, menu: QMenu) -> None:
         """Add all switches and choices to a menu."""
@@ -87,7 +93,10 @@ class Commands(QObject):
             "trails": (tr("Trails"), tr("Paths of the markers until this frame")),
             "bones": (tr("Bones"), tr("Lines between joints, and to the markers of end limbs")),
             "joints": (tr("Joints"), tr("Joints of the skeleton")),
-            "uncertainty": (tr("Uncertainty of joints"), tr("Ellipsoids of standard deviations, magnified")),
+            "uncertainty": (
+                tr("Uncertainty of all joints"),
+                tr("Ellipsoids, magnified; else of the selected joint"),
+            ),
             "axes": (tr("Axes of joints"), tr("Axes of hinges and universal joints, and of bodies")),
             "floor": (tr("Floor"), tr("Floor grid and shadows")),
             "cameras": (tr("Cameras"), tr("What the cameras see, where they are known")),

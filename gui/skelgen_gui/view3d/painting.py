@@ -272,8 +272,9 @@ def paint_items(painter: QPainter, figure: Figure, faint: Bools, limb: int) -> N
             )
         elif item < n_markers + n_joints:
             edge, inside = brushes.inks.joint(fog)
-            edge = brushes.inks.colours.doubt if item - n_markers in scene.open_joints else edge
-            brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, Style.JOINT, inside, edge)
+            is_open = item - n_markers in scene.open_joints
+            edge, style = (brushes.inks.colours.doubt, Style.OPEN_JOINT) if is_open else (edge, Style.JOINT)
+            brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, style, inside, edge)
         else:
             bone = item - n_markers - n_joints
             width = _BONE * radius * (_SPOKE if scene.bones.is_spoke[bone] else 1.0)

@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QStaticText
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.picture import Canvas, FrameView, Picture, take_picture
+from skelgen_gui.model.picture import Canvas, FrameView, Picture, place_names, take_picture
 from skelgen_gui.model.scene import Scene, Snapshot
 from skelgen_gui.model.selection import Marked, Selection
 from skelgen_gui.model.view_camera import Floor
@@ -24,7 +24,6 @@ _AXIS_SHARE = 0.05  # of the size of what is seen: half the length of axes
 _OTHER_OPACITY = 0.5
 _NOTE_GAP = 14.0  # px, from what a note is about
 _NOTE_PAD = 7.0
-_NAME_PLACE = QPointF(8, -16)  # px, of its upper left corner from the marker
 _NAME_MARGIN = (QPointF(-1, 0), QPointF(1, 0), QPointF(0, -1), QPointF(0, 1))
 _MOST_NAMES = 12  # of selected markers, beside them
 
@@ -97,11 +96,12 @@ class Renderer:
         tuple of Snapshot and Picture
             What was painted, and where.
         """
-        figure, canvas, shown = self._figure(scene, view, self._inks), view.canvas, view.shown
+        figure, canvas, shown = self._figure(scene, view, self._inks, marked.joints), view.canvas, view.shown
         if floor is not None:
             painting.paint_shadows(painter, figure.snapshot, floor, canvas, figure.brushes)
         if shown.trails and shown.markers:
             places, _ = canvas.project(scene.trail(view.frame, shown.trail_seconds))
+            places[:, scene.is_hidden(frozenset(shown.hidden))[0]] = np.nan
             painting.paint_trails(painter, scene, places, self._inks)
             past, _ = canvas.project(scene.past_points(view.frame, shown.trail_seconds))
             painting.paint_past(painter, past, self._inks)
@@ -173,17 +173,26 @@ class Renderer:
         painter.setBrush(inside)
         painter.drawRect(band)
 
-    def _figure(self, scene: Scene, view: FrameView, inks: Inks) -> Figure:
-        snapshot, shown, canvas = scene.at(view.frame), view.shown, view.canvas
+    def _figure(self, scene: Scene, view: FrameView, inks: Inks, uncertain: Iterable[int] = ()) -> Figure:
+        shown, canvas = view.shown, view.canvas
+        snapshot = scene.without(scene.at(view.frame), frozenset(shown.hidden))
         magnification = shown.magnification or scene.magnification
-        picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size, magnification)
+        picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size, magnification, uncertain)
         radius = painting.marker_radius(canvas, scene.size)
         return Figure(scene, snapshot, picture, Brushes(inks, self._sprites, radius, canvas.viewpoint.distance))
 
     def _paint_names(self, painter: QPainter, names: tuple[str, ...], picture: Picture, markers: Iterable[int]) -> None:
         """Paint names beside markers, with a margin that parts them from what lies behind."""
         drawn = [marker for marker in markers if not math.isnan(picture.markers[marker, 0])]
-        texts = [(self._name(names[marker]), QPointF(*picture.markers[marker]) + _NAME_PLACE) for marker in drawn]
+        drawn.sort(key=lambda marker: float(picture.marker_depths[marker]))  # what is in front has its name first
+        signs = [self._name(names[marker]) for marker in drawn]
+        sizes = np.array([[sign.size().width(), sign.size().height()] for sign in signs]).reshape(-1, 2)
+        places = place_names(picture.markers[drawn], sizes)
+        texts = [
+            (sign, QPointF(*place))
+            for sign, place in zip(signs, places.tolist(), strict=True)
+            if not math.isnan(place[0])
+        ]
         painter.setPen(self.colours.ground)
         for text, place in texts:
             for shift in _NAME_MARGIN:

@@ -1,7 +1,7 @@
 """The 3-D view: orbit, pan, zoom; hover, click and rubber band. It paints what the session shows."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -123,6 +123,25 @@ class View3D(QWidget):
         self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
         self._camera.show_cameras(self._frustums.reshape(-1, 3), up)
         self.update()
+
+    def hide_markers(self, names: Iterable[str]) -> None:
+        """Hide some markers, by their names, and show all others; limbs without any shown marker are hidden, too."""
+        self.set_shown(replace(self._shown, hidden=tuple(sorted(names))))
+
+    def hide_selected(self) -> None:
+        """Hide the selected markers and limbs."""
+        self.hide_markers({*self._shown.hidden, *self._selected_names()})
+
+    def isolate_selected(self) -> None:
+        """Show nothing but the selected markers and limbs."""
+        names = self._selected_names()
+        if names and self._camera.scene is not None:
+            self.hide_markers(set(self._camera.scene.names) - names)
+
+    def _selected_names(self) -> set[str]:
+        scene = self._camera.scene
+        markers = set() if scene is None else Marked(self._session.selection).markers(scene)
+        return set() if scene is None else {scene.names[marker] for marker in markers}
 
     def stand_at(self, viewpoint: Viewpoint) -> None:
         """Put the viewer where another window had left him."""
@@ -283,6 +302,9 @@ class View3D(QWidget):
             (commands.front, self.look_from_front),
             (commands.side, self.look_from_side),
             (commands.top, self.look_from_top),
+            (commands.hide, self.hide_selected),
+            (commands.isolate, self.isolate_selected),
+            (commands.show_all, lambda: self.hide_markers(())),
         ):
             action.triggered.connect(move)
         commands.shown_changed.connect(self.set_shown)
@@ -333,7 +355,8 @@ class View3D(QWidget):
         scene, floor, parts = self._camera.scene, self._camera.floor, []
         if floor is not None and self._shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
-        if self._shown.uncertainty and scene is not None and scene.project.has("skeleton"):
+        has_ellipsoids = self._shown.uncertainty or self._session.selection.joint is not None
+        if has_ellipsoids and scene is not None and scene.project.has("skeleton"):
             times = self._shown.magnification or scene.magnification
             parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)

@@ -236,7 +236,7 @@ def test_an_ellipsoid_of_equal_deviations_is_drawn_as_a_circle_of_their_size(sce
     snapshot = scene.at(20)
     round_one = replace(snapshot, covariances=np.broadcast_to(4.0 * np.eye(3), snapshot.covariances.shape))
     viewpoint = Viewpoint(azimuth=0.5, elevation=0.2).fitted(scene.inliers, 900, 700)
-    picture = take_picture(round_one, Canvas(viewpoint, 900, 700), Shown(), 50.0, magnification=10)
+    picture = take_picture(round_one, Canvas(viewpoint, 900, 700), Shown(uncertainty=True), 50.0, magnification=10)
     radii = np.linalg.norm(picture.ellipses[:, 0] - picture.joints[:, np.newaxis], axis=2)
     wanted = 10 * 2.0 * viewpoint.focal(700) / picture.joint_depths
     assert radii == pytest.approx(np.broadcast_to(wanted[:, np.newaxis], radii.shape))

@@ -60,7 +60,7 @@ def takes_tab(widget):
 def test_every_control_has_a_name_for_screen_readers(controls):
     assert len(controls) > 100
     for control in controls:
-        assert control.accessibleName() or getattr(control, "text", str)(), control
+        assert control.accessibleName() or getattr(control, "text", str)(), (control, control.parentWidget())
 
 
 def test_every_control_has_a_tool_tip(controls):
