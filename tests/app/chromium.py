@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import time
 
-WAIT = 20.0  # s, for anything that a page is asked
+WAIT = 60.0  # s, for anything that a page is asked, on a loaded machine
 
 
 def find_chromium():

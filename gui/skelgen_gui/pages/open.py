@@ -91,7 +91,7 @@ class OpenPage(QWidget):
         project = self._context.session.project
         self._follow_jobs()
         if project is None:
-            self.take.setText(self.tr("Nothing is open."))
+            self.take.setText(self.tr("Nothing is open. Help > First steps leads through a sample."))
             self.notices.clear()
             return
         self.take.setText("\n".join((project.name, *take_sentences(project.take))))
