@@ -27,6 +27,43 @@ _LOOSER = 4.0
 _TOLD = 5  # markers that a note names
 
 
+class HeldNotices:
+    """A monitor that passes progress on and keeps notices, for a result that may be replaced by a better one.
+
+    Parameters
+    ----------
+    monitor : Monitor
+        Receives progress, and the notices when they are released.
+    """
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._notices: list[str] = []
+
+    def begin(self, name: str) -> None:
+        """Pass on that work starts."""
+        self._monitor.begin(name)
+
+    def advance(self, done: float, total: float) -> None:
+        """Pass on how much is finished.
+
+        Parameters
+        ----------
+        done, total : float
+            Units of the work.
+        """
+        self._monitor.advance(done, total)
+
+    def notice(self, sentence: str) -> None:
+        """Keep a notice."""
+        self._notices.append(sentence)
+
+    def release(self) -> None:
+        """Tell what was kept."""
+        for sentence in self._notices:
+            self._monitor.notice(sentence)
+
+
 def with_segments(
     project: Project, limbs: Limbs, constraints: LimbConstraints, monitor: Monitor
 ) -> LimbConstraints | None:
@@ -51,8 +88,9 @@ def with_segments(
     if worn is None:
         return None
     stated = {name for group in (*constraints.together, *constraints.apart) for name in group}
+    body = limbs.body_of_limb
     placed = {
-        marker: worn.segments[name]
+        marker: f"{_subject(name)}{body[limbs.limb_of_marker[marker]]}:{worn.segments[name]}"
         for marker, name in enumerate(names)
         if name in worn.segments and name not in stated and limbs.limb_of_marker[marker] >= 0
     }
@@ -62,13 +100,22 @@ def with_segments(
         if marker not in elsewhere:
             segments.setdefault(segment, []).append(names[marker])
     if elsewhere:
-        told = ", ".join(f"{names[marker]} with the {segment}" for marker, segment in list(elsewhere.items())[:_TOLD])
+        told = ", ".join(
+            f"{names[marker]} with the {segment.rpartition(':')[2]}"
+            for marker, segment in list(elsewhere.items())[:_TOLD]
+        )
         more = f" and {len(elsewhere) - _TOLD} more" if len(elsewhere) > _TOLD else ""
         monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {told}{more}")
     if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
         return None
     apart = tuple(group[0] for group in segments.values())
     return LimbConstraints((*constraints.together, *map(tuple, segments.values())), (*constraints.apart, apart))
+
+
+def _subject(name: str) -> str:
+    """What stands before the last colon of a marker's name, with it: whose marker it is."""
+    subject, colon, _ = name.rpartition(":")
+    return subject + colon
 
 
 def _groups(
@@ -139,21 +186,22 @@ def with_tree(
     if not missing or probability is None or constraints.parents is not None:
         return None
     sure = [edge for edge, p in zip(topology.edges.tolist(), probability.tolist(), strict=True) if p >= _OVERRULES]
-    body = list(range(len(names)))
+    group = list(range(len(names)))
 
     def of(limb: int) -> int:
-        while body[limb] != limb:
-            limb = body[limb]
+        while group[limb] != limb:
+            limb = group[limb]
         return limb
 
     for one, other in [*sure, *constraints.joined]:
-        body[of(one)] = of(other)
+        group[of(one)] = of(other)
+    missing = [pair for pair in missing if project.limbs.body_of_limb[pair[0]] == project.limbs.body_of_limb[pair[1]]]
     taken, refused = [], []
     for pair in missing:
         if of(pair[0]) == of(pair[1]) or pair in constraints.parted:
             refused.append(f"{names[pair[0]]} and {names[pair[1]]}")
         else:
-            body[of(pair[0])] = of(pair[1])
+            group[of(pair[0])] = of(pair[1])
             taken.append(pair)
     if refused:
         monitor.notice(f"otherwise than in a person, limbs are surely not joined: {', '.join(refused)}")

@@ -22,7 +22,7 @@ from skelgen.app.constraints import (
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion
-from skelgen.app.set_prior import with_segments, with_tree
+from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -188,11 +188,15 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     stated = limb_constraints(project, settings.limbs.marker_set, monitor)
     find = partial(find_limbs, parameters=settings.limbs, n_limbs=n_limbs, seed=project.seed, monitor=monitor)
     split = project.labelling.split if project.has_labelling else ()
-    limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
+    held = HeldNotices(monitor)
+    limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+    prior = None
     if settings.limbs.marker_set == "auto" and n_limbs is None:
         prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)
-        if prior is not None:
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior))
+    if prior is None:
+        held.release()
+    else:
+        limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior))
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
@@ -235,11 +239,15 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     find = partial(
         find_joints, project.trajectories, project.limbs, settings.joints, seed=project.seed, monitor=monitor
     )
+    held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):
-        topology = find(constraints=constraints)
+        topology = find(constraints=constraints, monitor=held)
         if settings.limbs.marker_set == "auto" and _wears_set(project):
             prior = with_tree(project, topology, constraints, joints_of_person(project), monitor)
-            topology = topology if prior is None else find(constraints=prior)
+        if prior is None:
+            held.release()
+        else:
+            topology = find(constraints=prior)
     return JointResult(topology)
 
 

@@ -49,3 +49,23 @@ def test_what_the_user_states_of_a_marker_counts_more_than_the_set(walking):
     limb = skelgen.reconstruct(walking.take, until="limbs", parameters=options).limbs.limb_of_marker
     thigh, shank = (walking.take.names.index(name) for name in ("LTHI", "LTIB"))
     assert limb[thigh] == limb[shank]
+
+
+def test_of_two_people_each_has_limbs_of_their_own():
+    options = {"motion": "walk", "marker_set": "animation-41"}
+    take = skelgen.simulate("human", n_frames=150, seed=0, noise=0.1, **options).take
+    other = skelgen.simulate("human", n_frames=150, seed=9, noise=0.1, **options).take
+    positions = np.concatenate([take.positions, other.positions + np.array([0.0, 3000.0, 0.0])], axis=1)
+    names = [f"{who}:{name}" for who, one in (("Ann", take), ("Bob", other)) for name in one.names]
+    project = skelgen.reconstruct(skelgen.Trajectories(positions, names, take.rate))
+    limb = project.limbs.limb_of_marker
+    for first, second in (("LTHI", "LKNE"), ("RTHI", "RKNE"), ("LFHD", "RBHD")):
+        ann, bob = ([limb[names.index(f"{who}:{name}")] for name in (first, second)] for who in ("Ann", "Bob"))
+        assert ann[0] == ann[1]
+        assert bob[0] == bob[1]
+        assert ann[0] != bob[0]
+
+
+def test_notices_of_the_limbs_without_the_set_are_not_told(walking):
+    notices = skelgen.reconstruct(walking.take).reports["limbs"].notices
+    assert len(set(notices)) == len(notices)

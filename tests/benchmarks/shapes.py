@@ -42,11 +42,11 @@ def of_all(truth):
 
 def is_right(project, wanted, edges=None):
     """Whether limbs are the body's and joined as they are; pieces of a person's segment count as one."""
-    joined = {frozenset((wanted[joint.parent], wanted[joint.child])) for joint in project.skeleton.joints}
+    plain = [name if edges else name.rstrip("0123456789 ") for name in wanted]
+    joined = {frozenset((plain[joint.parent], plain[joint.child])) for joint in project.skeleton.joints}
     if edges is not None:
         return joined == edges
-    near = {frozenset(pair) for pair in PARENTS.items()}
-    return len(set(wanted)) == len(wanted) and joined <= near
+    return joined <= {frozenset(pair) for pair in PARENTS.items()} | {frozenset((name,)) for name in plain}
 
 
 def sides(name):

@@ -29,7 +29,7 @@ _WITHOUT_END = {LEG: 0.14, ARM: 0.11}
 _TO_TOES = 0.08
 """From the ankle to the joint of toes that move by themselves."""
 
-_TOES = 0.4  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer
+_TOES = 0.46  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer
 
 _STIFF = 0.2
 """From the shoulder to the middle of the markers of an arm that is one limb."""
@@ -62,6 +62,7 @@ _MOST_MISFIT = 12.3
 """Beyond which a tree is no person."""
 
 _HEAD, _CHEST = 1.2, 0.40  # heights of a limb's markers
+_NEARLY = 0.9  # of a bone
 _LEAST_ALIKE = 0.3  # cosine between hips and shoulders in the mean
 
 
@@ -321,11 +322,12 @@ def _add_branches(tree: MovingTree, chains: tuple[Chain, ...], segments: dict[in
         if near:
             bones = zip(near[0].joints, (*near[0].joints[1:], tree.centres[near[0].limbs[-1]]), strict=True)
             kind = LEG if near[0] in chains[:2] else ARM
-            away = [_distance_to_bone(tree.centres[limb], *bone) for bone in bones]
+            ends = (_NEARLY, _NEARLY, 1.0)  # what is level with a joint belongs to the bone beyond it
+            away = [_distance_to_bone(tree.centres[limb], *bone, end) for bone, end in zip(bones, ends, strict=True)]
             segments[limb], sides[limb] = kind[int(np.argmin(away))], sides[host]
 
 
-def _distance_to_bone(points: Floats, start: Floats, end: Floats) -> float:
+def _distance_to_bone(points: Floats, start: Floats, end: Floats, until: float) -> float:
     along = end - start
     part = ((points - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-9)
-    return distance(points, start + np.clip(part, 0.0, 1.0)[:, np.newaxis] * along)
+    return distance(points, start + np.clip(part, 0.0, until)[:, np.newaxis] * along)
