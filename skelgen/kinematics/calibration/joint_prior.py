@@ -12,6 +12,8 @@ largest first. A joint p is expected at :math:`q = m + w (c - m)`:
 Markers stick to one side of a limb, so :math:`s_1` is larger where limbs turn about one axis above all; there the
 middles of both limbs' markers count as well, and the next joints of a row of limbs, as bones run across their hinges.
 
+Where joints lie is learned from people: ``python tests/benchmarks/learn_joints.py`` measures it.
+
 What lasts in the residuals averages out over frames only as far as it changes, and what follows the motion not at all:
 all frames together say as much of a joint as a third of one would.
 """
@@ -218,14 +220,10 @@ def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | N
     far = out_of_reach(last) if astray is None else astray
     known = [replace(one, tail=NO_TAIL) if one.limb in far else one for one in joint_places(some)]
     known = [one for one in known if astray is None or one.limb in astray]
-    state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
-    for _ in range(ROUNDS):
-        found = _improved(state, known, weight, damping)
-        if found is None:
-            break
-        state, damping, gain = found
-        if gain < LEAST_GAIN * weight:
-            break
+    state = FittedChain.of(_along_hinges(some, known))
+    # At first in full: far out, where motion says nothing, tails would hardly draw a joint back
+    for tails in ([replace(one, tail=NO_TAIL) for one in known], known):
+        state = _drawn(state, tails, weight)
     chain, articulation = state.fit.chain, state.fit.articulation
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
@@ -233,6 +231,19 @@ def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | N
     if astray is not None or better.squares <= MOST * last.squares:
         return better
     return replace(last, chain=_along_hinges(last, known).chain)
+
+
+def _drawn(state: FittedChain, known: list[JointPlace], weight: float) -> FittedChain:
+    """Lower the sum of squared residuals and of what is known, by damped steps of the constants."""
+    damping = FIRST_DAMPING
+    for _ in range(ROUNDS):
+        found = _improved(state, known, weight, damping)
+        if found is None:
+            break
+        state, damping, gain = found
+        if gain < LEAST_GAIN * weight:
+            break
+    return state
 
 
 def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
