@@ -8,6 +8,7 @@ when the skeleton of a labelled take of the same tree is known.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,21 +32,24 @@ def main() -> None:
     """Print both tables, and draw them if asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS)
+    parser.add_argument("--hidden", type=float, nargs="+", default=HIDDEN)
     parser.add_argument("--picture", type=Path, help="SVG to write")
     wanted = parser.parse_args()
     show_machine()
-    scores = np.empty((2, len(SPEEDS), len(HIDDEN)))
+    speeds, parts = wanted.speeds, wanted.hidden
+    scores = np.empty((2, len(speeds), len(parts)))
     with threadpool_limits(limits=1):
-        for row, speed in enumerate(SPEEDS):
-            for column, hidden in enumerate(HIDDEN):
+        for row, speed in enumerate(speeds):
+            for column, hidden in enumerate(parts):
                 scores[:, row, column] = np.mean(
                     [scores_of(speed, hidden, seed) for seed in range(wanted.seeds)], axis=0
                 )
     for title, table in zip(("from nothing", "skeleton known"), scores, strict=True):
-        rows = [(f"{speed:g}", *(f"{value:.3f}" for value in line)) for speed, line in zip(SPEEDS, table, strict=True)]
-        show(f"IDF1, {title}", ("speed", *(f"{100 * part:.0f} % hidden" for part in HIDDEN)), rows)
+        rows = [(f"{speed:g}", *(f"{value:.3f}" for value in line)) for speed, line in zip(speeds, table, strict=True)]
+        show(f"IDF1, {title}", ("speed", *(f"{100 * part:.0f} % hidden" for part in parts)), rows)
     if wanted.picture:
-        wanted.picture.write_text(picture(scores), encoding="utf-8")
+        wanted.picture.write_text(picture(scores, speeds, parts), encoding="utf-8")
 
 
 def scores_of(speed: float, hidden: float, seed: int) -> tuple[float, float]:
@@ -60,11 +64,11 @@ def scores_of(speed: float, hidden: float, seed: int) -> tuple[float, float]:
     return tuple(idf1(take, Result(marker_of_point, 0.0)) for marker_of_point in found)
 
 
-def picture(scores: np.ndarray) -> str:
+def picture(scores: np.ndarray, speeds: Sequence[float], hidden: Sequence[float]) -> str:
     """Two maps of IDF1 over speed and hidden part as SVG; the redder, the worse; at or above 0.95 a frame."""
     parts = []
     for panel, (title, table) in enumerate(zip(("from nothing", "skeleton known"), scores, strict=True)):
-        left = MARGIN + panel * (CELL * len(HIDDEN) + MARGIN)
+        left = MARGIN + panel * (CELL * len(hidden) + MARGIN)
         parts.append(f'<text x="{left}" y="30">IDF1, {title}</text>')
         for (row, column), value in np.ndenumerate(table):
             x, y, bad = left + column * CELL, MARGIN + row * CELL, round(255 * min(1.0, max(0.0, (1.0 - value) / 0.4)))
@@ -72,10 +76,10 @@ def picture(scores: np.ndarray) -> str:
             colour = f"rgb(255,{255 - bad},{255 - bad})"
             box = f'width="{CELL - 4}" height="{CELL - 4}" fill="{colour}" stroke="{frame}"'
             parts += [f'<rect x="{x}" y="{y}" {box}/>', f'<text x="{x + 20}" y="{y + 50}">{value:.3f}</text>']
-        for column, hidden in enumerate(HIDDEN):
-            parts.append(f'<text x="{left + column * CELL + 10}" y="50">{100 * hidden:.0f} %</text>')
-    parts += [f'<text x="5" y="{MARGIN + row * CELL + 50}">x {speed:g}</text>' for row, speed in enumerate(SPEEDS)]
-    width, height = 2 * (MARGIN + CELL * len(HIDDEN)) + MARGIN, MARGIN + CELL * len(SPEEDS) + 10
+        for column, share in enumerate(hidden):
+            parts.append(f'<text x="{left + column * CELL + 10}" y="50">{100 * share:.0f} %</text>')
+    parts += [f'<text x="5" y="{MARGIN + row * CELL + 50}">x {speed:g}</text>' for row, speed in enumerate(speeds)]
+    width, height = 2 * (MARGIN + CELL * len(hidden)) + MARGIN, MARGIN + CELL * len(speeds) + 10
     body = "\n".join(parts)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-size="16">\n{body}\n</svg>\n'

@@ -4,10 +4,11 @@
 markers into clusters that are rigid as far as noise can tell, `merging` joins these into limbs by `relative_motion`.
 """
 
+from skelgen.stages.limbs.bodies import bodies_by_distances
 from skelgen.stages.limbs.constraints import LimbConstraints
 from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
 
-__all__ = ["LimbConstraints", "LimbParameters", "doubt_notices", "find_limbs", "rigid_groups"]
+__all__ = ["LimbConstraints", "LimbParameters", "bodies_by_distances", "doubt_notices", "find_limbs", "rigid_groups"]

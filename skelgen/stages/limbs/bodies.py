@@ -84,8 +84,25 @@ def find_bodies(positions: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
     probability : ndarray, shape (n_bodies,)
         That each is a body of its own and no part of another one.
     """
-    far, unsteady = marker_distances(positions)
-    body = np.zeros(positions.shape[1], dtype=np.intp)
+    return bodies_by_distances(*marker_distances(positions), n_bodies)
+
+
+def bodies_by_distances(far: Floats, unsteady: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
+    """Find the body that each marker is on from how far markers are from each other, and how steadily.
+
+    Parameters
+    ----------
+    far, unsteady
+        As for `cuts`.
+    n_bodies : int
+        How many there are; 0 finds it.
+
+    Returns
+    -------
+    body_of_marker, probability
+        As of `find_bodies`.
+    """
+    body = np.zeros(len(far), dtype=np.intp)
     odds_of = [np.inf]
     while len(odds_of) != n_bodies:
         found = [_best_cut(np.flatnonzero(body == one), far, unsteady) for one in range(len(odds_of))]

@@ -160,6 +160,16 @@ class TestBodies:
         assert "the take shows 2 bodies" in said
         assert len(result.topology.roots) == 2
 
+    def test_a_body_that_leaves_and_comes_back_is_the_same(self, simulated):
+        random = np.random.default_rng(0)
+        one, other = (simulated("classic-human", seed=seed, n_frames=500, noise=0.3).take.positions for seed in (1, 2))
+        frames = [
+            np.concatenate([stays, comes + np.array([2500.0, 0.0, 0.0])] if abs(frame - 250) > 50 else [stays])
+            for frame, (stays, comes) in enumerate(zip(one, other, strict=True))
+        ]
+        found = label_markers(cloud_of([random.permutation(frame) for frame in frames]), LabelParameters())[0]
+        assert sorted(found.seen.sum(axis=0).tolist()) == [399] * other.shape[1] + [500] * one.shape[1]
+
 
 class TestNumberOfMarkers:
     def test_the_right_number_is_obeyed(self, rods):

@@ -7,7 +7,8 @@ distances to what is seen tell it apart. Such a track counts as one more marker,
 Nothing that was seen before a pause in which everything vanished was ever seen together with anything after it, so
 distances cannot compare the two sides. A triangle of markers that is rigid on both sides and has the same edges is
 tried as the same three markers; once merged, all others are compared by their distances to these. The trial that
-merges most is accepted if it explains most of the smaller side.
+merges most is accepted if it explains most of the smaller side. The same is done for a body that leaves and comes back
+while another one stays.
 """
 
 import copy
@@ -25,6 +26,7 @@ from skelgen.stages.labels.merging.likelihood import (
     merge_likely,
     sample_frames,
 )
+from skelgen.stages.limbs import bodies_by_distances
 
 LEAST_POINTS = 8
 """Frames that a track must last: false points hardly ever do."""
@@ -46,6 +48,9 @@ TRIANGLES = 60
 
 ALIKE = 4.0
 """Edges are the same if they differ by less than this many deviations of a rigid distance."""
+
+NORMAL_FARTHEST = 1.645
+"""Deviations above the mean below which 95 % of normally distributed distances lie."""
 
 EXPLAINED = 0.6
 """Part of the smaller group's markers that must be found in the larger one."""
@@ -167,9 +172,10 @@ def _merge_across_pauses(record: DistanceRecord) -> Ints:
     """
     group = merge_likely(record)
     while True:
-        sessions = _sessions(record)
-        for other in sessions[1:]:
-            trial = _matched(record, sessions[0], other)
+        for first, second in itertools.combinations(_sessions(record), 2):
+            if (record.count[np.ix_(first, second)] > 0).any():
+                continue
+            trial = _matched(record, first, second)
             if trial is not None:
                 record, joined = trial
                 group = joined[group]
@@ -179,13 +185,26 @@ def _merge_across_pauses(record: DistanceRecord) -> Ints:
 
 
 def _sessions(record: DistanceRecord) -> list[Ints]:
-    """Tracklets that are linked by being seen together, the largest group first."""
+    """Tracklets that are linked by being seen together, body by body, the largest group first."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
 
     alive = np.flatnonzero(np.diag(record.count) > 0)
     _, label = connected_components(record.count[np.ix_(alive, alive)] > 0, directed=False)
     groups = [alive[label == number] for number in range(int(label.max(initial=-1)) + 1)]
+    groups = [body for group in groups for body in _bodies(record, group)]
     return sorted((group for group in groups if len(group) >= LEAST_MARKERS), key=len, reverse=True)
+
+
+def _bodies(record: DistanceRecord, members: Ints) -> list[Ints]:
+    """The bodies that tracklets seen together are on: of one that left and came back there are two."""
+    counts = record.count[np.ix_(members, members)]
+    often = members[(counts >= SEEN_ENOUGH).sum(axis=1) > LEAST_MARKERS]
+    block = np.ix_(often, often)
+    count, known = record.count[block], record.count[block] >= SEEN_ENOUGH
+    deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
+    far = np.where(known, record.mean[block] + NORMAL_FARTHEST * deviation, np.inf)
+    body, sure = bodies_by_distances(far, np.where(known, deviation, np.inf))
+    return [members] if len(sure) == 1 else [often[body == number] for number in range(len(sure))]
 
 
 def _matched(record: DistanceRecord, first: Ints, second: Ints) -> tuple[DistanceRecord, Ints] | None:
