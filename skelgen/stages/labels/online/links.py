@@ -4,10 +4,10 @@ Level and slope are predicted as in whole takes (`tracking.follow`), by double e
 from the innovations of the last seconds, and the state has a fixed size.
 """
 
+import importlib
 from collections import deque
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -92,6 +92,7 @@ class Links:
     """
 
     def __init__(self, parameters: LabelParameters) -> None:
+        importlib.import_module("scipy.optimize")  # now, and not amid the first frames
         self._level_gain, self._slope_gain = parameters.update_gains
         self._max_gap, self._max_jump = parameters.max_gap, parameters.max_jump
         self._level: Floats = np.empty((0, 3))
@@ -216,6 +217,8 @@ def _matched(expected: Floats, reaches: Floats, points: Floats) -> tuple[Ints, I
     """Tracks and their points, for the largest sum of squares by which points are nearer than the reach."""
     apart = points - expected[:, np.newaxis]
     gain = np.maximum((reaches**2)[:, np.newaxis] - (apart * apart).sum(axis=2), 0.0)
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
     rows, columns = linear_sum_assignment(gain, maximize=True)
     useful = gain[rows, columns] > 0.0
     return rows[useful], columns[useful]

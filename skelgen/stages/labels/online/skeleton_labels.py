@@ -1,7 +1,6 @@
 """Labels by the skeleton of a subject: its pose predicts every marker, and tracks keep labels from frame to frame."""
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -140,6 +139,8 @@ def _nearest(points: Floats, followed: Ints, pose: PoseFilter) -> Ints:
     labels = np.full(len(points), -1, dtype=np.intp)
     markers = np.flatnonzero(pose.carried)
     squares = ((points[followed, np.newaxis] - pose.positions_of(markers)) ** 2).sum(axis=2)
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
     rows, columns = linear_sum_assignment(squares)
     near = squares[rows, columns] < TRUSTED_SQUARE * pose.deviation[markers[columns]] ** 2
     labels[followed[rows[near]]] = markers[columns[near]]
@@ -161,6 +162,8 @@ def _corrected(
     missing = np.setdiff1d(np.flatnonzero(~np.isnan(prediction.positions[:, 0])), corrected[corrected >= 0])
     if len(free) and len(missing):
         scores = explained(points[free], prediction, missing, spacing)
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
         rows, columns = linear_sum_assignment(scores, maximize=True)
         good = scores[rows, columns] > 0
         corrected[free[rows[good]]] = missing[columns[good]]
