@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from skelgen.capture.simulated_rig import simulated_rig as simulated_rig
     from skelgen.errors import *  # noqa: F403 - all of them, and nothing else
     from skelgen.kinematics import LiveSkeleton as LiveSkeleton
+    from skelgen.kinematics.sensor_frames import poses_from_matrices as poses_from_matrices
+    from skelgen.kinematics.sensor_frames import scaled_by_fixed_sensors as scaled_by_fixed_sensors
     from skelgen.model import Identities as Identities
     from skelgen.model import Identity as Identity
     from skelgen.model import Joint as Joint
@@ -65,6 +67,7 @@ _NAMES = {
     "skelgen.app.batch.work": "Job",
     "skelgen.stages.labels": "Tracker",
     "skelgen.kinematics": "LiveSkeleton",
+    "skelgen.kinematics.sensor_frames": "poses_from_matrices scaled_by_fixed_sensors",
     "skelgen.capture.live": "MotionCapture",
     "skelgen.capture.simulated_rig": "simulated_rig",
     "skelgen.model": "PointCloud Trajectories Poses Identities Identity Labelling Limbs Topology Skeleton Joint Motion "

@@ -74,6 +74,8 @@ class Options:
         Rate of the recording where the file states none; 0: as it says.
     recorded_unit : str
         Unit of its lengths where the file states none, or `AUTO`.
+    fixed_distance : float, mm
+        Distance of two sensors that are fixed to one limb, which tells the unit; 0: as the file says.
     time_codes : float
         Time codes per second in USD; 0 for one in each frame.
     density : float, kg/m^3
@@ -100,6 +102,7 @@ class Options:
     bodies: bool = False
     recorded_rate: float = AS_RECORDED_RATE
     recorded_unit: str = AUTO
+    fixed_distance: float = 0.0
     time_codes: float = 24.0
     density: float = 1000.0
     compact: bool = False
@@ -214,6 +217,17 @@ RECORDED_RATE = Option(
     low=0.0,
     high=1e6,
 )
+FIXED_DISTANCE = Option(
+    "fixed_distance",
+    0.0,
+    "Distance of two sensors that are fixed to one limb, from which the unit is found; 0 as the file says.",
+    writing=False,
+    unit="mm",
+    low=0.0,
+    high=1e5,
+)
+"""Which two, is found: those that move least against each other."""
+
 RECORDED_UNIT = Option(
     "recorded_unit",
     AUTO,

@@ -28,7 +28,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.markers import mm_per_unit
-from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, per_mm
+from skelgen_formats.options import AXES, FIXED_DISTANCE, RATE, UNIT, Format, Options, Writable, per_mm
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
 _MAGIC = "skelgen-poses"
@@ -38,8 +38,15 @@ _LEADING_CELLS = 2  # frame and time
 _HEADER_LINES = 4
 
 
-def read_poses(path: Path) -> Poses:
+def read_poses(path: Path, fixed_distance: float = 0.0) -> Poses:
     """Read bodies with orientation.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    fixed_distance : float, mm
+        Distance of two sensors that are fixed to one limb, from which the unit is found; 0: as the file says.
 
     Returns
     -------
@@ -59,7 +66,12 @@ def read_poses(path: Path) -> Poses:
         path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
     )
     numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
-    return take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
+    take = take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
+    if not fixed_distance:
+        return take
+    from skelgen.kinematics.sensor_frames import scaled_by_fixed_sensors  # noqa: PLC0415 - few takes need it
+
+    return scaled_by_fixed_sensors(take, fixed_distance)
 
 
 def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
@@ -150,11 +162,11 @@ FORMAT = Format(
     suffixes=(".poses.csv",),
     holds="poses",
     sniff=lambda head, path: decoded_head(head).startswith(_MAGIC),
-    read=lambda path, options: read_poses(path),
+    read=lambda path, options: read_poses(path, options.fixed_distance),
     write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),
     keeps=("bodies", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT, RATE),
+    options=(AXES, UNIT, RATE, FIXED_DISTANCE),
     note="Position and unit quaternion (scalar first) of each body, or limb of a project, per frame; unseen is empty.",
 )
