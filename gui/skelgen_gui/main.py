@@ -35,7 +35,7 @@ _INTERVAL = 200  # ms between two looks: so little grows in between that a colle
 # s, after which work beside the window gives way to it. A call into numpy gives the lock away and waits for it
 # anew: with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may
 # wait
-_SWITCH_INTERVAL = 0.001
+SWITCH_INTERVAL = 0.001
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     files = list(sys.argv[1:] if arguments is None else arguments)
     prepare_high_dpi()
-    sys.setswitchinterval(_SWITCH_INTERVAL)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     app = QApplication([APPLICATION])
     app.setOrganizationName(_ORGANISATION)
     app.setApplicationName(APPLICATION)

@@ -15,7 +15,7 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.main import GarbageCollector, shorten_switch_interval
+from skelgen_gui.main import SWITCH_INTERVAL, GarbageCollector
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
@@ -31,7 +31,7 @@ SIZE = (1440, 900)
 def main() -> None:
     """Print the figures."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    shorten_switch_interval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     app = QApplication([])
     show_machine()
     with tempfile.TemporaryDirectory() as folder:

@@ -17,7 +17,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSettings, Qt, QTimer
 from PySide6.QtWidgets import QApplication
 from shown import verdict
-from skelgen_gui.main import GarbageCollector, shorten_switch_interval
+from skelgen_gui.main import SWITCH_INTERVAL, GarbageCollector
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
@@ -60,7 +60,7 @@ class Heart(QObject):
 
 def pause_rows(app: QApplication, project: Project, minutes: float) -> Iterator[Row]:
     """Pauses while a long take is opened, computed, looked at, saved and opened again."""
-    shorten_switch_interval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         take = folder / "long.c3d"

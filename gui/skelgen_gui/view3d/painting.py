@@ -21,14 +21,16 @@ _TYPICAL_SIZE = 480.0  # pixels; on smaller and larger pictures markers are smal
 _SIZES = (0.55, 1.5)  # bounds of that growth
 _NEARER = (0.7, 1.4)  # bounds of the growth with nearness
 _JOINT = 1.0  # of a marker's radius
-_BONE = 0.95  # of a marker's radius: width of a bone
+_BONE = 0.95  # of a marker's radius: radius of a bone
 _PAST, _PAST_ALPHA = 1.8, 90  # px, 0 .. 255: dots where points without names were
 _LEFT_OUT = 1.2  # of a marker's radius: diameter of points that went to no marker
 _FULL_FOG = 0.4  # of the size of what is seen: a figure that is flatter does not fade in full
 _SPOKE = 0.4  # of a bone's width: lines to markers
-_HALO, _MARKED_HALO = 3.0, 6.0  # px, what the halo adds to a bone's width
+_HALO, _MARKED_HALO = 3.0, 6.0  # px, of the halo around bones
+_WAIST, _THICKNESS, _THICKEST = 0.16, 0.09, 1.5  # of bones: where, parts of the length, of a marker's radius at most
 _WIDE = 60.0  # of a marker's radius: ellipsoids that are larger are not filled, so as not to veil the rest
 _STYLES = (Style.BALL, Style.DOUBTFUL, Style.HOLLOW)  # by `State`
+_ROUND = Qt.PenJoinStyle.RoundJoin
 _SOLID, _CAP, _FLAT = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenCapStyle.FlatCap
 
 
@@ -277,9 +279,11 @@ def paint_items(painter: QPainter, figure: Figure, faint: Bools, limb: int) -> N
             brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, style, inside, edge)
         else:
             bone = item - n_markers - n_joints
-            width = _BONE * radius * (_SPOKE if scene.bones.is_spoke[bone] else 1.0)
             colour = brushes.inks.limb(limb_of_bone[bone], fog + (2 if faint[bone] else 0))
-            _paint_bone(painter, bones[bone], width, colour, brushes, limb_of_bone[bone] == limb)
+            paint = _paint_spoke if scene.bones.is_spoke[bone] else _paint_bone
+            is_marked = limb_of_bone[bone] == limb
+            halo = QPen(brushes.inks.halo(is_marked), _MARKED_HALO if is_marked else _HALO, _SOLID, _CAP, _ROUND)
+            paint(painter, bones[bone], _BONE * radius, colour, halo)
 
 
 def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brushes, colour: QColor) -> None:
@@ -305,15 +309,31 @@ def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brus
             )
 
 
-def _paint_bone(
-    painter: QPainter, ends: list[list[float]], width: float, colour: QColor, brushes: Brushes, is_marked: bool
-) -> None:
-    """A rod with light along it; its halo cuts what lies behind, which shows what is in front."""
-    line = QLineF(*ends[0], *ends[1])
-    halo, around = brushes.inks.halo(is_marked), _MARKED_HALO if is_marked else _HALO
-    for ink, thickness in ((halo, width + around), (colour, width), (colour.lighter(122), 0.35 * width)):
+def _paint_spoke(painter: QPainter, ends: list[list[float]], radius: float, colour: QColor, halo: QPen) -> None:
+    """A thin line to a marker."""
+    line, width = QLineF(*ends[0], *ends[1]), _SPOKE * radius
+    for ink, thickness in ((halo.color(), width + halo.widthF()), (colour, width)):
         painter.setPen(QPen(ink, thickness, _SOLID, _CAP))
         painter.drawLine(line)
+
+
+def _paint_bone(painter: QPainter, ends: list[list[float]], radius: float, colour: QColor, halo: QPen) -> None:
+    """An octahedron, thickest near its first end, lit from one side; its halo cuts what lies behind."""
+    start, end = QPointF(*ends[0]), QPointF(*ends[1])
+    along = end - start
+    length = math.hypot(along.x(), along.y())
+    half = min(_THICKNESS * length, _THICKEST * radius)
+    across = QPointF(-along.y(), along.x()) * (half / max(length, 1e-9))
+    if across.x() + across.y() > 0:  # the light comes from the upper left
+        across = -across
+    waist = start + along * _WAIST
+    painter.setPen(halo)
+    painter.setBrush(colour)
+    painter.drawPolygon(QPolygonF([start, waist + across, end, waist - across]))
+    painter.setPen(QPen(colour.darker(125), 0.8, _SOLID, _CAP, _ROUND))
+    for side, ink in ((across, colour.lighter(118)), (-across, colour.darker(112))):
+        painter.setBrush(ink)
+        painter.drawPolygon(QPolygonF([start, waist + side, end]))
 
 
 def _fogs(depths: Floats, size: float) -> list[int]:

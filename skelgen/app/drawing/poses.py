@@ -188,6 +188,12 @@ def find_bones(edges: Ints, limb_of_marker: Ints) -> Bones:
     for limb in range(n_limbs):
         joints = np.flatnonzero((edges == limb).any(axis=1))
         markers = len(edges) + np.flatnonzero(limb_of_marker == limb)
+        if len(joints) == 1 and len(markers):  # a hand, foot or head ends amid what it carries
+            end, spokes = (first_middle + limb, markers) if len(markers) > 1 else (int(markers[0]), markers[:0])
+            lines.append((int(joints[0]), end, limb, False))
+            lines.extend((end, int(marker), limb, True) for marker in spokes)
+            members.append(spokes)
+            continue
         hub, tips, around = _hub(limb, edges, joints, markers, first_middle + limb)
         lines.extend((hub, int(tip), limb, bool(tip >= len(edges))) for tip in tips)
         members.append(around)

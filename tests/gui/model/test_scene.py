@@ -115,12 +115,16 @@ def test_axes_of_hinges_are_those_of_the_simulation(scene, walked):
 @pytest.mark.parametrize(
     ("edges", "limb_of_marker", "bones"),
     [
-        (chain_edges(3), [0, 1, 2, 2], {(0, 2), (0, 1), (1, 4), (1, 5)}),  # two joints; markers 2 .. 5
+        (
+            chain_edges(3),
+            [0, 1, 2, 2],
+            {(0, 2), (0, 1), (1, 8), (8, 4), (8, 5)},
+        ),  # two joints; markers 2 .. 5, middles 6 .. 8
         (chain_edges(1), [0, 0], {(2, 0), (2, 1)}),  # a limb alone: from its middle
         (np.array([[0, 1], [0, 2], [0, 3]]), [0, 1, 2, 3, -1], {(8, 0), (8, 1), (8, 2), (0, 4), (1, 5), (2, 6)}),
     ],
 )
-def test_bones_go_between_joints_and_to_the_markers_of_end_limbs(edges, limb_of_marker, bones):
+def test_bones_go_between_joints_and_end_limbs_end_amid_their_markers(edges, limb_of_marker, bones):
     found = find_bones(edges, np.array(limb_of_marker))
     assert {(int(start), int(end)) for start, end in found.ends} == bones
 
