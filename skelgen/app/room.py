@@ -47,7 +47,7 @@ def room_source_of(settings: RoomSettings, text: str | None = None) -> "RoomSour
 
     if not text and not settings.source:
         raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
-    source = open_room_source(text or settings.source)
+    source = open_room_source(text) if text else open_room_source(settings.source, from_file=True)
     if len(source.cameras) != len(settings.rig.cameras):
         raise InputError(
             f"{text or settings.source} has {len(source.cameras)} cameras ({', '.join(source.cameras)}), the settings "

@@ -15,9 +15,8 @@ from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Recogniser
 from skelgen.capture.room.points import PointMatcher
 from skelgen.capture.room.recording import BallFinder
-from skelgen.capture.room.sources import FrameSet
 from skelgen.capture.room.tracks import PointTracks
-from skelgen.capture.room.values import RoomPoints
+from skelgen.capture.room.values import FrameSet, RoomPoints
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.model.rig import RoomSettings
 

@@ -11,9 +11,9 @@ import numpy as np
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.parameters import DetectionParameters
 from skelgen.capture.room.points import PointMatcher
-from skelgen.capture.room.sources import FrameSet, RoomSource
+from skelgen.capture.room.sources import RoomSource
 from skelgen.capture.room.tracks import PointTracks
-from skelgen.capture.room.values import RoomPoints, Views, balls_at
+from skelgen.capture.room.values import FrameSet, RoomPoints, Views, balls_at
 from skelgen.capture.room.watch import FitCounter
 from skelgen.capture.values import Balls, Image
 from skelgen.errors import InputError

@@ -13,7 +13,9 @@ import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.room.live_sources import open_firewire_sets, open_gentl_sets, open_gige_sets
 from skelgen.capture.room.simulated import RoomScene, frame_scene, person_scene, room_rig, wand_scene
+from skelgen.capture.room.values import FrameSet
 from skelgen.capture.simulated_rig import render_view
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
@@ -21,28 +23,6 @@ from skelgen.capture.values import Image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig
 from skelgen.parameters import StageParameters, declare
-
-
-@dataclass(frozen=True, eq=False)
-class FrameSet:
-    """One moment seen by all cameras.
-
-    Attributes
-    ----------
-    images : tuple of ndarray of uint8, shape (height, width), or None
-        Grey images in the order of the cameras; None where one was lost.
-    time : float, s
-        Since the first set.
-    index : int
-        Number of the set since the source was opened, lost ones counted.
-    dropped : int
-        Sets that were lost before this one.
-    """
-
-    images: tuple[Image | None, ...]
-    time: float
-    index: int
-    dropped: int = 0
 
 
 class RoomSource(Protocol):
@@ -265,19 +245,25 @@ def _open_room(text: SourceText) -> RoomSource:
 ROOM_SOURCES: Mapping[str, tuple[str, Callable[[SourceText], RoomSource]]] = {
     "folder": ("folder:recording", _open_folder),
     "video": ("video:one.avi,two.avi,three.avi", _open_videos),
+    "firewire": ("firewire:GUID1,GUID2,GUID3", open_firewire_sets),
+    "gige": ("gige:10.0.0.2,10.0.0.3,10.0.0.4", open_gige_sets),
+    "gentl": ("gentl:producer.cti,one,two,three", open_gentl_sets),
     "room": ("room:human?cameras=8", _open_room),
 }
 """Kinds of sources, with an example of each."""
 
 
-def open_room_source(text: str) -> RoomSource:
+def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
     """Return the source that a text names.
 
     Parameters
     ----------
     text : str
         ``folder:recording?rate=100`` (a folder for each camera in it), ``video:one.avi,two.avi,...``, or the simulated
-        room: ``room:wand``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the path of a folder.
+        room: ``room:wand``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the path of a folder;
+        or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``.
+    from_file : bool
+        Whether a file names it, and nobody who is there: then it loads no program from a place that is not trusted.
 
     Raises
     ------
@@ -288,6 +274,10 @@ def open_room_source(text: str) -> RoomSource:
     """
     parsed = parse_source(text)
     if parsed is not None and parsed.kind in ROOM_SOURCES:
+        if from_file and parsed.kind == "gentl":
+            from skelgen.capture.sources.gentl import check_trusted  # noqa: PLC0415
+
+            check_trusted(parsed.places)
         return ROOM_SOURCES[parsed.kind][1](parsed)
     if text.strip() and Path(text).is_dir():
         return _open_folder(SourceText("folder", text))

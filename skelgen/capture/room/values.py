@@ -5,8 +5,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.values import Balls, StereoPoints
+from skelgen.capture.values import Balls, Image, StereoPoints
 from skelgen.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """One moment seen by all cameras.
+
+    Attributes
+    ----------
+    images : tuple of ndarray of uint8, shape (height, width), or None
+        Grey images in the order of the cameras; None where one was lost.
+    time : float, s
+        Since the first set.
+    index : int
+        Number of the set since the source was opened, lost ones counted.
+    dropped : int
+        Sets that were lost before this one.
+    """
+
+    images: tuple[Image | None, ...]
+    time: float
+    index: int
+    dropped: int = 0
 
 
 @dataclass(frozen=True, eq=False)

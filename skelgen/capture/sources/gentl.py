@@ -124,7 +124,22 @@ class GentlCamera:
                 return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
 
 
-def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
+def open_gentl(
+    stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions
+) -> list["GentlCamera"]:
+    """Open cameras of a producer.
+
+    Parameters
+    ----------
+    stack : ExitStack
+        Closes them.
+    producer : Path
+        Its file.
+    names : tuple of str
+        Identifiers or serial numbers; empty takes the only two there are.
+    options : GenicamOptions
+        How they are to run.
+    """
     with _errors_in_words(str(producer)):
         harvester = _harvesters().Harvester()
         stack.callback(_quietly, harvester.reset)
@@ -132,7 +147,11 @@ def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options
         harvester.update()
     found = list(harvester.device_info_list)
     chosen = _named(found, names, producer) if names else only_two(found, f"{producer} {_listed(found)}", _EXAMPLE)
-    left, right = (GentlCamera(harvester, device, options, stack) for device in chosen)
+    return [GentlCamera(harvester, device, options, stack) for device in chosen]
+
+
+def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
+    left, right = open_gentl(stack, producer, names, options)
     return OpenPair(left, right, common_rate((left.rate, right.rate), (left.name, right.name)))
 
 

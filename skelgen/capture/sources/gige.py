@@ -98,11 +98,26 @@ class GigeCamera:
             raise CaptureError(f"{self.name} was unplugged, or another program has taken it")
 
 
-def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
+def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> list["GigeCamera"]:
+    """Open cameras on the network.
+
+    Parameters
+    ----------
+    stack : ExitStack
+        Closes them.
+    addresses : tuple of str
+        IP or MAC addresses; empty takes the only two there are, the lower IP first.
+    options : GenicamOptions
+        How they are to run.
+    """
     with _errors_in_words("the network"):
         found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
     chosen = _named(found, addresses) if addresses else _only_two(found)
-    left, right = (GigeCamera(device, options, stack) for device in chosen)
+    return [GigeCamera(device, options, stack) for device in chosen]
+
+
+def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
+    left, right = open_gige(stack, addresses, options)
     rate = common_rate((left.rate, right.rate), (left.name, right.name))
     return OpenPair(left, right, rate)
 
@@ -173,4 +188,4 @@ def _viva() -> ModuleType:
     return extra_module("viva_genicam", "viva-genicam for GigE Vision cameras", "gige")
 
 
-__all__ = ["GigeCamera", "gige_pairs"]
+__all__ = ["GigeCamera", "gige_pairs", "open_gige"]

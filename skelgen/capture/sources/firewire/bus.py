@@ -1,8 +1,9 @@
-"""The IEEE 1394 bus: which cameras are on it, what both can do, and both started on one frame."""
+"""The IEEE 1394 bus: which cameras are on it, what all can do, and all started on one frame."""
 
 import contextlib
 import ctypes
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def firewire_pairs(guids: tuple[str, ...], options: FireWireOptions) -> LivePair
         If `guids` are not none or two hexadecimal numbers, or the speed is unknown.
     """
     check_two_cameras("firewire", guids, _EXAMPLE)
-    numbers = tuple(_guid(text) for text in guids)
+    numbers = tuple(guid_of(text) for text in guids)
     if options.speed not in (0, *dc.ISO_SPEEDS):
         raise ParameterError(f"speed is {options.speed}; it must be one of {', '.join(map(str, dc.ISO_SPEEDS))} Mb/s")
     name = "firewire:" + ",".join(guids)
@@ -63,16 +64,14 @@ def why_no_camera(nodes: list[Path]) -> str:
     return "no camera on the IEEE 1394 bus; check cables and power"
 
 
-def common_mode(
-    modes: tuple[Modes, Modes], names: tuple[str, str], size: str, rate: float
-) -> tuple[tuple[int, int], float]:
-    """Choose the image size and rate that both cameras run at.
+def common_mode(modes: Sequence[Modes], names: Sequence[str], size: str, rate: float) -> tuple[tuple[int, int], float]:
+    """Choose the image size and rate that all cameras run at.
 
     Parameters
     ----------
-    modes : pair of Modes
+    modes : sequence of Modes
         What each camera offers.
-    names : pair of str
+    names : sequence of str
         Of the cameras, for the sentence of an error.
     size : str
         As in ``640x480``; empty takes the largest.
@@ -84,8 +83,8 @@ def common_mode(
     CaptureError
         If they have no such mode in common; the sentence lists what each has.
     """
-    left, right = modes
-    common = {key: sorted(set(left[key]) & set(right[key])) for key in left if key in right}
+    shared = set(modes[0]).intersection(*modes)
+    common = {key: sorted(set.intersection(*(set(one[key]) for one in modes))) for key in modes[0] if key in shared}
     if size:
         common = {key: rates for key, rates in common.items() if f"{key[0]}x{key[1]}" == size.lower()}
     chosen = {key: [each for each in rates if abs(each - rate) <= _SAME_RATE * each] for key, rates in common.items()}
@@ -99,20 +98,37 @@ def common_mode(
 
 
 def _open_pair(stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions) -> OpenPair:
+    (left, right), rate = open_firewire(stack, guids, options)
+    return OpenPair(left, right, rate)
+
+
+def open_firewire(
+    stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions
+) -> tuple[list[FireWireCamera], float]:
+    """Open cameras on the bus, and start them together; return them and their rate [Hz].
+
+    Parameters
+    ----------
+    stack : ExitStack
+        Closes them.
+    guids : tuple of int
+        Their numbers; empty takes the only two there are.
+    options : FireWireOptions
+        How they are to run.
+    """
     context = _context(stack)
     cameras = []
     for guid in guids or _only_two(_guids_of(context)):
         cameras.append(FireWireCamera(context, guid))
         stack.callback(cameras[-1].close)
-    left, right = cameras
-    names = (left.name, right.name)
-    size, rate = common_mode((left.modes(), right.modes()), names, options.size, options.rate)
-    speed = options.speed or (_FAST if left.knows_1394b and right.knows_1394b else _SLOW)
+    names = [camera.name for camera in cameras]
+    size, rate = common_mode([camera.modes() for camera in cameras], names, options.size, options.rate)
+    speed = options.speed or (_FAST if all(camera.knows_1394b for camera in cameras) else _SLOW)
     _check_speed(cameras, speed)
     setting = Setting(size, rate, speed, options.shutter, options.gain, options.buffers)
     _set_up(cameras, setting)
-    _start(left, right)
-    return OpenPair(left, right, rate)
+    _start(cameras)
+    return cameras, rate
 
 
 def _context(stack: ExitStack) -> int:
@@ -173,20 +189,21 @@ def _why_no_bandwidth(n_cameras: int, units: int, setting: Setting) -> str:
     )
 
 
-def _start(left: FireWireCamera, right: FireWireCamera) -> None:
-    """Start both on one frame by a broadcast; a camera that it did not reach is started on its own.
+def _start(cameras: list[FireWireCamera]) -> None:
+    """Start all on one frame by a broadcast; a camera that it did not reach is started on its own.
 
     That happens with old kernels, on two buses, and if the cameras' registers lie at different addresses. Whether the
-    pair is synchronous after all, the times of the images tell.
+    images are synchronous after all, the times of the images tell.
     """
     with contextlib.suppress(dc.FireWireError):
-        left.transmit(True, broadcast=True)
-    for camera in (left, right):
+        cameras[0].transmit(True, broadcast=True)
+    for camera in cameras:
         if not camera.transmits():
             camera.transmit(True)
 
 
-def _guid(text: str) -> int:
+def guid_of(text: str) -> int:
+    """Return a camera's number from its hexadecimal text."""
     try:
         return int(text, 16)
     except ValueError as error:

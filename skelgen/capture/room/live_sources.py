@@ -1,0 +1,156 @@
+"""Cameras that run: the images of one moment, by their times; a camera that lost one does not stop the others."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+from skelgen.capture.room.values import FrameSet
+from skelgen.capture.sources.pairs import LiveCamera, Shot
+from skelgen.capture.sources.table import CameraOptions, FireWireOptions, GenicamOptions, SourceText
+from skelgen.errors import CaptureError
+
+Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
+"""Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
+
+_MILLISECONDS = 1e-3
+
+
+class LiveSets:
+    """The images of cameras that run.
+
+    Every camera's oldest image waits. Those that were taken at the time of the oldest of all are one moment; a camera
+    whose image is later lost the one of this moment.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    cameras : tuple of str
+        What the cameras are called.
+    opener : callable
+        Opens and starts them.
+    options : CameraOptions
+        Rate, time-out, allowed skew, number of sets.
+    """
+
+    def __init__(self, name: str, cameras: tuple[str, ...], opener: Opener, options: CameraOptions) -> None:
+        self.name, self.cameras, self._opener, self._options = name, cameras, opener, options
+        self.rate: float | None = options.rate or None
+        self.worst_skew = 0.0
+        self._stack, self._open = ExitStack(), list[LiveCamera]()
+        self._waiting: list[Shot | None] = []
+
+    @property
+    def n_frames(self) -> int | None:
+        """Sets after which the source ends; None if it goes on."""
+        return self._options.frames or None
+
+    def __enter__(self) -> Self:
+        """Open and start all cameras."""
+        with ExitStack() as stack:
+            cameras, self.rate = self._opener(stack)
+            self._stack = stack.pop_all()
+        self._open, self._waiting = list(cameras), [None] * len(cameras)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Stop all cameras and let go of them."""
+        self._open = []
+        self._stack.close()
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver sets until the source is closed, or as many as were asked for.
+
+        Raises
+        ------
+        CaptureError
+            If no camera sends images any more, or images of one moment are further apart than allowed.
+        """
+        index, first, before = -1, None, None
+        while self._open and (self.n_frames is None or index + 1 < self.n_frames):
+            shots = self._next()
+            time = min(shot.time for shot in shots if shot is not None)
+            first = time if first is None else first
+            lost = 0 if before is None or not self.rate else max(round((time - before) * self.rate) - 1, 0)
+            before, index = time, index + 1 + lost
+            images = tuple(None if shot is None else shot.image for shot in shots)
+            yield FrameSet(images, time - first, index, lost)
+
+    def _next(self) -> list[Shot | None]:
+        """The images of the next moment, None of the cameras that lost theirs."""
+        for place, camera in enumerate(self._open):
+            if self._waiting[place] is None:
+                self._waiting[place] = camera.take(self._options.timeout)
+        there = [shot.time for shot in self._waiting if shot is not None]
+        if not there:
+            raise CaptureError(
+                f"no camera of {self.name} has sent an image for {self._options.timeout:g} s; check cables and trigger"
+            )
+        oldest, allowed = min(there), self._options.skew * _MILLISECONDS
+        same_moment = max(0.5 / self.rate if self.rate else 0.0, allowed)
+        out: list[Shot | None] = []
+        for place, shot in enumerate(self._waiting):
+            is_now = shot is not None and shot.time - oldest < same_moment
+            out.append(shot if is_now else None)
+            if is_now:
+                self._waiting[place] = None
+        self._check_skew(out, oldest, allowed)
+        return out
+
+    def _check_skew(self, shots: list[Shot | None], oldest: float, allowed: float) -> None:
+        for camera, shot in zip(self._open, shots, strict=True):
+            skew = 0.0 if shot is None else shot.time - oldest
+            self.worst_skew = max(self.worst_skew, skew)
+            if skew > allowed:
+                raise CaptureError(
+                    f"the images of {camera.name} are {skew / _MILLISECONDS:.3g} ms later than those of others, and "
+                    f"{self._options.skew:g} ms are allowed: trigger all cameras by one line, or allow more: ?skew=..."
+                )
+
+
+def _named(text: SourceText, places: tuple[str, ...], example: str) -> tuple[str, ...]:
+    if len(set(places)) != len(places) or len(places) < 2:
+        raise CaptureError(f"{text}: names {len(set(places))} cameras; name each once, in their order, as {example}")
+    return places
+
+
+def open_gige_sets(text: SourceText) -> LiveSets:
+    """Return cameras on the network; they are opened when the source is entered."""
+    from skelgen.capture.sources.gige import open_gige  # noqa: PLC0415 - each driver as it is needed
+
+    options = GenicamOptions.from_mapping(text.options, str(text))
+    names = _named(text, text.places, "gige:10.0.0.2,10.0.0.3,10.0.0.4")
+    return LiveSets(str(text), names, lambda stack: _with_rate(open_gige(stack, names, options)), options)
+
+
+def open_gentl_sets(text: SourceText) -> LiveSets:
+    """Return cameras of a producer; they are opened when the source is entered."""
+    from skelgen.capture.sources.gentl import open_gentl  # noqa: PLC0415
+
+    options = GenicamOptions.from_mapping(text.options, str(text))
+    names = _named(text, text.places[1:], "gentl:producer.cti,one,two,three")
+    producer = Path(text.places[0])
+    return LiveSets(str(text), names, lambda stack: _with_rate(open_gentl(stack, producer, names, options)), options)
+
+
+def open_firewire_sets(text: SourceText) -> LiveSets:
+    """Return cameras on an IEEE 1394 bus; they are opened when the source is entered."""
+    from skelgen.capture.sources.firewire.bus import guid_of, open_firewire  # noqa: PLC0415
+
+    options = FireWireOptions.from_mapping(text.options, str(text))
+    names = _named(text, text.places, "firewire:GUID1,GUID2,GUID3")
+    numbers = tuple(guid_of(name) for name in names)
+    return LiveSets(str(text), names, lambda stack: open_firewire(stack, numbers, options), options)
+
+
+def _with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
+    """Cameras with their rate: the one that all have, else None."""
+    rates = [getattr(camera, "rate", None) for camera in cameras]
+    known = [rate for rate in rates if rate is not None]
+    if len(known) < len(cameras):
+        return cameras, None
+    if max(known) - min(known) > 0.01 * max(known):
+        listed = ", ".join(f"{camera.name} {rate:.4g} Hz" for camera, rate in zip(cameras, known, strict=True))
+        raise CaptureError(f"the cameras run at different rates: {listed}; set all by ?rate=...")
+    return cameras, known[0]
