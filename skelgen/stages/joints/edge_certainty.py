@@ -23,7 +23,7 @@ TIE = 0.05
 """Logarithm of how many times dearer an edge is that could as well be there: costs differ by so much by chance."""
 
 # Learned by tests/benchmarks/doubt.py
-BIAS, OF_LEAD, OF_TURN = 4.87, 1.06, 1.60
+BIAS, OF_LEAD, OF_TURN = 3.63, 0.62, 0.61
 RIVAL_SHARE = 0.26
 """Of edges that are wrong, those whose rival is right; otherwise it is another edge, or limbs are wrong."""
 
