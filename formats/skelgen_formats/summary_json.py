@@ -18,6 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.questions import questions_on
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
 
@@ -108,6 +109,14 @@ def _labels(project: Project) -> dict[str, object]:
                 **_fields(doubt, "confidence", "reason"),
             }
             for doubt in labelling.doubts
+        ],
+        "questions": [
+            {
+                **_fields(question, "kind", "first_frame", "last_frame", "settles"),
+                "markers": [names[marker] for marker in question.markers],
+                "question": question.sentence(names),
+            }
+            for question in questions_on(labelling)
         ],
         "twins": [[names[marker] for marker in pair] for pair in labelling.twins],
         "n_points_left_out": labelling.left_out.sum(),

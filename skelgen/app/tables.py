@@ -11,6 +11,7 @@ from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
+from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]
@@ -81,6 +82,7 @@ def _labelling_facts(project: Project) -> Row:
         "doubtful_spans": len(labelling.doubts),
         "doubtful_share": doubtful_share(labelling),
         "advice": list(advice_on(project)),
+        "questions": [one.sentence(project.trajectories.names) for one in questions_on(labelling)],
     }
     if isinstance(project.take, PointCloud):
         facts |= {"left_out": int(labelling.left_out.sum()), "left_out_share": left_out_share(project)}

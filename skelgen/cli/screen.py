@@ -219,6 +219,7 @@ _TITLES = {
     "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }
+_MOST_ASKED = 3  # questions; all are in the JSON and more in the report
 _LONG = (
     "not_determined",
     "to_do",
@@ -279,6 +280,8 @@ def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
     screen.say(f"labels: {'; '.join(parts)}")
     for sentence in facts["advice"]:
         screen.say(f"  try: {sentence}")
+    for sentence in facts["questions"][:_MOST_ASKED]:
+        screen.say(f"  ask: {sentence}")
 
 
 def show_results(screen: Screen, project: Project, files: Sequence[Path]) -> None:

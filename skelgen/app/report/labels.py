@@ -31,9 +31,13 @@ from skelgen.app.report.timelines import (
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
 from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
+from skelgen.model.questions import questions_on
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""
+
+_MOST_QUESTIONS = 10
+"""Questions in the report, those that settle most."""
 
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
@@ -46,6 +50,7 @@ def labels_content(project: Project) -> dict[str, object]:
     return {
         "facts": _facts(project),
         "advice": advice_on(project),
+        "questions": [one.sentence(project.trajectories.names) for one in questions_on(labelling)[:_MOST_QUESTIONS]],
         "rows": [_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
         "findings": [_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
         "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),

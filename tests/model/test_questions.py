@@ -1,0 +1,43 @@
+"""Questions that labels leave open: one per pair of markers, what settles most first."""
+
+import numpy as np
+
+from skelgen.model.labelling import Doubt, Labelling, Tracklets
+from skelgen.model.questions import questions_on
+
+NAMES = ("LKNE", "LANK", "M7")
+
+
+def labelling(*doubts, tracklets=None):
+    confidence = np.ones((200, 3))
+    for doubt in doubts:
+        confidence[doubt.first_frame : doubt.last_frame + 1, doubt.marker] = doubt.confidence
+    return Labelling(confidence, doubts, (), np.zeros(200, dtype=np.intp), tracklets)
+
+
+def doubt(marker, frames, kind, rival=-1):
+    return Doubt(marker, *frames, kind, rival, 0.5, "the place of the other fits as well")
+
+
+def test_what_settles_most_is_asked_first():
+    found = questions_on(labelling(doubt(0, (10, 49), "rival", 1), doubt(2, (0, 199), "piece", 0)))
+    assert [(one.kind, one.markers, one.settles) for one in found] == [("same", (0, 2), 100.0), ("which", (0, 1), 20.0)]
+    assert found[0].sentence(NAMES) == "are LKNE and M7 one marker? That settles about 100 positions"
+
+
+def test_spans_of_one_pair_are_one_question_that_points_to_the_longest():
+    both = doubt(0, (10, 49), "rival", 1), doubt(1, (10, 49), "rival", 0), doubt(0, (100, 159), "rival", 1)
+    (found,) = questions_on(labelling(*both))
+    assert (found.settles, found.first_frame, found.last_frame) == (70.0, 100, 159)
+
+
+def test_doubts_that_no_answer_settles_and_short_ones_are_not_asked():
+    assert questions_on(labelling(doubt(0, (0, 99), "misfit"), doubt(1, (0, 9), "rival", 0))) == ()
+
+
+def test_a_track_without_a_marker_is_asked_for():
+    one = Tracklets(*(np.array(values) for values in ([0, 1], [0, -1], [0, 50], [199, 149], [200, 100])))
+    (found,) = questions_on(labelling(tracklets=one))
+    assert found.sentence(NAMES) == (
+        "which marker is the point that is left out in frames 50 to 149? That settles about 50 positions"
+    )
