@@ -136,7 +136,7 @@ def capture_room(
     n_frames : int, optional
         Sets of images at most.
     """
-    from skelgen.app.capture import Recording  # noqa: PLC0415 - loads kernels
+    from skelgen.app.recording import Recording  # noqa: PLC0415 - loads kernels
     from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415
 
     with ExitStack() as stack:

@@ -6,7 +6,7 @@ rig says otherwise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
@@ -299,17 +299,6 @@ class RoomSettings:
         _check_targets(self.bodies, self.joints)
         detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
         set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
-
-
-def room_of(settings: CaptureSettings | RoomSettings) -> RoomSettings:
-    """Return settings for the cameras of a room, also of two: left, then right."""
-    if isinstance(settings, RoomSettings):
-        return settings
-    pair = settings.rig
-    named = [replace(camera, name=side) for camera, side in ((pair.left, "left"), (pair.right, "right"))]
-    std = None if pair.covariance is None else np.sqrt(np.diag(pair.covariance)).reshape(2, N_CAMERA_STD)
-    rig = CameraRig(named, pair.noise, std)
-    return RoomSettings(rig, settings.bodies, settings.joints, settings.source, settings.detection, settings.search)
 
 
 def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.app.capture import ball_positions
+from skelgen.app.recording import ball_positions
 from skelgen.capture.bodies import propose_targets, resolved_points
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture

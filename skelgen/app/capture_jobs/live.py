@@ -10,7 +10,7 @@ from threading import Event
 
 import numpy as np
 
-from skelgen.app.capture import Recording, capture, read_capture_settings, source_of
+from skelgen.app.capture import capture, read_capture_settings, source_of
 from skelgen.app.capture_jobs.messages import (
     CameraImage,
     CaptureControl,
@@ -21,6 +21,7 @@ from skelgen.app.capture_jobs.messages import (
     LiveShot,
     Recorded,
 )
+from skelgen.app.recording import Recording
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.values import FrameSource

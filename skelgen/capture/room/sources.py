@@ -19,7 +19,7 @@ from skelgen.capture.room.values import FrameSet
 from skelgen.capture.simulated_rig import render_view
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
-from skelgen.capture.values import Image
+from skelgen.capture.sources.video import next_image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig
 from skelgen.parameters import StageParameters, declare
@@ -152,18 +152,11 @@ class VideoSets:
         """Read frame by frame until all have ended."""
         index = 0
         while not self._limit or index < self._limit:
-            images = tuple(_next_grey(video) for video in self._videos)
+            images = tuple(next_image(video) for video in self._videos)
             if all(image is None for image in images):
                 return
             yield FrameSet(images, index / self.rate if self.rate else float(index), index)
             index += 1
-
-
-def _next_grey(video: Any) -> Image | None:
-    there, frame = video.read()
-    if not there:
-        return None
-    return np.asarray(frame if frame.ndim == 2 else opencv().cvtColor(frame, opencv().COLOR_BGR2GRAY), np.uint8)
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ class VideoPairs:
         """Read frame by frame; a file that ends before the other is an error, after all pairs were delivered."""
         index = 0
         while not self._limit or index < self._limit:
-            images = [_next_image(video) for video in self._videos]
+            images = [next_image(video) for video in self._videos]
             left, right = images
             if left is None or right is None:
                 self._check_end(index, left is None, right is None)
@@ -118,7 +118,8 @@ class VideoPairs:
         self._videos = []
 
 
-def _next_image(video: Any) -> Image | None:
+def next_image(video: Any) -> Image | None:
+    """Return the next frame of an open video as a grey image; None at its end."""
     there, frame = video.read()
     if not there:
         return None
