@@ -10,6 +10,7 @@ from skelgen_formats.marker_output import trajectories_of
 from skelgen_formats.options import AUTO, FILLED, PARTS, Format, Options, Writable, choices_in, parts_in
 from skelgen_formats.rest_pose import remarks_on_rest
 
+from skelgen.app.bodies import body_files
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.app.replacing import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
@@ -137,8 +138,12 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     obstacle = obstacle_to(project, entry, options)
     if obstacle:
         return Preview(obstacle=obstacle)
+    try:
+        targets = [target for _, target in body_files(project, path)]
+    except WriteError as error:
+        return Preview(obstacle=str(error))
     chosen = registry.options_of(entry, options)
-    files = tuple(Planned(file, file.exists()) for file in entry.files(path, chosen))
+    files = tuple(Planned(file, file.exists()) for target in targets for file in entry.files(target, chosen))
     return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
 
 
@@ -202,10 +207,15 @@ def export_project(
     WriteError
         If the format cannot hold the project, or its files cannot be written.
     """
-    planned = entry.files(path, registry.options_of(entry, options))
+    chosen, parts = registry.options_of(entry, options), body_files(project, path)
+    planned = [file for _, target in parts for file in entry.files(target, chosen)]
     check_outputs(planned, (recording_of(project),), planned)
     with arriving_together(path.parent) as temporary:
-        files = registry.write_as(entry, project, temporary / path.name, registry.options_of(entry, options), monitor)
+        files = [
+            file
+            for part, target in parts
+            for file in registry.write_as(entry, part, temporary / target.name, chosen, monitor)
+        ]
     return [path.parent / file.name for file in files]
 
 

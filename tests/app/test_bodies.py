@@ -7,7 +7,9 @@ import pytest
 
 import skelgen
 from skelgen.app.bodies import join_bodies, split_bodies
+from skelgen.app.export import export_formats, export_path, export_project, preview_export
 from skelgen.errors import InputError, WriteError
+from skelgen.model import Project
 from skelgen.simulation import simulate
 
 
@@ -49,7 +51,10 @@ def test_one_body_is_one_file_and_the_project_itself(tmp_path):
 
 def test_bodies_need_joints(tmp_path):
     with pytest.raises(WriteError, match="run the stages first"):
-        skelgen.write(skelgen.model.Project(skelgen.simulate("rods", n_frames=10).take), tmp_path / "{body}.bvh")
+        skelgen.write(Project(simulate("rods", n_frames=10).take), tmp_path / "{body}.bvh")
+    c3d = next(entry for entry in export_formats() if entry.name == "c3d")
+    project = Project(simulate("rods", n_frames=10).take)
+    assert "run the stages first" in preview_export(project, c3d, tmp_path / "{body}.c3d", {}).obstacle
 
 
 def test_summary_lists_bodies(two, tmp_path):
@@ -90,3 +95,12 @@ def test_joined_bodies_come_apart_again_as_they_were():
 def test_subjects_must_be_given():
     with pytest.raises(InputError, match="no calibrated skeleton"):
         skelgen.apply_subject(simulate("rods", n_frames=10).take, [])
+
+
+def test_the_window_exports_each_body_to_a_file_of_its_own(two, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    path = export_path(tmp_path, "take_{body}", bvh)
+    named = ["take_body1.bvh", "take_body2.bvh"]
+    assert [planned.path.name for planned in preview_export(two, bvh, path, {}).files] == named
+    assert [file.name for file in export_project(two, bvh, path, {})] == named
+    assert sorted(file.name for file in tmp_path.iterdir()) == named
