@@ -235,7 +235,7 @@ def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
     """
     types: dict[int, str] = {}
     parents = project.topology.parents
-    for correction in corrections_of(project, "skeleton", monitor):
+    for correction in (one for one in corrections_of(project, "skeleton", monitor) if one.kind == "kind"):
         first, second = _limbs(project, correction)
         if parents[second] == first:
             types[second] = correction.value

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.app.constraints import check_no_contradiction, corrected_marker, corrections_of
-from skelgen.app.limb_names import renamed_limbs
+from skelgen.app.limb_names import renamed_joints, renamed_limbs
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
@@ -44,6 +44,8 @@ def with_correction(project: Project, correction: Correction) -> Project:
             corrected_marker(project.trajectories, correction, which)  # raises if it does not exist
     if correction.kind == "name":
         return renamed_limbs(added) if project.has("limbs") else added
+    if correction.kind == "name-joint":
+        return renamed_joints(added) if project.has("skeleton") else added
     return added.before(correction.stage)
 
 
@@ -61,6 +63,9 @@ def without_correction(project: Project, index: int) -> Project:
     if project.corrections[index].kind == "name":
         bare = replace(project, corrections=kept)
         return renamed_limbs(bare) if project.has("limbs") else bare
+    if project.corrections[index].kind == "name-joint":
+        bare = replace(project, corrections=kept)
+        return renamed_joints(bare) if project.has("skeleton") else bare
     return replace(project, corrections=kept).before(project.corrections[index].stage)
 
 

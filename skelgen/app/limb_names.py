@@ -44,6 +44,41 @@ def renamed_limbs(project: Project) -> Project:
     return project.with_limb_names(named_limbs(project, project.limbs, worn).names)
 
 
+def renamed_joints(project: Project) -> Project:
+    """Return a project whose joints are called as its corrections say now; nothing is computed anew.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    """
+    skeleton = with_joint_names(project, project.skeleton)
+    return project.with_skeleton(skeleton, project.motion, project.reports["skeleton"])
+
+
+def with_joint_names(project: Project, skeleton: Skeleton) -> Skeleton:
+    """Return a skeleton with the names that corrections give its joints; limbs that it does not join are passed over.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs and corrections.
+    skeleton : Skeleton
+        Of these limbs.
+
+    Raises
+    ------
+    InputError
+        If a correction names a marker that does not exist.
+    """
+    said: dict[frozenset[int], str] = {}
+    for correction in (one for one in project.corrections if one.kind == "name-joint"):
+        ends = (corrected_marker(project.trajectories, correction, which) for which in (0, 1))
+        said[frozenset(int(project.limbs.limb_of_marker[end]) for end in ends)] = correction.value
+    joints = (replace(one, name=said.get(frozenset((one.parent, one.child)), "")) for one in skeleton.joints)
+    return replace(skeleton, joints=tuple(joints))
+
+
 def marker_set_of(project: Project) -> str:
     """Return the marker set that the limbs of a project were found with: a name, ``auto`` or ``none``."""
     return str(project.reports["limbs"].parameters.get("marker_set", "auto")) if "limbs" in project.reports else "auto"

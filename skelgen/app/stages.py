@@ -21,7 +21,7 @@ from skelgen.app.constraints import (
 )
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
-from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion
+from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, with_joint_names
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
@@ -287,7 +287,7 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         are_poses=isinstance(project.take, Poses),
     )
     names = names_in_motion(project, skeleton, motion, marker_set_of(project), monitor)
-    return SkeletonResult(replace(skeleton, limb_names=names), motion)
+    return SkeletonResult(with_joint_names(project, replace(skeleton, limb_names=names)), motion)
 
 
 PIPELINE = (

@@ -62,6 +62,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
         "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),
         "root": Rule("joints", "the limb of {first} is the root"),
+        "name-joint": Rule("skeleton", "the joint between the limbs of {names} is called {value}", 2, 2, True),
         "kind": Rule("skeleton", "the joint between the limbs of {names} is of the type {value}", 2, 2, True),
     }
 )

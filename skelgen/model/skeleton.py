@@ -93,6 +93,8 @@ class Joint:
     open_directions : int
         In how many of three directions the motion does not determine the position in the parent: where it is drawn
         along them is a choice, and the deviation is as large as the limb. A hinge has one, its axis.
+    name : str
+        What the user calls it; empty: by the limbs that it joins.
 
     Notes
     -----
@@ -113,6 +115,7 @@ class Joint:
     second_axis_std: Floats | None = None
     turn_covariance: Floats | None = None
     open_directions: int = 0
+    name: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_TYPES:
@@ -223,7 +226,7 @@ class Skeleton:
 
     def joint_name(self, joint: Joint) -> str:
         """Return the name of a joint of the tree, or of one that closes a loop."""
-        return joint_between(self.limb_names[joint.parent], self.limb_names[joint.child])
+        return joint.name or joint_between(self.limb_names[joint.parent], self.limb_names[joint.child])
 
     @property
     def roots(self) -> Ints:

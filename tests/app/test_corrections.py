@@ -244,6 +244,7 @@ SENTENCES = {
     "join": "the limbs of a and b are joined",
     "part": "the limbs of a and b are not joined",
     "root": "the limb of a is the root",
+    "name-joint": "the joint between the limbs of a and b is called x",
     "kind": "the joint between the limbs of a and b is of the type x",
 }
 

@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -277,6 +277,9 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         raise InputError(f"the joint between bones {parent} and {child} is not described")
     axis, second = (None if vector is None else np.array(vector) for vector in (facts.axis, facts.second_axis))
     places = np.array(facts.position_in_parent), np.array(facts.position_in_child)
+    deviations: dict[str, Any] = {
+        name: np.reshape(values, (3, 3) if len(values) == 9 else 3) for name, values in facts.deviations.items()
+    }
     return Joint(
         parent,
         child,
@@ -286,7 +289,7 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         std=np.array(facts.std),
         second_axis=second,
         open_directions=facts.open_directions,
-        **{name: np.reshape(values, (3, 3) if len(values) == 9 else 3) for name, values in facts.deviations.items()},
+        **deviations,
     )
 
 

@@ -150,3 +150,15 @@ def test_sentences_call_limbs_by_their_names():
     )
     assert with_names_of_limbs("limbs 0 and 1 are 3 mm apart", limbs) == "limbs 0 and 1 are 3 mm apart"
     assert with_names_of_limbs("of 3 limbs 0.5 % are seen", limbs) == "of 3 limbs 0.5 % are seen"
+
+
+def test_a_joint_is_called_as_the_user_says_until_that_is_taken_back():
+    project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=60, seed=1).take)
+    names, joint = project.trajectories.names, project.skeleton.joints[0]
+    ends = [names[int(project.skeleton.markers_of(limb)[0])] for limb in (joint.child, joint.parent)]
+    named = skelgen.correct(project, "name-joint", ends, "coupling")
+    assert named.skeleton.joint_names[0] == "coupling"
+    assert "coupling" in set(named.joints_table()["joint"])
+    again = skelgen.reconstruct(named.before("joints"))
+    assert "coupling" in again.skeleton.joint_names
+    assert without_correction(named, 0).skeleton.joint_names == project.skeleton.joint_names
