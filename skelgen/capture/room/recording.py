@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -153,6 +154,16 @@ def markers_of_room(
     return recording.cloud(name or source.name, source.rate)
 
 
+class _Found(NamedTuple):
+    """What is kept of the points of a frame."""
+
+    points: Floats
+    std: Floats
+    misfit: Floats
+    n_cameras: Ints
+    tracks: Ints
+
+
 class RoomRecording:
     """Points of all frames, and what is wrong with cameras.
 
@@ -165,7 +176,7 @@ class RoomRecording:
     def __init__(self, rig: CameraRig) -> None:
         self._rig, self._matcher, self._tracks = rig, PointMatcher(rig), PointTracks()
         self._fits = FitCounter(rig)
-        self._found: list[tuple[RoomPoints, Ints]] = []
+        self._found: list[_Found] = []
         self._times: list[float] = []
         self._lost: Counter[int] = Counter()
         self._faulty: dict[int, tuple[int, int, str]] = {}
@@ -183,7 +194,9 @@ class RoomRecording:
             Which cameras' images were lost.
         """
         points = self._matcher.find(views, self._tracks.expected(time))
-        self._found.append((points, self._tracks.follow(points, time)))
+        std = np.sqrt(np.linalg.eigvalsh(points.covariance)[:, -1]) if len(points) else np.empty(0)
+        n_cameras = points.n_cameras.astype(np.int8)
+        self._found.append(_Found(points.points, std, points.misfit, n_cameras, self._tracks.follow(points, time)))
         self._lost.update(index for index, is_lost in enumerate(lost or []) if is_lost)
         for index, balls in enumerate(views):
             if balls.notice:
@@ -208,16 +221,14 @@ class RoomRecording:
         InputError
             If nothing is seen by two cameras.
         """
-        kept = [self._tracks.are_markers(tracks) for _, tracks in self._found]
-        counts = [int(one.sum()) for one in kept]
+        is_marker = [self._tracks.are_markers(found.tracks) for found in self._found]
+        counts = [int(one.sum()) for one in is_marker]
         notices = tuple(self._notices(rate))
         if not sum(counts):
             raise InputError(f"{name}: no ball is seen by two cameras" + (f"; {'; '.join(notices)}" if notices else ""))
-        points = np.concatenate([found.points[one] for (found, _), one in zip(self._found, kept, strict=True)])
-        covariance = np.concatenate([found.covariance[one] for (found, _), one in zip(self._found, kept, strict=True)])
-        misfit = np.concatenate([found.misfit[one] for (found, _), one in zip(self._found, kept, strict=True)])
-        n_cameras = np.concatenate([found.n_cameras[one] for (found, _), one in zip(self._found, kept, strict=True)])
-        std = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])
+        kept = np.concatenate(is_marker)
+        columns = [np.concatenate(column)[kept] for column in zip(*self._found, strict=True)]
+        points, std, misfit, n_cameras, _ = columns
         attributes = {
             "reprojection_error": misfit * _noise_in_space(points, self._rig),
             "std": std,
@@ -235,7 +246,7 @@ class RoomRecording:
         for index, (count, first, fault) in sorted(self._faulty.items()):
             yield f"{names[index]}: {count} of {n_frames} images, the first of number {first}: {fault}"
         yield from self._fits.notices()
-        n_ghosts = sum(int((~self._tracks.are_markers(tracks)).sum()) for _, tracks in self._found)
+        n_ghosts = sum(int((~self._tracks.are_markers(found.tracks)).sum()) for found in self._found)
         if n_ghosts:
             yield f"{n_ghosts} crossings of two rays do not last and are left out"
         if rate is None:

@@ -84,8 +84,8 @@ class PointTracks:
         lasting : int
             Frames for which a point of two cameras must have been seen.
         """
-        lengths, is_sure = np.array(self._lengths, dtype=np.intp), np.array(self._is_sure, dtype=np.bool_)
-        return np.asarray((lengths[tracks] >= lasting) | is_sure[tracks])
+        are = [self._lengths[track] >= lasting or self._is_sure[track] for track in tracks.tolist()]
+        return np.array(are, dtype=np.bool_)
 
     @staticmethod
     def _nearest(points: Floats, expected: Floats) -> Ints:
