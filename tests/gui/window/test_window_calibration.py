@@ -110,6 +110,17 @@ def test_another_size_of_the_squares_keeps_the_views_and_another_board_does_not(
     assert page.camera_step.collection.views == ()
 
 
+def test_other_images_show_nothing_of_those_before(qtbot, window, page, gathers, has_colour):
+    gathers(MOVING)
+    calibrates(qtbot, window, page)
+    assert has_colour(page.view.pictures, BOARD)
+    assert len(page.view.space._frustums)
+    qtbot.mouseClick(page.camera_step.clear, Qt.MouseButton.LeftButton)
+    assert not has_colour(page.view.pictures, BOARD)
+    assert not len(page.view.space._frustums)
+    assert not page.camera_step.cameras.isVisible()
+
+
 def test_a_chosen_view_stands_out_in_the_coverage(page, gathers, has_colour):
     gathers(MOVING)
     colour = page.palette().color(page.palette().ColorRole.Highlight)
