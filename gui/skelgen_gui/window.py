@@ -242,7 +242,7 @@ class Window(QMainWindow):
         if state.viewpoint is not None:
             self.view3d.stand_at(state.viewpoint)
         else:
-            self.view3d.fit_take()
+            self.view3d.look_home()
 
     def _rename_selected(self) -> None:
         """Let the user type a name in the panel of names, wherever something was selected."""

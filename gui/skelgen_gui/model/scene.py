@@ -137,15 +137,13 @@ class Scene:
 
     @cached_property
     def skeleton_sample(self) -> Floats:
-        """Joints in some frames of the take, of limbs whose pose was seen, shape (n, 3): some lie beside markers."""
-        if not self.project.has("skeleton") or not len(self.project.skeleton.joints):
+        """Joints in some frames of the take, shape (n, 3), but none farther from all markers than the body is large."""
+        if not self.project.has("skeleton") or not len(self.inliers):
             return _NO_POINTS
         frames = np.unique(np.linspace(0, self.n_frames - 1, min(_SAMPLES, self.n_frames)).astype(np.intp))
-        motion, joints = self.project.motion, self.project.skeleton.joints
-        seen = motion.limb_seen[frames]
-        known = np.stack([seen[:, one.parent] & seen[:, one.child] for one in joints], axis=1)
-        points = motion.joint_positions[frames][known]
-        return np.asarray(points[~np.isnan(points).any(axis=1)])
+        points = np.asarray(self.project.motion.joint_positions[frames]).reshape(-1, 3)
+        low, high = self.inliers.min(axis=0) - self.size, self.inliers.max(axis=0) + self.size
+        return np.asarray(points[((points >= low) & (points <= high)).all(axis=1)])
 
     def nearest_place(self, marker: int, frame: int) -> Floats:
         """Return where a marker is in a frame [mm], or where it is seen next in time; NaN if it never is.

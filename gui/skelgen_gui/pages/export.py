@@ -85,6 +85,7 @@ class ExportPage(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         """Look again which files there are."""
         super().showEvent(event)
+        self._enable_formats()
         self._turn_upright()
         self._follow()
 
@@ -130,7 +131,8 @@ class ExportPage(QWidget):
         if project is not None and project.take is not self._take:
             self._take = project.take
             self.target.suggest(self._session.folder, stem_of(project.name) or _NAME_WITHOUT_TAKE)
-        self._enable_formats()
+        if self.isVisible():  # else when it is shown: some formats must look through the whole take
+            self._enable_formats()
         self._follow()
 
     def _enable_formats(self) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
 
 from skelgen.app.drawing.wording import whole_percent
@@ -75,7 +76,7 @@ class Outline(QWidget):
         tip = self.tr("F2 or a second click renames, the box hides, a click on a head sorts")
         describe(self.tree, self.tr("Limbs, joints and markers"), tip)
         bare_column(self, (self.search, self.tree))
-        self._is_following = False
+        self._is_following, self._is_stale = False, True
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self._follow_selection)
         self.search.textChanged.connect(self._filter)
@@ -84,10 +85,10 @@ class Outline(QWidget):
         self.tree.customContextMenuRequested.connect(
             lambda place: session.menu_requested.emit(self.tree.viewport().mapToGlobal(place))
         )
-        self._follow_project()
 
     def rename_selected(self) -> None:
         """Let the user type another name for what is selected."""
+        self._catch_up()
         items = [item for item in self._items() if item.isSelected() and item.flags() & _EDITABLE]
         if items:
             self.tree.setFocus()
@@ -103,8 +104,21 @@ class Outline(QWidget):
         found = [self.tree.topLevelItem(row) for row in range(self.tree.topLevelItemCount())]
         return [item for item in found if item is not None]
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """List what there is by now."""
+        super().showEvent(event)
+        self._catch_up()
+
     def _follow_project(self) -> None:
-        """List what there is by now; what was folded stays folded."""
+        self._is_stale = True
+        if self.isVisible():
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """List what there is by now, if that is not done yet; what was folded stays folded."""
+        if not self._is_stale:
+            return
+        self._is_stale = False
         folded = {item.text(_NAME) for item in self._items() if item.childCount() and not item.isExpanded()}
         self._is_following = True
         self.tree.clear()

@@ -143,6 +143,11 @@ class View3D(QWidget):
         markers = set() if scene is None else Marked(self._session.selection).markers(scene)
         return set() if scene is None else {scene.names[marker] for marker in markers}
 
+    def look_home(self) -> None:
+        """Look at the whole take as at first, and do so again when the view gets another size."""
+        self._camera.look_home()
+        self.update()
+
     def stand_at(self, viewpoint: Viewpoint) -> None:
         """Put the viewer where another window had left him."""
         self._move(viewpoint)
