@@ -41,8 +41,8 @@ _WHOLE, _PART, _END = 0.06, 0.16, 0.05
 """Deviations of two bones together, of their difference, and of the rest: soft tissue displaces knees along the leg."""
 
 _MOST, _MOST_END = 3.0, 1.0  # of a squared deviation: one joint that is far off says no more
-_MISSING, _ADDED = 2.5, 1.0
-"""What a segment without a limb of its own costs, and a limb that a segment has beyond one."""
+_MISSING, _ADDED = {LEG: 2.5, ARM: 1.5}, 1.0
+"""What a segment without a limb of its own costs, of which hands are many, and a limb that a segment has beyond one."""
 
 _HEAD_HIGH, _HEAD_SPREAD, _HEADLESS = 1.55, 0.25, 1.0
 """Height of the head's markers, hips being at 0 and shoulders at 1, and what it costs if there are none."""
@@ -58,7 +58,7 @@ _FARTHEST, _FARTHER = 0.2, 6.0
 _MOST_ENDS = 10
 _LIKELY = 8  # choices of two legs and two arms that are looked at closely
 _CHOICES = 3  # ways to part an arm or a leg that are tried with those of the others
-_MOST_MISFIT = 12.3
+_MOST_MISFIT = 11.2
 """Beyond which a tree is no person."""
 
 _HEAD, _CHEST = 1.2, 0.40  # heights of a limb's markers
@@ -241,7 +241,7 @@ class _Ways:
         rows = []
         for chosen, lengths in zip(self.breaks, self.lengths[..., np.newaxis] / statures, strict=True):
             first, second, third, _ = lengths
-            cost = _MISSING * max(3 - len(chosen), 0) + _ADDED * (len(self.path) - 1 - len(chosen))
+            cost = _MISSING[self.kind] * max(3 - len(chosen), 0) + _ADDED * (len(self.path) - 1 - len(chosen))
             if len(chosen) == 1:
                 terms = _squares((first - _STIFF) / _WHOLE)
             elif len(chosen) == 2:
