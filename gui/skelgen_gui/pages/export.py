@@ -1,6 +1,8 @@
 """The page that writes results for other programs: format, options, place, what will be written, and the writing."""
 
 import html
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QStandardPaths, Qt, QUrl, Signal
@@ -18,7 +20,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
-from skelgen_formats.options import AUTO
+from skelgen_formats.options import AUTO, Format
 
 from skelgen.app.export import (
     Preview,
@@ -31,8 +33,10 @@ from skelgen.app.export import (
 )
 from skelgen.app.outputs import stem_of
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
+from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.model.viewpoint import DOWN
+from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
@@ -64,6 +68,7 @@ class ExportPage(QWidget):
         self._session, self._jobs = session, jobs
         self._take: object = None
         self._turned: object = None
+        self.deriver = Deriver(self)
         self._is_running = False
         self._written: Path | None = None
         self.formats = export_formats()
@@ -136,10 +141,18 @@ class ExportPage(QWidget):
         self._follow()
 
     def _enable_formats(self) -> None:
-        project, model = self._session.project, self.choice.model()
+        """See beside the window which formats the project can be written in: some look through the whole take."""
+        project = self._session.project
+        if project is None:
+            self.deriver.forget()
+            self._take_obstacles(["" for _ in self.formats])
+        else:
+            self.deriver.derive(partial(_obstacles, project, self.formats), self._take_obstacles)
+
+    def _take_obstacles(self, obstacles: list[str]) -> None:
+        model = self.choice.model()
         if not isinstance(model, QStandardItemModel):  # the one that a combo box has by itself
             return
-        obstacles = [obstacle_to(project, entry, {}) if project is not None else "" for entry in self.formats]
         for row, obstacle in enumerate(obstacles):
             model.item(row).setEnabled(not obstacle)
             model.item(row).setToolTip(obstacle or QCoreApplication.translate("Formats", self.formats[row].note))
@@ -260,6 +273,10 @@ class ExportPage(QWidget):
     def _open_folder(self) -> None:
         if self._written is not None:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(self._written)))
+
+
+def _obstacles(project: Project, formats: Sequence[Format]) -> list[str]:
+    return [obstacle_to(project, entry, {}) for entry in formats]
 
 
 class _ExportTarget(QWidget):

@@ -59,6 +59,7 @@ def open_page(qtbot, session, tmp_path):
         qtbot.addWidget(page)
         page.target.suggest(tmp_path / "out", "walk")
         page.show()
+        qtbot.waitUntil(lambda: not page.deriver.is_busy)  # which formats are possible
         return page
 
     return make
@@ -146,7 +147,7 @@ def test_names_with_markup_are_shown_and_written_as_they_are(page, click, tmp_pa
     assert names_in(tmp_path / "out") == ["<b>Gänge & Läufe.joints.csv"]
 
 
-def test_formats_that_need_more_results_are_grey_and_say_what(open_page, walked, tmp_path):
+def test_formats_that_need_more_results_are_grey_and_say_what(qtbot, open_page, walked, tmp_path):
     session = Session()
     session.open(Project(walked[0].take))
     page = open_page(session=session)
@@ -155,7 +156,7 @@ def test_formats_that_need_more_results_are_grey_and_say_what(open_page, walked,
     assert not item.isEnabled()
     assert "run the stage 'skeleton' first" in item.toolTip()
     session.change(walked[0])
-    assert item.isEnabled()
+    qtbot.waitUntil(item.isEnabled)
 
 
 def test_bodies_are_offered_the_format_that_holds_them(open_page):
