@@ -162,10 +162,7 @@ def _contradicted(project: Project, correction: Correction, earlier: Sequence[Co
     return None
 
 
-_Groups = list[tuple[str, ...]]
-
-
-def _stated_of_limbs(project: Project, correction: Correction) -> tuple[_Groups, _Groups]:
+def _stated_of_limbs(project: Project, correction: Correction) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """Markers that a correction says share a limb, and those of which no two do."""
     names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
     if correction.kind == "move":
