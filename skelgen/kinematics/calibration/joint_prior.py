@@ -220,22 +220,7 @@ def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | N
     far = out_of_reach(last) if astray is None else astray
     known = [replace(one, tail=NO_TAIL) if one.limb in far else one for one in joint_places(some)]
     known = [one for one in known if astray is None or one.limb in astray]
-    state = FittedChain.of(_along_hinges(some, known))
-    # At first in full: far out, where motion says nothing, tails would hardly draw a joint back
-    for tails in ([replace(one, tail=NO_TAIL) for one in known], known):
-        state = _drawn(state, tails, weight)
-    chain, articulation = state.fit.chain, state.fit.articulation
-    start = _turned_like(state.fit, last.poses, some)
-    poses = fit_poses(chain, start, last.positions, articulation, last.weights)
-    better = replace(last, chain=chain, articulation=articulation, poses=poses)
-    if astray is not None or better.squares <= MOST * last.squares:
-        return better
-    return replace(last, chain=_along_hinges(last, known).chain)
-
-
-def _drawn(state: FittedChain, known: list[JointPlace], weight: float) -> FittedChain:
-    """Lower the sum of squared residuals and of what is known, by damped steps of the constants."""
-    damping = FIRST_DAMPING
+    state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
     for _ in range(ROUNDS):
         found = _improved(state, known, weight, damping)
         if found is None:
@@ -243,7 +228,13 @@ def _drawn(state: FittedChain, known: list[JointPlace], weight: float) -> Fitted
         state, damping, gain = found
         if gain < LEAST_GAIN * weight:
             break
-    return state
+    chain, articulation = state.fit.chain, state.fit.articulation
+    start = _turned_like(state.fit, last.poses, some)
+    poses = fit_poses(chain, start, last.positions, articulation, last.weights)
+    better = replace(last, chain=chain, articulation=articulation, poses=poses)
+    if astray is not None or better.squares <= MOST * last.squares:
+        return better
+    return replace(last, chain=_along_hinges(last, known).chain)
 
 
 def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
