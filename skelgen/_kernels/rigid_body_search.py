@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_part, fixed, kernel, kernel_part
-from skelgen._kernels.rigid_body_pose import PointTable, SearchRules, TargetTable
+from skelgen._kernels.rigid_body_tables import PointTable, SearchRules, TargetTable
 from skelgen.model.arrays import Bools, Floats, Ints
 
 ROOT_TOLERANCE = 1e-13  # of the largest eigenvalue: the sum of squares is right to 1e-12 of the body's size squared

@@ -109,6 +109,27 @@ def place_of(trajectories: Trajectories, marker: int, frame: int) -> Place:
     return Place(nearest, (x, y, z))
 
 
+def with_places(project: Project, correction: Correction, frame: int) -> Correction:
+    """Return a correction with a place of each marker, by which later runs find it; as it is if one is never seen.
+
+    Parameters
+    ----------
+    project : Project
+        What it is about.
+    correction : Correction
+        Without places.
+    frame : int
+        Places are those nearest in time to it.
+    """
+    if correction.places or not correction.names or not project.has("labels"):
+        return correction
+    names, seen = project.trajectories.names, project.trajectories.seen
+    if not all(name in names and seen[:, names.index(name)].any() for name in correction.names):
+        return correction
+    places = tuple(place_of(project.trajectories, names.index(name), frame) for name in correction.names)
+    return replace(correction, places=places)
+
+
 def corrected_labels(
     project: Project, trajectories: Trajectories, labelling: Labelling | None, monitor: Monitor
 ) -> tuple[Trajectories, Labelling | None]:
@@ -173,12 +194,8 @@ def _with_whole_limb(project: Project, correction: Correction) -> Correction:
     if len(markers) == 2:  # it leaves no other marker behind
         return replace(correction, kind="together", names=_named(names, markers, limbs.markers_of(target)), places=())
     stated = _named(names, markers, limbs.markers_of(target))
-    is_seen = all(project.trajectories.seen[:, names.index(name)].any() for name in stated)
-    if not correction.places or not is_seen:
-        return replace(correction, names=stated, places=())
-    frame = correction.places[0].frame
-    places = tuple(place_of(project.trajectories, names.index(name), frame) for name in stated)
-    return replace(correction, names=stated, places=places)
+    moved = replace(correction, names=stated, places=())
+    return with_places(project, moved, correction.places[0].frame) if correction.places else moved
 
 
 def _named(names: Sequence[str], markers: Sequence[int], others: Ints) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ function of it.
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
-from skelgen.app.corrections import place_of, with_correction
+from skelgen.app.corrections import with_correction, with_places
 from skelgen.app.files import given_identities, open_input
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
@@ -246,8 +245,8 @@ def correct(
         With the labels that the markers are named by.
     kind : str
         ``merge``, ``split``, ``rename``, ``delete``, ``swap`` (markers), ``together``, ``apart``, ``move`` (markers on
-        limbs), ``join``, ``part``, ``root`` (limbs by one of their markers), ``kind`` (type of a joint), ``n_markers``,
-        ``n_limbs``.
+        limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint`` (limbs by their markers), ``kind`` (type of a
+        joint), ``n_markers``, ``n_limbs``.
     names : sequence of str
         Markers that it is about, the one that keeps its name first.
     value : str
@@ -277,12 +276,7 @@ def correct(
     if len(frames) != 2:
         raise InputError(f"frames are {frames!r:.60}; a first and a last frame belong there")
     correction = Correction(kind, tuple(names), *frames, value)
-    places = []
-    if project.has("labels"):
-        with contextlib.suppress(InputError, ValueError):  # a name that does not exist is refused below, in words
-            markers = [project.trajectories.names.index(name) for name in names]
-            places = [place_of(project.trajectories, marker, frames[0] or 0) for marker in markers]
-    return with_correction(project, replace(correction, places=tuple(places)))
+    return with_correction(project, with_places(project, correction, frames[0] or 0))
 
 
 @with_checked_arguments

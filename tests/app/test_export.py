@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats.options import PARTS
+from skelgen_formats.parts import PARTS
 from skelgen_formats.registry import find_format
 
 from skelgen.app.export import (

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from skelgen._kernels.rigid_body_pose import PointTable, TargetTable, chi_squared_limit, fit_body
+from skelgen._kernels.rigid_body_pose import chi_squared_limit, fit_body
 from skelgen._kernels.rigid_body_search import Search, find_matching, matching_cost, point_distances, sum_of_squares
+from skelgen._kernels.rigid_body_tables import PointTable, TargetTable
 from skelgen.capture.bodies import BodyParameters
 from skelgen.capture.bodies.finder import search_rules, table_of_points, table_of_target
 from skelgen.capture.values import StereoPoints

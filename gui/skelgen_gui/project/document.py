@@ -4,13 +4,12 @@ Projects are immutable, so that a step only has to remember the one before it an
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QUndoCommand, QUndoStack
 
-from skelgen.app.corrections import place_of, with_correction, without_correction
+from skelgen.app.corrections import with_correction, with_places, without_correction
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
 from skelgen_gui.project.session import Session
@@ -109,7 +108,7 @@ class Document(QObject):
 
     def located(self, correction: Correction) -> Correction:
         """Return a correction with a place of each marker in the frame that is shown, by which later runs find it."""
-        return self._with_places(self._project(), correction)
+        return with_places(self._project(), correction, self.session.frame)
 
     def take_back(self, index: int) -> None:
         """Drop one of the project's corrections."""
@@ -136,16 +135,3 @@ class Document(QObject):
         if self.session.project is None:
             raise RuntimeError("no project is open")
         return self.session.project
-
-    def _with_places(self, project: Project, correction: Correction) -> Correction:
-        """The correction with a place of each marker, by which later runs find it."""
-        if correction.places or not correction.names or not project.has("labels"):
-            return correction
-        names = project.trajectories.names
-        if not all(
-            name in names and project.trajectories.seen[:, names.index(name)].any() for name in correction.names
-        ):
-            return correction
-        frame = self.session.frame
-        places = tuple(place_of(project.trajectories, names.index(name), frame) for name in correction.names)
-        return replace(correction, places=places)

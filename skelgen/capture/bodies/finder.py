@@ -8,16 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels.rigid_body_pose import (
-    PointTable,
-    PosedBody,
-    SearchRules,
-    TargetTable,
-    chi_squared_limit,
-    fit_body,
-    weigh_pose,
-)
+from skelgen._kernels.rigid_body_pose import chi_squared_limit, fit_body, weigh_pose
 from skelgen._kernels.rigid_body_search import Search, find_matching, point_distances
+from skelgen._kernels.rigid_body_tables import PointTable, PosedBody, SearchRules, TargetTable
 from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
