@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QEvent, QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.page import CapturePage
@@ -152,6 +152,7 @@ def wait(app: QApplication, is_so: Callable[[], bool]) -> None:
         if time.monotonic() > end:
             raise SystemExit("the window did not finish in time")
         app.processEvents()
+        app.sendPostedEvents(None, QEvent.Type.DeferredDelete)  # only a loop of Qt's own takes away what is given up
         time.sleep(0.005)
 
 
