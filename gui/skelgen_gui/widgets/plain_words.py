@@ -32,6 +32,7 @@ _TITLES = {  # as short as the column of names: two or three words
     "method": "Way of working",
     "misfit_weight": "Weight of misfit",
     "mute": "Ignored after jump",
+    "n_bodies": "Bodies, 0 to find",
     "n_nearest": "Nearest limbs tried",
     "n_neighbours": "Neighbours aligned",
     "outlier": "Left out on a limb",
