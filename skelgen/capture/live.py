@@ -125,7 +125,7 @@ class Recogniser:
     prediction : PredictionParameters, optional
         Predict and smooth poses; they are as found if it is left out.
     executor : Executor, optional
-        Threads for the bodies.
+        Threads for the bodies; they end with the block of `with`.
     """
 
     def __init__(
@@ -134,11 +134,16 @@ class Recogniser:
         prediction: PredictionParameters | None,
         executor: Executor | None,
     ) -> None:
-        self._targets, self._joints = settings.bodies, settings.joints
+        self._executor, self._targets, self._joints = executor, settings.bodies, settings.joints
         self._bodies = BodyFinder(settings.bodies, search_parameters(settings), executor)
         names = [body.name for body in settings.bodies]
         self._prediction = None if prediction is None else Prediction(names, prediction)
         self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
+
+    def __exit__(self, *exception: object) -> None:
+        """End the threads."""
+        if self._executor is not None:
+            self._executor.shutdown()
 
     def load(self) -> None:
         """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
@@ -210,10 +215,10 @@ class MotionCapture(Recogniser):
     ) -> None:
         wanted = (os.cpu_count() or 1) > 1 if threads is None else threads
         n_threads = max(2, len(settings.bodies))
-        self._executor = ThreadPoolExecutor(n_threads, "capture") if wanted else None
+        executor = ThreadPoolExecutor(n_threads, "capture") if wanted else None
+        super().__init__(settings, prediction, executor)
         self.settings = settings
-        self._points = PointFinder(settings, self._executor)
-        super().__init__(settings, prediction, self._executor)
+        self._points = PointFinder(settings, executor)
         sizes = settings.rig.left.size, settings.rig.right.size
         self._pairs = BallPairs(*sizes) if prediction is not None and prediction.balls else None
         self._watch = RigWatch(settings.rig)
@@ -225,11 +230,6 @@ class MotionCapture(Recogniser):
         self._points.load()
         self.load()
         return self
-
-    def __exit__(self, *exception: object) -> None:
-        """End the threads."""
-        if self._executor is not None:
-            self._executor.shutdown()
 
     def run(self, source: FrameSource | Iterable[FramePair]) -> Iterator[Captured]:
         """Yield what is found in each pair of an open source, in order.

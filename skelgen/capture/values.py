@@ -212,3 +212,28 @@ class FrameSource(Protocol):
         SkelgenError
             If a camera breaks off or a file cannot be read; pairs before it were delivered.
         """
+
+
+def n_to_take(name: str, n_there: int | None, n_wanted: int | None, what: str) -> int:
+    """Return how many moments of a source are recorded.
+
+    Parameters
+    ----------
+    name : str
+        Of the source.
+    n_there : int or None
+        How many it has; None if it goes on without end.
+    n_wanted : int or None
+        How many are wanted at most; None for all.
+    what : str
+        What it delivers at a moment, several of them.
+
+    Raises
+    ------
+    InputError
+        If nothing says when to end.
+    """
+    counts = [count for count in (n_wanted, n_there) if count is not None]
+    if not counts:
+        raise InputError(f"{name} goes on without end; say how many {what} are taken: --frames")
+    return min(counts)

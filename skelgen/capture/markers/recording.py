@@ -13,7 +13,7 @@ from skelgen.capture.live import PointFinder
 from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import find_markers, noise_scale, track_pairs
 from skelgen.capture.markers.one_camera import BallStore, points_of_one_camera
-from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints
+from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints, n_to_take
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats
@@ -63,9 +63,7 @@ def markers_of(
     SkelgenError
         What the source raises when it breaks off.
     """
-    if n_frames is None and source.n_frames is None:
-        raise InputError(f"{source.name} goes on without end; say how many pairs of images are taken: --frames")
-    total = min(count for count in (n_frames, source.n_frames) if count is not None)
+    total = n_to_take(source.name, source.n_frames, n_frames, "pairs of images")
     monitor.begin("images")
     PointFinder(settings).load()
     with ThreadPoolExecutor(N_BLOBS, "images") as threads, source as pairs:

@@ -72,11 +72,11 @@ class RoomCapture(Recogniser):
 
     def __init__(self, settings: RoomSettings, prediction: PredictionParameters | None = None) -> None:
         cores = os.cpu_count() or 1
-        self._executor = ThreadPoolExecutor(cores, "capture") if cores > 1 else None
+        executor = ThreadPoolExecutor(cores, "capture") if cores > 1 else None
+        super().__init__(settings, prediction, executor)
         self.settings = settings
-        self._balls, self._matcher = BallFinder(settings, self._executor), PointMatcher(settings.rig)
+        self._balls, self._matcher = BallFinder(settings, executor), PointMatcher(settings.rig)
         self._tracks = PointTracks()
-        super().__init__(settings, prediction, self._executor)
         self._fits: deque[tuple[list[int], list[int]]] = deque(maxlen=WINDOW)
         self._known: set[str] = set()
 
@@ -86,11 +86,6 @@ class RoomCapture(Recogniser):
         self._balls.find(FrameSet(tuple(np.zeros(eye.size[::-1], dtype=np.uint8) for eye in cameras), 0.0, 0))
         self.load()
         return self
-
-    def __exit__(self, *exception: object) -> None:
-        """End the threads."""
-        if self._executor is not None:
-            self._executor.shutdown()
 
     def run(self, source: Iterable[FrameSet]) -> Iterator[RoomCaptured]:
         """Yield what is found in each set of an open source, in order."""

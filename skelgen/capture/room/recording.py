@@ -16,7 +16,7 @@ from skelgen.capture.room.sources import RoomSource
 from skelgen.capture.room.tracks import PointTracks
 from skelgen.capture.room.values import FrameSet, RoomPoints, Views, balls_at
 from skelgen.capture.room.watch import FitCounter
-from skelgen.capture.values import Balls, Image
+from skelgen.capture.values import Balls, Image, n_to_take
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats, Ints
@@ -141,9 +141,7 @@ def markers_of_room(
     InputError
         If the source has no end, other cameras than the settings, or nothing is seen by two of them.
     """
-    if n_frames is None and source.n_frames is None:
-        raise InputError(f"{source.name} goes on without end; say how many sets of images are taken: --frames")
-    total = min(count for count in (n_frames, source.n_frames) if count is not None)
+    total = n_to_take(source.name, source.n_frames, n_frames, "sets of images")
     monitor.begin("images")
     cores = os.cpu_count() or 1
     with ThreadPoolExecutor(cores, "images") as threads, source as sets:
