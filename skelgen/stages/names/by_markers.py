@@ -18,6 +18,7 @@ from skelgen.stages.names.marker_sets import MarkerSet, plain_name
 _SIDE_WORDS = {"l": "left", "left": "left", "lt": "left", "r": "right", "right": "right", "rt": "right"}
 SIDES = ("left", "right")
 _MIDDLE = frozenset({"head", "chest", "abdomen", "pelvis"})
+_FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 _AT_JOINT = 0.6
 """How much a marker beside a joint says of its limb; one amid a segment says 1."""
 
@@ -99,17 +100,22 @@ def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
     >>> segments_of_markers(["LTHI", "RTHI", "LANK", "C7", "gripper"])
     {'LTHI': ('left thigh', 1.0), 'RTHI': ('right thigh', 1.0), 'LANK': ('left shank', 0.6), 'C7': ('chest', 1.0)}
     """
-    best = {name: max(_readings(name), key=lambda reading: len(reading.word)) for name in markers}
-    known = {name: reading for name, reading in best.items() if reading.word}
-    sides = defaultdict(set)
-    for name in known:
-        for reading in _readings(name):
-            if reading.word and reading.side:
-                sides[reading.style, reading.rest].add(reading.side)
-    believed = {style for (style, _), found in sides.items() if len(found) == len(SIDES)}
-    on_sides = [reading for reading in known.values() if _words()[reading.word][0] not in _MIDDLE]
-    written = {(reading.style, reading.side) for reading in on_sides}
-    believed |= {style for style, side in written if side} if len(written) == 1 else set()
+    readings = {name: [one for one in _readings(name) if one.word] for name in markers}
+    written = defaultdict(set)
+    for one in chain.from_iterable(readings.values()):
+        written[one.style, one.rest].add(one.side)
+    mirrored = {key for key, sides in written.items() if sides >= {*SIDES}}
+    known = {
+        name: max(found, key=lambda one: ((one.style, one.rest) in mirrored, len(one.word)))
+        for name, found in readings.items()
+        if found
+    }
+    believed = {style for style, _ in mirrored}
+    on_sides = [one for one in known.values() if _words()[one.word][0] not in _MIDDLE]
+    if sum(bool(one.side) and one.style in believed for one in on_sides) < _LEAST_SHARE * len(on_sides):
+        believed = set()  # the left and the right marker of one hand
+    styles = {(one.style, one.side) for one in on_sides}
+    believed |= {style for style, side in styles if side} if len(styles) == 1 else set()
     return {name: _said(reading, reading.style in believed) for name, reading in known.items()}
 
 
@@ -148,7 +154,8 @@ def _readings(name: str) -> list[_Reading]:
 
 def _reading(style: str, side: str, rest: str, must_be_whole: bool = False) -> _Reading:
     after_number = rest.lstrip("0123456789")
-    fitting = (word for word in _words() if after_number.startswith(word) and (len(word) > _SHORT_WORD or rest == word))
+    begun = (word for word in _words() if rest.startswith(word) or after_number.startswith(word))
+    fitting = (word for word in begun if len(word) > _SHORT_WORD or rest == word)
     word = max(fitting, key=len, default="")
     is_refused = must_be_whole and word not in {after_number, after_number.rstrip("0123456789")}
     return _Reading(style, side, rest, "" if is_refused else word)
@@ -184,7 +191,14 @@ def _votes(on_limb: Sequence[str], segments: Mapping[str, tuple[str, float]]) ->
         votes[segment] += weight  # type: ignore[assignment]
     if len(told) < _LEAST_SHARE * len(on_limb):
         return Counter()
+    if len(votes) > 1:  # fingers on one limb are a hand
+        votes = sum((Counter({_with_hand(name): weight}) for name, weight in votes.items()), Counter())
     return Counter({name: weight for name, weight in votes.items() if weight >= _LEAST_SHARE * votes.total()})
+
+
+def _with_hand(name: str) -> str:
+    side, _, segment = name.rpartition(" ")
+    return f"{side} hand".strip() if segment in _FINGERS else name
 
 
 def _shared_stem(on_limb: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from skelgen.errors import ParameterError
 from skelgen.simulation.people.tables import MARKER_SETS, read_table, worn_markers
 
-OTHER_SETS = ("cleveland-clinic",)
+OTHER_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "nokov-53", "opencap")
 """Marker sets that the simulation does not wear."""
 
 MARKER_SET_CHOICES = ("auto", "none", *MARKER_SETS, *OTHER_SETS)
@@ -123,7 +123,11 @@ def _segments(name: str) -> Mapping[str, str]:
     if name in MARKER_SETS:
         markers = {plain_name(marker.name): marker.limb for marker in worn_markers(name)}
     else:
-        rows = _table(name)["markers"].items()
-        markers = {plain_name(marker): segment for segment, found in rows for marker in found}
+        rows = [(segment, marker) for segment, found in _table(name)["markers"].items() for marker in found]
+        markers = {
+            plain_name(marker.replace("@", letter)): segment.replace("@", side)
+            for letter, side in (("L", "left"), ("R", "right"))
+            for segment, marker in rows
+        }
     others = _table(name).get("also", {})
     return markers | {plain_name(other): markers[plain_name(one)] for other, one in others.items()}

@@ -62,7 +62,7 @@ def test_names_of_no_set_are_none():
     [
         (["L_knee", "r_knee", "r_thigh3", "r_5meta"], ["left thigh", "right thigh", "right thigh", "right foot"]),
         (["WaistLFront", "LUArmHigh", "RUArmHigh"], ["pelvis", "left upper arm", "right upper arm"]),
-        (["ASISl", "ASISr", "LARMm", "STYLu"], ["pelvis", "pelvis", "upper arm", "forearm"]),
+        (["ASISl", "ASISr", "LARMm", "STYLu"], ["pelvis", "pelvis", "forearm", "forearm"]),
         (["R.Thigh.Upper", "R.Shank.Front", "R.Heel"], ["right thigh", "right shank", "right foot"]),
         (["ELB_L", "ELB_M", "WRA"], ["upper arm", "upper arm", "forearm"]),
     ],
@@ -162,3 +162,8 @@ def test_a_joint_is_called_as_the_user_says_until_that_is_taken_back():
     again = skelgen.reconstruct(named.before("joints"))
     assert "coupling" in again.skeleton.joint_names
     assert without_correction(named, 0).skeleton.joint_names == project.skeleton.joint_names
+
+
+def test_fingers_that_share_a_limb_are_a_hand():
+    limbs, names = limbs_of([["hand_top", "thumb_tip", "index_tip"], ["ring_tip", "ring_middle"], ["elbow"]])
+    assert name_limbs(limbs, names) == ("hand", "ring", "upper arm")
