@@ -82,6 +82,9 @@ def take_pictures(app: QApplication, window: Window) -> None:
     window.pages.page("labels")
     window.session.select(Selection(frozenset({0, 1})))
     save(app, window, "labels")
+    window.actions_by_id["labelling"].trigger()
+    window.session.select(Selection(frozenset({0})))
+    save(app, window, "labelling")
 
 
 def take_capture_pictures(app: QApplication, window: Window) -> None:

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QSta
 from skelgen.model import Project
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.labelling.pane import LabellingPane
 from skelgen_gui.model import translate_with
 from skelgen_gui.model.cameras import up_axis
 from skelgen_gui.model.scene import Scene
@@ -165,7 +166,9 @@ class Window(QMainWindow):
         self.outline = Outline(self.session, self.corrections)
         self._outline_dock = self._dock("outline", self.tr("Names"), self.outline, right)
         self.tabifyDockWidget(corrections, self._outline_dock)
-
+        self.labelling = LabellingPane(self.document, self.corrections, self.runner)
+        self.labelling_dock = self._dock("labelling", self.tr("Labelling"), self.labelling, right)
+        self.tabifyDockWidget(corrections, self.labelling_dock)
         self.video = VideoPane(self.session, self.errors.report)
         self.video_dock = self._dock("video", self.tr("Video"), self.video, Qt.DockWidgetArea.RightDockWidgetArea)
         self.tabifyDockWidget(corrections, self.video_dock)
@@ -215,6 +218,9 @@ class Window(QMainWindow):
         self.commands.parameter_files.noticed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
         self.session.menu_requested.connect(lambda place: self._show_corrections(place, self.session.selection))
+        self.view3d.clicked.connect(self.labelling.clicked_in_view)
+        self.actions_by_id["labelling"].triggered.connect(self._show_labelling)
+        self.timeline.player.settings_changed.connect(self._note_span)
         self.cameras.changed.connect(self._show_cameras)
         self.pages.shown.connect(self._show_view)
         self._show_view(self.pages.current.key)
@@ -249,6 +255,17 @@ class Window(QMainWindow):
         self._outline_dock.show()
         self._outline_dock.raise_()
         self.outline.rename_selected()
+
+    def _show_labelling(self) -> None:
+        """Show the pane of labels, and go to what needs most work."""
+        self.labelling_dock.show()
+        self.labelling_dock.raise_()
+        self.labelling.table.setFocus(Qt.FocusReason.OtherFocusReason)
+
+    def _note_span(self) -> None:
+        """Tell the pane of labels which part of the take is chosen to be played: names then hold for that part."""
+        span, whole = self.timeline.player.range, (0, self.session.n_frames - 1)
+        self.labelling.span = None if span == whole else span
 
     def _note_up(self) -> None:
         """Tell the pages which axis the 3-D view has up: exports are turned as it is."""

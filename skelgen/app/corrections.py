@@ -13,7 +13,7 @@ from skelgen.model.arrays import Ints
 from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.progress import Monitor
 
-_EDITS = frozenset({"merge", "split", "rename", "delete", "swap"})
+_EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm"})
 """Kinds of corrections that change labels at once, without a new run."""
 
 
@@ -160,7 +160,7 @@ def corrected_labels(
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:
-    """The labels with one more correction; a new name changes nothing else."""
+    """The labels with one more correction; a new name, or that a name is right, changes nothing else."""
     from skelgen.stages.labels import (  # noqa: PLC0415 - loads scipy
         apply_corrections,
         corrected_quality,
@@ -174,6 +174,8 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
     if labelling is not None:
         stated = stated_positions(edits.trajectories, project.corrections)
         labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud), stated)
+    if correction.kind == "confirm":
+        return replace(project, _labelling=labelling)
     report = project.reports["labels"]
     notices = tuple(dict.fromkeys((*report.notices, correction.sentence, *edits.notices)))
     return project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)

@@ -244,9 +244,9 @@ def correct(
     project : Project
         With the labels that the markers are named by.
     kind : str
-        ``merge``, ``split``, ``rename``, ``delete``, ``swap`` (markers), ``together``, ``apart``, ``move`` (markers on
-        limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint`` (limbs by their markers), ``kind`` (type of a
-        joint), ``n_markers``, ``n_limbs``.
+        ``merge``, ``split``, ``rename``, ``delete``, ``swap``, ``confirm`` (markers), ``together``, ``apart``, ``move``
+        (markers on limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint`` (limbs by their markers), ``kind``
+        (type of a joint), ``n_markers``, ``n_limbs``.
     names : sequence of str
         Markers that it is about, the one that keeps its name first.
     value : str

@@ -53,6 +53,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "rename": Rule("labels", "{first} is called {value}", needs_value=True),
         "delete": Rule("labels", "{names} is nobody", most=0, has_frames=True),
         "swap": Rule("labels", "{names} change places", least=2, most=2, has_frames=True),
+        "confirm": Rule("labels", "{names} is rightly called so", most=0, has_frames=True),
         "n_markers": Rule("labels", "there are {value} markers", least=0, most=-1, needs_value=True),
         "together": Rule("limbs", "{names} share a limb", least=2, most=0),
         "apart": Rule("limbs", "no two of {names} share a limb", least=2, most=0),

@@ -85,6 +85,16 @@ def test_doubts_of_points_stay_when_other_markers_are_corrected():
     np.testing.assert_array_equal(second.labelling.confidence[100:102, :2], sure)
 
 
+def test_what_is_confirmed_is_certain_and_keeps_every_result(human):
+    confidence = np.where(human.trajectories.seen, 0.4, np.nan)
+    doubtful = dataclasses.replace(human, _labelling=dataclasses.replace(human.labelling, confidence=confidence))
+    sure = with_correction(doubtful, Correction("confirm", ("head 1",), 10, 19))
+    marker = human.trajectories.names.index("head 1")
+    assert np.nanmin(sure.labelling.confidence[10:20, marker]) > 0.99
+    assert sure.skeleton is human.skeleton
+    np.testing.assert_array_equal(sure.trajectories.positions, human.trajectories.positions)
+
+
 def test_a_new_name_keeps_every_result(human):
     renamed = with_correction(human, Correction("rename", ("head 1",), value="crown"))
     assert "crown" in renamed.trajectories.names
@@ -235,6 +245,7 @@ SENTENCES = {
     "rename": "a is called x",
     "delete": "a is nobody",
     "swap": "a and b change places",
+    "confirm": "a is rightly called so",
     "n_markers": "there are 3 markers",
     "name": "the limb of a is called x",
     "together": "a and b share a limb",

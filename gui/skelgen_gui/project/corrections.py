@@ -110,6 +110,10 @@ class CorrectionActions(QObject):
                 self._runner.run_again(before)
         self._go_on()
 
+    def report(self, error: Exception) -> None:
+        """Show why something cannot be stated."""
+        self._report_error(error)
+
     def end(self) -> None:
         """Apply no more corrections: the window closes."""
         self._queue.clear()

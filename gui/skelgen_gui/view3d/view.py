@@ -46,6 +46,8 @@ class View3D(QWidget):
     -------
     shown_changed(Shown)
         Other things are shown.
+    clicked()
+        Something was clicked and is selected now.
     context_requested(QPoint, Selection)
         The user wants a menu for what is selected, at a place on the screen.
 
@@ -58,6 +60,7 @@ class View3D(QWidget):
     """
 
     shown_changed = Signal(object)
+    clicked = Signal()
     context_requested = Signal(QPoint, object)
 
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
@@ -263,6 +266,7 @@ class View3D(QWidget):
             self._select_within(drag.band, adds)
         elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.LeftButton:
             self._select(self._pick(event.position()), adds)
+            self.clicked.emit()
         elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.RightButton:
             self._ask_for_menu(event)
         self.update()

@@ -46,7 +46,7 @@ class Command:
     text : str
         Text in the menu, with ``&`` before its key.
     key : str
-        Default key, empty for none.
+        Default key, empty for none; another one behind a semicolon.
     tip : str
         What it does, in one sentence.
     in_tool_bar : bool
@@ -81,6 +81,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("select_all", _EDIT, "Select &all markers", "Ctrl+A", "Select all markers"),
     Command("select_none", _EDIT, "Select &nothing", "Ctrl+Shift+A", "Select nothing"),
     Command("rename", _EDIT, "Rena&me", "F2", "Type another name for the selected limb or marker"),
+    Command("labelling", _EDIT, "&Label markers", "Ctrl+L", "Name markers, what needs most work first"),
     Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
     Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),
     Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run what is missing, or all anew", in_tool_bar=True),
@@ -110,8 +111,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame"),
     Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take"),
     Command(SEPARATOR, _PLAY),
-    Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker"),
-    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before"),
+    Command("next_doubt", _PLAY, "Next &doubt", "D; F3", "Go to the next doubtful marker"),
+    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D; Shift+F3", "Go to the doubtful marker before"),
     Command("tutorial", _HELP, "&First steps", tip="From a sample to a skeleton in five minutes"),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
@@ -172,11 +173,15 @@ def _action(command: Command, parent: QObject) -> QAction:
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
     action.setCheckable(command.is_checkable)
-    action.setShortcut(QKeySequence(command.key))
+    action.setShortcuts(QKeySequence.listFromString(command.key))
     action.setStatusTip(_translated(command.tip))
-    key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+    key = _keys_of(action)
     action.setToolTip(f"{_translated(command.tip)} ({key})" if key else _translated(command.tip))
     return action
+
+
+def _keys_of(action: QAction) -> str:
+    return ", ".join(key.toString(QKeySequence.SequenceFormat.NativeText) for key in action.shortcuts())
 
 
 def _translated(text: str) -> str:
@@ -228,7 +233,7 @@ class ShortcutsDialog(QDialog):
         row = self.table.rowCount()
         self.table.insertRow(row)
         name = action.text().replace("&", "").removesuffix("…")  # without its mark of a key
-        key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+        key = _keys_of(action)
         for number, text in enumerate((name, key, action.statusTip() or action.toolTip())):
             item = QTableWidgetItem(text)
             item.setFlags(Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable)

@@ -7,6 +7,7 @@ from skelgen.stages.names.marker_sets import (
     PARENTS,
     MarkerSet,
     find_marker_set,
+    marker_names,
     recognised_set,
 )
 
@@ -16,6 +17,7 @@ __all__ = [
     "MarkerSet",
     "contradicts_sides",
     "find_marker_set",
+    "marker_names",
     "name_bones",
     "name_limbs",
     "names_by_shape",

@@ -105,6 +105,12 @@ def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:
     return MarkerSet(name, str(_table(name)["title"]), taken, len(segments), len(names))
 
 
+def marker_names(name: str) -> tuple[str, ...]:
+    """Return the names of all markers of a set of `MARKER_SETS` or `OTHER_SETS`, in its order."""
+    markers = _table(name)["markers"]
+    return tuple(markers) if name in MARKER_SETS else tuple(one for found in markers.values() for one in found)
+
+
 def plain_name(name: str) -> str:
     """Return a marker's name without its subject, in small letters, letters and digits only."""
     return re.sub(r"[\W_]", "", name.rpartition(":")[2]).lower()

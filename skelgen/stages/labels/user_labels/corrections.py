@@ -108,7 +108,7 @@ def stated_positions(trajectories: Trajectories, corrections: Iterable[Correctio
     for correction in corrections:
         if correction.kind in _STATING:
             names = {*correction.names, correction.value} & {*trajectories.names}
-            frames = _frames(correction) if correction.kind == "swap" else slice(None)
+            frames = _frames(correction) if correction.kind in {"swap", "confirm"} else slice(None)
             stated[frames, [trajectories.names.index(name) for name in names]] = True
     return stated & trajectories.seen
 
@@ -174,6 +174,10 @@ class _Editor:
         self.source[frames, markers] = self.source[frames, markers[::-1]]
         self.touched[frames, markers] = True
 
+    def confirm(self, correction: Correction, markers: list[int]) -> None:
+        """Markers are those that they are called, in some frames: nothing changes, but that is certain now."""
+        self.touched[_frames(correction), markers] = True
+
     def _add_name(self, correction: Correction, name: str) -> None:
         if name in self.names:
             raise InputError(f"{correction.sentence}: there is a marker {name!r} already; choose another name")
@@ -194,10 +198,13 @@ class _Editor:
         return CorrectedLabels(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
 
 
-_ACTS = {act.__name__: act for act in (_Editor.merge, _Editor.split, _Editor.rename, _Editor.delete, _Editor.swap)}
+_ACTS = {
+    act.__name__: act
+    for act in (_Editor.merge, _Editor.split, _Editor.rename, _Editor.delete, _Editor.swap, _Editor.confirm)
+}
 
 
-_STATING = frozenset({"merge", "split", "swap"})
+_STATING = frozenset({"merge", "split", "swap", "confirm"})
 """Kinds that say of positions which marker they are."""
 
 
