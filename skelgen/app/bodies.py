@@ -196,6 +196,8 @@ def _renumbered(indices: Ints, kept: Ints) -> Ints:
 def _topology(topology: Topology, body: Body, joints: Ints) -> Topology:
     places = {int(limb): index for index, limb in enumerate(body.limbs)}
     loops = tuple((places[one], places[other]) for one, other in topology.loops if one in places and other in places)
+    inside = [span for span in topology.spans if places.keys() >= set(span.limbs)]
+    spans = tuple(replace(span, limbs=(places[span.limbs[0]], places[span.limbs[1]])) for span in inside)
     sure, rival = (
         None if values is None else values[joints] for values in (topology.edge_probability, topology.rival_probability)
     )
@@ -209,6 +211,7 @@ def _topology(topology: Topology, body: Body, joints: Ints) -> Topology:
         loops=loops,
         edge_probability=sure,
         rival_probability=rival,
+        spans=spans,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import transform_from
 from skelgen.model import Limbs, PointCloud, Poses, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_coordinates
 
@@ -94,6 +95,21 @@ def trajectories_from_poses(poses: Poses, length: float | None = None) -> Trajec
     points = np.einsum("fbij,kj->fbki", rotations, length * _BODY_POINTS) + origins[:, :, np.newaxis]
     names = tuple(f"{body}:{point}" for body in poses.names for point in _BODY_POINT_NAMES)
     return Trajectories(points.reshape(poses.n_frames, len(names), 3), names, poses.rate, poses.name, poses.notices)
+
+
+def poses_of_markers(trajectories: Trajectories) -> Floats:
+    """Return world_from_body of bodies from their virtual markers, shape (n_frames, n_bodies, 4, 4), lengths in mm.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        From `trajectories_from_poses`, perhaps with positions taken out; bodies that are not whole are NaN.
+    """
+    points = trajectories.positions.reshape(trajectories.n_frames, -1, len(_BODY_POINTS), 3)
+    points = np.where(np.isnan(points).any(axis=(2, 3), keepdims=True), np.nan, points)
+    axes = points[:, :, 1:4] - points[:, :, :1]
+    turns = (axes / np.linalg.norm(axes, axis=3, keepdims=True)).swapaxes(2, 3)
+    return transform_from(turns, points[:, :, 0])
 
 
 def body_of(marker: str) -> str:

@@ -15,6 +15,7 @@ _MOST_POINTERS = 200
 
 
 _LIMBS = re.compile(r"\blimbs? (\d+)(?: and (?:limb )?(\d+))?")
+_FRAME = re.compile(r"\bframes? (\d+)")
 _UNKNOWN = "interpolated"
 """What notices say of limbs that too few markers show."""
 
@@ -136,6 +137,8 @@ def _limb_pointer(project: Project, sentence: str, limbs: list[int]) -> Pointer:
     markers = np.flatnonzero(np.isin(project.limbs.limb_of_marker, limbs)).tolist()
     unknown = ~project.motion.limb_seen[:, limbs].all(axis=1) if project.has("skeleton") else np.zeros(1, dtype=bool)
     frame = int(unknown.argmax()) if _UNKNOWN in sentence and unknown.any() else None
+    if told := _FRAME.search(sentence):
+        frame = int(told[1])
     return Pointer(sentence, frame, tuple(markers))
 
 
@@ -196,6 +199,8 @@ def _about_joints(project: Project) -> Iterator[str]:
     if len(topology.loops):
         pairs = ", ".join(f"{first} and {second}" for first, second in topology.loops)
         yield f"Loops would be closed by joints between the limbs {pairs}."
+    if topology.spans:
+        yield f"{counted(len(topology.spans), 'joint')} more for a part of the take only."
 
 
 def _about_skeleton(project: Project) -> Iterator[str]:

@@ -20,8 +20,14 @@ from skelgen.app.constraints import (
     stated_number,
 )
 from skelgen.app.corrections import corrected_labels
-from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
+from skelgen.app.inputs import (
+    check_trajectories,
+    limbs_from_poses,
+    limbs_with_parts,
+    trajectories_from_poses,
+)
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, with_joint_names
+from skelgen.app.sensors import joints_of_bodies, repaired_sensors
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
@@ -241,6 +247,8 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     )
     held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):
+        if isinstance(project.take, Poses):
+            return JointResult(joints_of_bodies(project, find, constraints, monitor))
         topology = find(constraints=constraints, monitor=held)
         if settings.limbs.marker_set == "auto" and _wears_set(project):
             prior = with_tree(project, topology, constraints, joints_of_person(project), monitor)
@@ -337,22 +345,7 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
         "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
         "its axes), named body:o, body:x, body:-x and so on"
     )
-    return LabelResult(trajectories_from_poses(_repaired(poses, monitor)), None)
-
-
-def _repaired(poses: Poses, monitor: Monitor) -> Poses:
-    """Bodies whose exchanged sensors are exchanged back, and whose sensors that slipped are moved back."""
-    from skelgen.stages.joints import slips_moved_back  # noqa: PLC0415 - see the module's docstring
-    from skelgen.stages.repair import exchanged_back  # noqa: PLC0415
-
-    world_from_body, exchanges = exchanged_back(poses.world_from_body)
-    for one, other, frame in exchanges:
-        pair = f"{poses.names[one]} and {poses.names[other]}"
-        monitor.notice(f"the sensors of {pair} are exchanged from frame {frame} on; they are exchanged back")
-    bodies, slips = slips_moved_back(replace(poses, world_from_body=world_from_body) if exchanges else poses)
-    for slip in slips:
-        monitor.notice(slip.told_of(poses.names[slip.limb]))
-    return bodies
+    return LabelResult(trajectories_from_poses(repaired_sensors(poses, monitor)), None)
 
 
 def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:

@@ -67,6 +67,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["joints"] = _joint_rows(project)
         names = project.limbs.names
         tables["loops"] = [joint_between(names[first], names[second]) for first, second in project.topology.loops]
+        tables["joint_spans"] = _span_rows(project)
     if project.has("skeleton"):
         tables["angles"] = _angle_rows(project)
         tables["closed_loops"] = _loop_rows(project)
@@ -172,6 +173,22 @@ def _joint_rows(project: Project) -> list[Row]:
             row["to_do"] = observed[index].advice or None
         rows.append(row)
     return rows
+
+
+def _span_rows(project: Project) -> list[Row]:
+    """One row per joint that holds for a part of the take only."""
+    names = project.limbs.names
+    return [
+        {
+            "joint": joint_between(*(names[limb] for limb in span.limbs)),
+            "first_frame": span.first_frame,
+            "last_frame": span.last_frame,
+            "is_fixed": span.is_fixed,
+            "gap_mm": span.gap,
+            "gap_beyond_mm": span.gap_beyond,
+        }
+        for span in project.topology.spans
+    ]
 
 
 def _across(joint: Joint, covariance: Floats | None) -> float | None:

@@ -216,6 +216,7 @@ _TITLES = {
     "limbs": "Limbs",
     "joints": "Joints",
     "angles": "Joint angles",
+    "joint_spans": "Joints that hold for a part of the take only",
     "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }

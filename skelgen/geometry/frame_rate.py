@@ -15,6 +15,7 @@ from skelgen.geometry.rotations import matrix_from_vector, transform_from, vecto
 from skelgen.model import Motion, PointCloud, Project, Skeleton, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, PositionSource
+from skelgen.model.joint_spans import JointSpan
 
 AS_RECORDED_RATE = 0.0
 """The wish that leaves frames as they are."""
@@ -121,10 +122,17 @@ def _project(project: Project, rate: float) -> Project:
     if project.has("joints"):
         topology = project.topology
         at = _between(len(topology.raw_joint_positions), project.trajectories.rate, rate)
-        changes["_topology"] = replace(topology, raw_joint_positions=_line(topology.raw_joint_positions, at))
+        raw, factor = _line(topology.raw_joint_positions, at), rate / project.trajectories.rate
+        spans = tuple(_span_at(span, factor, len(raw) - 1) for span in topology.spans)
+        changes["_topology"] = replace(topology, raw_joint_positions=raw, spans=spans)
     if project.has("skeleton"):
         changes["_motion"] = _motion(project.motion, project.skeleton, changes["_trajectories"], rate)
     return replace(project, **changes)
+
+
+def _span_at(span: JointSpan, factor: float, last: int) -> JointSpan:
+    first_frame, last_frame = (min(round(factor * frame), last) for frame in (span.first_frame, span.last_frame))
+    return replace(span, first_frame=first_frame, last_frame=last_frame)
 
 
 def _take(take: Take, rate: float) -> Take:

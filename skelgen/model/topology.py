@@ -13,6 +13,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_probabilities, set_fields
+from skelgen.model.joint_spans import JointSpan
 from skelgen.model.limbs import DOUBTFUL
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ class Topology:
         Pairs of limbs that seem joined although the tree does not join them: they close kinematic loops.
     final_alpha : float
         Weight of the mean marker-joint distance in `values`, with which joints are placed.
+    spans : tuple of JointSpan
+        Joints beyond the tree that hold for a part of the take only.
     edge_probability, rival_probability : ndarray, shape (n_joints,), or None
         Probability that the two limbs of each joint are neighbours, and that those of its rival are instead; 1 and 0
         where the user states the joint; None where it was not estimated.
@@ -58,6 +61,7 @@ class Topology:
     final_alpha: float = 0.0
     edge_probability: Floats | None = None
     rival_probability: Floats | None = None
+    spans: tuple[JointSpan, ...] = ()
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -73,9 +77,10 @@ class Topology:
         for name in ("edge_probability", "rival_probability"):
             if getattr(self, name) is not None:
                 set_fields(self, **{name: check_probabilities(getattr(self, name), (n_joints,), name)})
-        for pair in self.loops:
+        set_fields(self, spans=tuple(self.spans))
+        for pair in (*self.loops, *(span.limbs for span in self.spans)):
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
-                raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
+                raise InputError(f"a loop, or a joint for a span, joins two of {n_limbs} limbs, not {pair}")
 
     @property
     def graph(self) -> Graph:

@@ -5,6 +5,7 @@ May change with every version; scripts import what they need from `skelgen`.
 
 from skelgen.files import TRUTH_SUFFIX
 from skelgen.simulation.articulated import LimbModel, Structure, resized
+from skelgen.simulation.parameters import SimulationParameters
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
     STRUCTURE_NAMES,
@@ -15,7 +16,7 @@ from skelgen.simulation.structures import (
     random_tree,
     rods_chain,
 )
-from skelgen.simulation.take import SimulatedTake, SimulationParameters, simulate
+from skelgen.simulation.take import SimulatedTake, simulate
 from skelgen.simulation.truth import Truth, read_truth, write_truth
 
 __all__ = [

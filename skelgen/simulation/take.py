@@ -1,15 +1,15 @@
 """A simulated take: a structure moves, a tracker watches, and the truth is kept."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from skelgen.errors import ParameterError
-from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints, check_whole
-from skelgen.parameters import Declaration, StageParameters, declare
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints, check_whole
 from skelgen.simulation.articulated import Structure
+from skelgen.simulation.holds import TOOL, Hold, held, sensed
 from skelgen.simulation.markers import (
     carried_markers,
     dropouts,
@@ -22,8 +22,8 @@ from skelgen.simulation.markers import (
     soft_tissue_motion,
 )
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
+from skelgen.simulation.parameters import NONE, OF_PEOPLE, REALISTIC, SimulationParameters
 from skelgen.simulation.people import (
-    HEIGHTS,
     MARKER_SETS,
     MOTIONS,
     SLOWEST,
@@ -39,101 +39,24 @@ from skelgen.simulation.truth import Truth
 from skelgen.simulation.visibility import CAMERAS_NEEDED, camera_ring, seen_by_cameras
 
 # Each has its own random numbers, by its place in the list.
-_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates", "person")
+_STREAMS = (
+    "motion",
+    "tissue",
+    "noise",
+    "dropouts",
+    "ghosts",
+    "order",
+    "edges",
+    "duplicates",
+    "person",
+    "hold",
+    "sensors",
+)
 _UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot carry one label
 _OF_RANDOM_MOTION = ("motion_range", "walk", "speed")
-_OF_STRUCTURES = ("spacing", "subjects", "apart")
+_OF_STRUCTURES = ("spacing", "subjects", "apart", "hold")
 _NEXT_SUBJECT = 1_000_003
 """Step of the seeds of further bodies, which no user counts up to."""
-
-_OF_PEOPLE = ("motion", "marker_set", "height")
-_REALISTIC, _NONE = "realistic", "none"
-_SLIDE = Declaration("soft_tissue", float, 0.0, "", unit="mm", low=0.0, high=1000.0)
-
-
-@dataclass(frozen=True)
-class SimulationParameters(StageParameters):
-    """Parameters of the motion, and of the faults of the tracker."""
-
-    stage: ClassVar[str] = "simulate"
-
-    n_frames: int = declare(1000, "Length of the take.", unit="frames", within=(1, 1_000_000))
-    rate: float = declare(100.0, "Frame rate.", unit="Hz", within=(1e-3, 1e5))
-    noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", within=(0.0, 1000.0))
-    soft_tissue: str = declare(
-        _NONE,
-        "What skin does to markers: realistic, as measured on people; none; or the standard deviation of each marker's "
-        "slide on its limb, per coordinate, in mm.",
-    )
-    dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
-    dropout_seconds: float = declare(
-        0.0,
-        "Mean length of the pieces that are lost, which varies as waiting times do; 0: bursts of 5 to 40 frames, and "
-        "single ones.",
-        unit="s",
-        within=(0.0, 100.0),
-    )
-    n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", within=(0, 64))
-    ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", within=(0.0, 1000.0))
-    merged: float = declare(
-        0.0,
-        "Markers nearer than this become one point, their mean, which is no marker's in the truth; needs labelled = "
-        "false.",
-        unit="mm",
-        within=(0.0, 1000.0),
-    )
-    duplicates: float = declare(
-        0.0, "Mean number of markers per frame that are seen as two points; needs labelled = false.", within=(0.0, 1e3)
-    )
-    edge_jumps: float = declare(
-        0.0,
-        "Standard deviation of each coordinate in the first and last frames in which a marker is seen.",
-        unit="mm",
-        within=(0.0, 1000.0),
-    )
-    labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
-    motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", within=(0.0, 3.0))
-    walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", within=(0.0, 1e5))
-    speed: float = declare(1.0, "How many times as fast as usual limbs and root move at random.", within=(0.01, 100.0))
-    spacing: float = declare(
-        0.0,
-        "Median distance of markers from the nearest one on their limb, which are drawn together; 0: as they are worn.",
-        unit="mm",
-        within=(0.0, 1000.0),
-    )
-    subjects: int = declare(1, "How many bodies there are, each with a motion of its own.", within=(1, 20))
-    apart: float = declare(3000.0, "How far neighbouring bodies are apart.", unit="mm", within=(0.0, 1e5))
-    motion: str = declare("random", "How a human moves.", choices=("random", *MOTIONS))
-    marker_set: str = declare(
-        _NONE,
-        "Markers as people wear them, on a human; none: markers that wind around all limbs. A human who walks, runs or "
-        "the like wears plug-in-gait unless told otherwise.",
-        choices=(_NONE, *MARKER_SETS),
-    )
-    height: float = declare(
-        0.0, "Height of a human who wears a marker set; 0: drawn by the seed.", unit="mm", within=(0.0, HEIGHTS[1])
-    )
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "soft_tissue", str(self.soft_tissue))
-        super().__post_init__()
-        if 0 < self.height < HEIGHTS[0]:
-            raise ParameterError(f"{self.stage}: height is {self.height:g}; it must be 0 or at least {HEIGHTS[0]:g} mm")
-        if self.soft_tissue not in {_REALISTIC, _NONE}:
-            try:
-                _SLIDE.check(self.soft_tissue, self.stage)
-            except ParameterError as error:
-                raise ParameterError(f"{error}, or be {_REALISTIC} or {_NONE}") from error
-
-    @property
-    def slide(self) -> float:
-        """Standard deviation [mm] that `soft_tissue` states; 0 where it is realistic or none."""
-        return 0.0 if self.soft_tissue in {_REALISTIC, _NONE} else float(self.soft_tissue)
-
-    @property
-    def is_of_person(self) -> bool:
-        """Whether somebody with a size, a marker set and a natural motion is simulated."""
-        return any(getattr(self, option) != getattr(type(self), option) for option in _OF_PEOPLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +65,13 @@ class SimulatedTake:
 
     Attributes
     ----------
-    take : Trajectories or PointCloud
+    take : Trajectories, PointCloud or Poses
         What the tracker delivers.
     truth : Truth
         What happened.
     """
 
-    take: Trajectories | PointCloud
+    take: Trajectories | PointCloud | Poses
     truth: Truth
 
 
@@ -177,7 +100,7 @@ def simulate(
     Returns
     -------
     SimulatedTake
-        A `Trajectories`, or a `PointCloud` with ``labelled=False``, and its `Truth`.
+        A `Trajectories`, a `PointCloud` with ``labelled=False``, or `Poses` with ``sensors=True``; and its `Truth`.
 
     Raises
     ------
@@ -205,6 +128,8 @@ def simulate(
         settings = _settings(parameters or SimulationParameters(), options)
         make = _living if settings.is_of_person else _moved
         bodies = [make(structure, settings, seed + number * _NEXT_SUBJECT) for number in range(settings.subjects)]
+        if settings.hold == "tool":
+            bodies.append(_moved(TOOL, settings, seed + _NEXT_SUBJECT))
         if len(bodies) > 1:
             return _delivered(*_together(bodies))
         scene = bodies[0]
@@ -223,12 +148,13 @@ class _Scene:
     poses: Floats
     rigid: Floats
     person: Person | None = None
+    holds: tuple[Hold, ...] = ()
 
 
 def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
     """Move a body as recorded; the seed is that of the faults alone."""
     _refuse(settings, _OF_RANDOM_MOTION, "random motion; a recorded one is played as it is")
-    _refuse(settings, _OF_PEOPLE, "the simulated human; bones of a recorded motion get markers_per_limb")
+    _refuse(settings, OF_PEOPLE, "the simulated human; bones of a recorded motion get markers_per_limb")
     _refuse(settings, _OF_STRUCTURES, "simulated bodies; a recorded motion is that of one")
     n_frames, recorded_frames = settings.n_frames, len(recorded.world_from_limb)
     if n_frames > recorded_frames:
@@ -256,10 +182,10 @@ def _living(structure: Structure | str, settings: SimulationParameters, seed: in
     """Let a person move, who wears a marker set."""
     if structure != "human":
         name = structure.name if isinstance(structure, Structure) else structure
-        _refuse(settings, _OF_PEOPLE, f"the structure human, not to {name}")
+        _refuse(settings, OF_PEOPLE, f"the structure human, not to {name}")
     _refuse(settings, ("spacing",), "structures without a marker set")
     streams, n_frames, rate = _streams(seed), settings.n_frames, settings.rate
-    marker_set = MARKER_SETS[0] if settings.marker_set == _NONE else settings.marker_set
+    marker_set = MARKER_SETS[0] if settings.marker_set == NONE else settings.marker_set
     someone, rng = person(marker_set, settings.height, streams["person"]), streams["motion"]
     if settings.motion in MOTIONS:
         _refuse(settings, _OF_RANDOM_MOTION, f"random motion, not to motion {settings.motion}")
@@ -301,7 +227,10 @@ def _together(bodies: list[_Scene]) -> tuple[_Scene, Floats]:
     rigid[:, :, 1] += apart * subject_of_marker
     angles = [angle for body in bodies for angle in body.angles]
     scene = _Scene(everybody, first.settings, first.streams, f"{len(bodies)}-{first.name}", angles, poses, rigid)
-    return scene, displaced
+    if first.settings.hold == NONE:
+        return scene, displaced
+    poses, hold = held(everybody, poses, first.settings.hold == "tool", first.streams["hold"])
+    return replace(scene, poses=poses, rigid=carried_markers(everybody, poses), holds=(hold,)), displaced
 
 
 def _settings(parameters: SimulationParameters, options: dict[str, object]) -> SimulationParameters:
@@ -318,7 +247,7 @@ def _settings(parameters: SimulationParameters, options: dict[str, object]) -> S
 def _displaced(scene: _Scene) -> Floats:
     """What soft tissue does to the markers [mm], shape (n_frames, n_markers, 3)."""
     body, settings, rng = scene.body, scene.settings, scene.streams["tissue"]
-    if settings.soft_tissue == _REALISTIC:
+    if settings.soft_tissue == REALISTIC:
         sliding, plates = (scene.person.sliding, scene.person.plates) if scene.person else (None, ())
         return skin_motion(body, scene.poses, scene.angles, settings.rate, rng, sliding=sliding, plates=plates)
     if settings.slide > 0:
@@ -335,19 +264,15 @@ def _observed(scene: _Scene, displaced: Floats) -> Floats:
         cameras = camera_ring(positions, settings.n_cameras)
         observed[~seen_by_cameras(body, scene.poses, positions, cameras)] = np.nan
     if settings.dropouts > 0:
-        n_frames, n_markers = positions.shape[:2]
-        rng, mean_frames = streams["dropouts"], settings.dropout_seconds * settings.rate
-        if mean_frames > 0:
-            lost = pieces_lost(n_frames, n_markers, settings.dropouts, mean_frames, rng)
-        else:
-            lost = dropouts(n_frames, n_markers, settings.dropouts, rng)
-        observed[lost] = np.nan
+        observed[_lost(settings, positions.shape[1], streams["dropouts"])] = np.nan
     if settings.edge_jumps > 0:
         observed = edge_jumps(observed, settings.edge_jumps, streams["edges"])
     return observed
 
 
 def _delivered(scene: _Scene, displaced: Floats) -> SimulatedTake:
+    if scene.settings.sensors:
+        return SimulatedTake(_sensor_take(scene), _truth(scene, np.empty(0, dtype=np.intp), displaced))
     settings, observed = scene.settings, _observed(scene, displaced)
     if settings.labelled:
         take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
@@ -362,6 +287,22 @@ def _delivered(scene: _Scene, displaced: Floats) -> SimulatedTake:
     points, starts, markers = shuffled_points(observed, (frames, owners, points), scene.streams["order"])
     cloud = PointCloud(points, starts, np.arange(settings.n_frames) / settings.rate, name=scene.name)
     return SimulatedTake(cloud, _truth(scene, markers, displaced))
+
+
+def _sensor_take(scene: _Scene) -> Poses:
+    settings, body = scene.settings, scene.body
+    world = sensed(scene.poses, settings.noise, np.deg2rad(settings.turn_noise), scene.streams["sensors"])
+    if settings.dropouts > 0:
+        world[_lost(settings, body.n_limbs, scene.streams["dropouts"])] = np.nan
+    return Poses(world, body.limb_names, settings.rate, scene.name)
+
+
+def _lost(settings: SimulationParameters, count: int, rng: np.random.Generator) -> Bools:
+    """Which of some markers or sensors are lost in which frames, shape (n_frames, count)."""
+    mean_frames = settings.dropout_seconds * settings.rate
+    if mean_frames > 0:
+        return pieces_lost(settings.n_frames, count, settings.dropouts, mean_frames, rng)
+    return dropouts(settings.n_frames, count, settings.dropouts, rng)
 
 
 def _of_nobody(frames: Ints, points: Floats) -> tuple[Ints, Ints, Floats]:
@@ -390,4 +331,8 @@ def _truth(scene: _Scene, marker_of_point: Ints, displaced: Floats) -> Truth:
         rate=scene.settings.rate,
         name=scene.name,
         soft_tissue=displaced,
+        hold_limbs=np.array([hold.limbs for hold in scene.holds], dtype=np.intp).reshape(-1, 2),
+        hold_frames=np.array([(hold.first_frame, hold.last_frame) for hold in scene.holds], dtype=np.intp).reshape(
+            -1, 2
+        ),
     )

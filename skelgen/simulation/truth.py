@@ -19,7 +19,7 @@ from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.model.topology import check_forest, joint_children
 
 _VERSION = 1
-_LATER = "soft_tissue"  # files of earlier versions do not hold it
+_LATER = ("soft_tissue", "hold_limbs", "hold_frames")  # files of earlier versions do not hold them
 _MOST_TIMES, _FREE_MEMORY = 16, 1 << 24  # noise and motion shrink to a half; what a small file may take, in bytes
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError),  # a damaged archive
@@ -64,6 +64,8 @@ class Truth:
         Frame rate.
     name : str
         Name of the take.
+    hold_limbs, hold_frames : ndarray of intp, shape (n_holds, 2)
+        Limbs that hold on to each other for a span beyond the tree, and its first and last frame.
     """
 
     marker_names: tuple[str, ...]
@@ -81,9 +83,12 @@ class Truth:
     rate: float
     name: str = ""
     soft_tissue: Floats = field(default_factory=lambda: np.empty((0, 0, 3)))
+    hold_limbs: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.intp))
+    hold_frames: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.intp))
 
     def __post_init__(self) -> None:
-        ints = {"parents": (None,), "limb_of_marker": (None,), "marker_of_point": (None,)}
+        ints: dict[str, tuple[int | None, ...]] = {"parents": (None,), "limb_of_marker": (None,)}
+        ints |= {"marker_of_point": (None,), "hold_limbs": (None, 2), "hold_frames": (len(self.hold_limbs), 2)}
         for name, shape in ints.items():
             object.__setattr__(self, name, check_ints(getattr(self, name), shape, name))
         n_limbs, n_markers = len(self.parents), len(self.limb_of_marker)
@@ -111,6 +116,8 @@ class Truth:
             raise InputError("limb_of_marker names a limb that is not there")
         if (self.marker_of_point < -1).any() or (self.marker_of_point >= n_markers).any():
             raise InputError("marker_of_point names a marker that is not there")
+        if (self.hold_limbs < 0).any() or (self.hold_limbs >= n_limbs).any():
+            raise InputError("hold_limbs names a limb that is not there")
         if len(self.joint_kinds) != n_joints or not set(self.joint_kinds) <= set(JOINT_TYPES):
             raise InputError(f"joint_kinds must be {n_joints} of {', '.join(JOINT_TYPES)}")
 
@@ -207,7 +214,7 @@ def read_truth(path: Path | str) -> Truth:
 
 def _from_arrays(arrays: dict[str, Any]) -> Truth:
     texts = {name: tuple(map(str, arrays[name])) for name in ("marker_names", "limb_names", "joint_kinds")}
-    values = {entry.name: arrays[entry.name] for entry in dataclasses.fields(Truth) if entry.name != _LATER}
-    values |= {_LATER: arrays[_LATER]} if _LATER in arrays else {}
+    values = {entry.name: arrays[entry.name] for entry in dataclasses.fields(Truth) if entry.name not in _LATER}
+    values |= {later: arrays[later] for later in _LATER if later in arrays}
     values |= texts | {"rate": float(arrays["rate"]), "name": str(arrays["name"])}
     return Truth(**values)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.errors import ParameterError
+from skelgen.kinematics.joints.closed_form import fit_fixed_point
+from skelgen.model import Poses
 from skelgen.simulation import find_structure, simulate
 from skelgen.simulation.markers import pieces_lost
 from skelgen.simulation.subjects import with_spacing
@@ -64,3 +66,42 @@ def test_pieces_that_are_lost_have_the_length_and_the_share_that_were_wished():
 def test_a_marker_set_has_its_own_spacing():
     with pytest.raises(ParameterError, match="spacing belongs to"):
         simulate("human", n_frames=30, motion="walk", spacing=20.0)
+
+
+@pytest.mark.parametrize("hold", ["partners", "tool"])
+def test_who_holds_on_keeps_a_point_in_common_for_the_span_and_all_joints_all_the_time(hold):
+    truth = simulate("human", n_frames=400, seed=1, hold=hold, subjects=2 if hold == "partners" else 1).truth
+    alone = simulate("human", n_frames=400, seed=1).truth
+    np.testing.assert_array_equal(truth.world_from_limb[:, : alone.n_limbs], alone.world_from_limb)
+    (first, last), pair = truth.hold_frames[0], truth.hold_limbs[0]
+    one, other = (truth.world_from_limb[:, limb] for limb in pair)
+    gap = fit_fixed_point(one[first : last + 1], other[first : last + 1], np.zeros(3), np.zeros(3))
+    assert gap is not None and gap.gap < 1e-4
+    apart = fit_fixed_point(one, other, np.zeros(3), np.zeros(3))
+    assert apart is not None and apart.gap > 100.0**2
+    pose = truth.world_from_limb[:, truth.edges[:, 0]]
+    places = np.einsum("fjab,jb->fja", pose[..., :3, :3], truth.positions_in_parent) + pose[..., :3, 3]
+    np.testing.assert_allclose(places, truth.joint_positions, atol=1e-9)
+
+
+def test_sensors_sit_anywhere_on_their_limbs_and_err_as_wished():
+    simulated = simulate("human", n_frames=300, sensors=True, noise=2.0, turn_noise=0.5, dropouts=0.1)
+    take, truth = simulated.take, simulated.truth
+    assert isinstance(take, Poses) and take.names == truth.limb_names
+    mounts = np.linalg.inv(truth.world_from_limb) @ take.world_from_body
+    assert np.nanstd(mounts[..., :3, 3], axis=0).mean() == pytest.approx(2.0, rel=0.1)
+    assert np.isnan(mounts[..., 0, 0]).mean() == pytest.approx(0.1, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"hold": "partners"}, "partners who hold hands are two"),
+        ({"hold": "tool", "subjects": 2}, "one subject takes the tool"),
+        ({"sensors": True, "ghosts": 1.0}, "belongs to markers"),
+        ({"turn_noise": 1.0}, "turn_noise belongs to sensors"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(options, says):
+    with pytest.raises(ParameterError, match=says):
+        simulate("human", n_frames=20, **options)

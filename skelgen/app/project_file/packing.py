@@ -28,11 +28,12 @@ from skelgen.model import (
 )
 from skelgen.model.arrays import displayable
 from skelgen.model.corrections import Correction, Place
+from skelgen.model.joint_spans import JointSpan
 from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
 from skelgen.model.project import Source
 
 _TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Place, Source)
-_RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
+_RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, JointSpan, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
 _FIELDS_ON_DISK = {("Labelling", "classic"): "seed_method"}

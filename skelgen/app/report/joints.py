@@ -60,7 +60,17 @@ def _joints(project: Project, graph: CostGraph) -> Content:
         row |= {"rival": _rival(joint), "sure": _sure(joint), "is_doubtful": joint.is_doubtful}
         row |= _fitted(fitted[index]) if fitted else {}
         rows.append(row)
-    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
+    spans = [
+        {
+            "limbs": span.limbs,
+            "frames": f"{span.first_frame} to {span.last_frame}",
+            "how": "fixed to each other" if span.is_fixed else "joined",
+            "gap": fixed(span.gap, 1),
+            "beyond": fixed(span.gap_beyond, 1),
+        }
+        for span in topology.spans
+    ]
+    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha), "spans": spans}
 
 
 def _sure(joint: JointCost) -> str:

@@ -7,6 +7,15 @@
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, limb_pairs
 from skelgen.stages.joints.sensor_repair import slips_moved_back
 from skelgen.stages.joints.sensor_slips import find_sensor_slips
+from skelgen.stages.joints.spans import find_joint_spans
 from skelgen.stages.joints.stage import find_joints
 
-__all__ = ["JointConstraints", "JointParameters", "find_joints", "find_sensor_slips", "limb_pairs", "slips_moved_back"]
+__all__ = [
+    "JointConstraints",
+    "JointParameters",
+    "find_joint_spans",
+    "find_joints",
+    "find_sensor_slips",
+    "limb_pairs",
+    "slips_moved_back",
+]
