@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from shown import show, show_machine
 
-from skelgen.capture.room import PointMatcher, PointTracks
+from skelgen.capture.room import RoomTracker
 from skelgen.capture.room.simulated import blobs_of, person_scene, room_rig
 
 CAMERAS = (2, 3, 4, 6, 8, 16)
@@ -28,30 +28,35 @@ def row(n_cameras: int, n_frames: int, seed: int) -> tuple[str, ...]:
     rig = room_rig(n_cameras)
     scene, rng = person_scene(rig, n_frames, seed=seed), np.random.default_rng(seed)
     frames = [blobs_of(scene, frame, rig, rng) for frame in range(n_frames)]
-    matcher, tracks = PointMatcher(rig), PointTracks()
-    matcher.find(frames[0][0])
+    tracker = RoomTracker(rig)
+    tracker.load()
     begin, found = time.process_time(), []
     for frame, (views, _) in enumerate(frames):
-        points = matcher.find(views, tracks.expected(frame / scene.rate))
-        found.append((points, tracks.follow(points, frame / scene.rate)))
+        found.append(tracker.see(views, frame / scene.rate))
     seconds = time.process_time() - begin
-    n_seen = n_found = n_wrong = n_points = 0
-    errors = []
+    n_seen = n_found = n_wrong = n_points = n_alone = n_placed = 0
+    errors, errors_alone = [], []
     for frame, ((points, own), (_, numbers)) in enumerate(zip(found, frames, strict=True)):
-        kept = tracks.are_markers(own)
+        kept = tracker.tracks.are_markers(own)
         places, std = points.points[kept], np.sqrt(np.linalg.eigvalsh(points.covariance[kept])[:, -1])
         known = np.concatenate([one[one >= 0] for one in numbers])
-        seen = np.flatnonzero(np.bincount(known, minlength=scene.positions.shape[1]) >= FEWEST)
+        count = np.bincount(known, minlength=scene.positions.shape[1])
+        seen = np.flatnonzero(count >= FEWEST)
         gaps = np.linalg.norm(places[:, np.newaxis] - scene.positions[frame], axis=2)
         nearest, off = gaps.argmin(axis=1), gaps.min(axis=1)
         is_right = off <= DEVIATIONS * std + LEAST
         n_seen, n_points, n_wrong = n_seen + len(seen), n_points + len(places), n_wrong + int((~is_right).sum())
         n_found += int(np.isin(seen, nearest[is_right]).sum())
-        errors.append(off[is_right])
-    rms = np.sqrt((np.concatenate(errors) ** 2).mean())
+        is_alone = points.n_cameras[kept] == 1
+        errors.append(off[is_right & ~is_alone])
+        errors_alone.append(off[is_alone])
+        n_alone, n_placed = n_alone + int((count == 1).sum()), n_placed + int((is_right & is_alone).sum())
+    rms, middle = np.sqrt((np.concatenate(errors) ** 2).mean()), np.median([0.0, *np.concatenate(errors_alone)])
     return (
         *(str(n_cameras), str(seed), f"{n_seen / n_frames:.1f}", f"{100 * n_found / n_seen:.2f}"),
-        *(f"{100 * n_wrong / n_points:.3f}", f"{rms:.3f}", f"{1000 * seconds / n_frames:.2f}"),
+        *(f"{100 * n_wrong / n_points:.3f}", f"{rms:.3f}"),
+        *(f"{n_alone / n_frames:.1f}", f"{100 * n_placed / max(n_alone, 1):.0f}", f"{middle:.2f}"),
+        f"{1000 * seconds / n_frames:.2f}",
     )
 
 
@@ -59,7 +64,8 @@ def main(n_frames: int, cameras: Sequence[int]) -> None:
     """Print the table."""
     show_machine()
     rows = [row(n_cameras, n_frames, seed) for n_cameras in cameras for seed in range(SEEDS)]
-    columns = ("cameras", "seed", "seen by two or more", "found [%]", "wrong [%]", "rms [mm]", "ms a frame")
+    columns: tuple[str, ...] = ("cameras", "seed", "seen by two or more", "found [%]", "wrong [%]", "rms [mm]")
+    columns = (*columns, "by one", "placed [%]", "median [mm]", "ms a frame")
     show(f"Markers of a person in a room, {n_frames} frames", columns, rows)
 
 

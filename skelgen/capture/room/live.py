@@ -13,10 +13,9 @@ import numpy as np
 from skelgen.capture.angles import JointAngle
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Recogniser
-from skelgen.capture.room.points import PointMatcher
 from skelgen.capture.room.recording import BallFinder
-from skelgen.capture.room.tracks import PointTracks
-from skelgen.capture.room.values import FrameSet, RoomPoints
+from skelgen.capture.room.tracks import RoomTracker
+from skelgen.capture.room.values import FrameSet
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.model.rig import RoomSettings
 
@@ -75,8 +74,7 @@ class RoomCapture(Recogniser):
         executor = ThreadPoolExecutor(cores, "capture") if cores > 1 else None
         super().__init__(settings, prediction, executor)
         self.settings = settings
-        self._balls, self._matcher = BallFinder(settings, executor), PointMatcher(settings.rig)
-        self._tracks = PointTracks()
+        self._balls, self._tracker = BallFinder(settings, executor), RoomTracker(settings.rig)
         self._fits: deque[tuple[list[int], list[int]]] = deque(maxlen=WINDOW)
         self._known: set[str] = set()
 
@@ -84,6 +82,7 @@ class RoomCapture(Recogniser):
         """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
         cameras = self.settings.rig.cameras
         self._balls.find(FrameSet(tuple(np.zeros(eye.size[::-1], dtype=np.uint8) for eye in cameras), 0.0, 0))
+        self._tracker.load()
         self.load()
         return self
 
@@ -96,11 +95,9 @@ class RoomCapture(Recogniser):
         """Return what is found in one set of images."""
         start = perf_counter()
         views = self._balls.find(frame)
-        found = self._matcher.find(views, self._tracks.expected(frame.time))
-        tracks = self._tracks.follow(found, frame.time)
-        kept = self._tracks.are_markers(tracks, LASTING)
+        found, tracks = self._tracker.see(views, frame.time)
+        points = found.of(self._tracker.tracks.are_markers(tracks, LASTING))
         self._fits.append(([len(balls) for balls in views], (found.balls >= 0).sum(axis=0).tolist()))
-        points = RoomPoints(*(getattr(found, name)[kept] for name in RoomPoints.__dataclass_fields__))
         stereo = points.as_stereo(self.settings.rig.noise)
         bodies, angles = self.recognise(stereo, frame.time)
         notices = self._notices(frame, [balls.notice for balls in views])

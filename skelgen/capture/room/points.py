@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from skelgen._kernels.room_limbs import place_by_balls
 from skelgen._kernels.room_matching import Rules, match_room
 from skelgen._kernels.room_points import Room
 from skelgen.capture.optics import GATE, undistort, view_of
 from skelgen.capture.room.values import RoomPoints, Views
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 
 EVIDENCE = 6.0
@@ -41,6 +42,7 @@ class PointMatcher:
         self._poses = np.ascontiguousarray([camera.camera_from_world[:3] for camera in rig.cameras])
         self._sizes = np.array([_rays_of_border(camera) for camera in rig.cameras])
         self._rules = Rules(gate, EVIDENCE, UNSEEN, EXPECTED, REACH, MAX_STD)
+        self._room: Room | None = None
 
     def find(self, views: Views, expected: Floats = NONE_EXPECTED) -> RoomPoints:
         """Return the points that the balls of one moment show.
@@ -66,11 +68,33 @@ class PointMatcher:
         ]
         starts = np.concatenate([[0], np.cumsum([len(balls) for balls in views])]).astype(np.intp)
         rays, spread = np.concatenate([one.rays for one in seen]), np.concatenate([one.spread for one in seen])
-        room = Room(self._poses, self._sizes, starts, rays, spread)
-        found = match_room(room, np.array(expected, dtype=np.float64, order="C"), self._rules)
+        self._room = Room(self._poses, self._sizes, starts, rays, spread)
+        found = match_room(self._room, np.array(expected, dtype=np.float64, order="C"), self._rules)
         freedom = 2 * (found.balls >= 0).sum(axis=1) - 3
         misfit = np.sqrt(found.squares / np.maximum(freedom, 1))
         return RoomPoints(found.points, found.covariances, found.balls, misfit, found.scores)
+
+    def by_single_balls(self, points: RoomPoints, is_settled: Bools, states: Floats, covariances: Floats) -> RoomPoints:
+        """Return hidden markers by balls of one camera that lie where they must be; of the others no ball is given.
+
+        Parameters
+        ----------
+        points : RoomPoints
+            What `find` has found in this moment.
+        is_settled : ndarray of bool, shape (n_points,)
+            Which of these are markers for sure: their balls are taken.
+        states : ndarray, shape (n, 6), mm and mm/s
+            Places and speeds of hidden markers, which the balls correct.
+        covariances : ndarray, shape (n, 6, 6)
+            Of these; the balls reduce them.
+        """
+        room = self._room
+        assert room is not None, "this goes on with what find has found"
+        is_free = np.ones(len(room.rays), dtype=np.bool_)
+        taken = points.balls[is_settled]
+        is_free[(taken + room.starts[:-1])[taken >= 0]] = False
+        balls, squares = place_by_balls(room, is_free, states, covariances, self._rules.gate)
+        return RoomPoints(states[:, :3], covariances[:, :3, :3], balls, np.sqrt(squares / 2.0), np.zeros(len(states)))
 
 
 def find_points(views: Views, rig: CameraRig) -> RoomPoints:

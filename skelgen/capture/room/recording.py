@@ -11,9 +11,8 @@ import numpy as np
 
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.room.points import PointMatcher
 from skelgen.capture.room.sources import RoomSource
-from skelgen.capture.room.tracks import PointTracks
+from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.values import FrameSet, RoomPoints, Views, balls_at
 from skelgen.capture.room.watch import FitCounter
 from skelgen.capture.values import Balls, Image, n_to_take
@@ -115,7 +114,9 @@ def markers_of_room(
     name: str = "",
     monitor: Monitor = SILENT,
 ) -> PointCloud:
-    """Return the markers that two cameras or more see, frame by frame and without labels.
+    """Return the markers that cameras see, frame by frame and without labels.
+
+    A marker that only one camera sees is placed by those that keep their distance from it.
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ class RoomRecording:
     """
 
     def __init__(self, rig: CameraRig) -> None:
-        self._rig, self._matcher, self._tracks = rig, PointMatcher(rig), PointTracks()
+        self._rig, self._tracker = rig, RoomTracker(rig)
         self._fits = FitCounter(rig)
         self._found: list[_Found] = []
         self._times: list[float] = []
@@ -191,10 +192,10 @@ class RoomRecording:
         lost : list of bool, optional
             Which cameras' images were lost.
         """
-        points = self._matcher.find(views, self._tracks.expected(time))
+        points, tracks = self._tracker.see(views, time)
         std = np.sqrt(np.linalg.eigvalsh(points.covariance)[:, -1]) if len(points) else np.empty(0)
         n_cameras = points.n_cameras.astype(np.int8)
-        self._found.append(_Found(points.points, std, points.misfit, n_cameras, self._tracks.follow(points, time)))
+        self._found.append(_Found(points.points, std, points.misfit, n_cameras, tracks))
         self._lost.update(index for index, is_lost in enumerate(lost or []) if is_lost)
         for index, balls in enumerate(views):
             if balls.notice:
@@ -219,7 +220,7 @@ class RoomRecording:
         InputError
             If nothing is seen by two cameras.
         """
-        is_marker = [self._tracks.are_markers(found.tracks) for found in self._found]
+        is_marker = [self._tracker.tracks.are_markers(found.tracks) for found in self._found]
         counts = [int(one.sum()) for one in is_marker]
         notices = tuple(self._notices(rate))
         if not sum(counts):
@@ -244,7 +245,7 @@ class RoomRecording:
         for index, (count, first, fault) in sorted(self._faulty.items()):
             yield f"{names[index]}: {count} of {n_frames} images, the first of number {first}: {fault}"
         yield from self._fits.notices()
-        n_ghosts = sum(int((~self._tracks.are_markers(found.tracks)).sum()) for found in self._found)
+        n_ghosts = sum(int((~self._tracker.tracks.are_markers(found.tracks)).sum()) for found in self._found)
         if n_ghosts:
             yield f"{n_ghosts} crossings of two rays do not last and are left out"
         if rate is None:

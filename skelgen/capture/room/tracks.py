@@ -1,21 +1,43 @@
 """Points through time: where each is expected next, and which points of two cameras are no ghosts.
 
 Where the rays of two balls meet by chance they do so for a few frames. A point that three cameras have seen is none;
-one that only ever two cameras see must last.
+one that only ever two cameras see must last. A marker that is hidden is carried along by those that keep their distance
+from it, and a ball of one camera that lies where it must be is its own.
 """
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skelgen.capture.room.points import REACH
-from skelgen.capture.room.values import RoomPoints
+from skelgen._kernels.room_limbs import carry
+from skelgen.capture.room.neighbours import KeptDistances
+from skelgen.capture.room.points import REACH, PointMatcher
+from skelgen.capture.room.values import RoomPoints, Views, balls_at
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import CameraRig
 
 LASTING = 8
 """Frames that a point of two cameras lasts if it is no ghost."""
 
 KEPT = 5
-"""Frames for which a point that is lost is still expected."""
+"""Frames for which a point that is lost, and carried by no others, is still expected."""
+
+CARRIED = 15
+"""Frames for which a marker that no camera sees is carried along by others at most."""
+
+ACCELERATION = 15e3
+"""mm/s^2; by which the speed of a hidden marker may change."""
+
+FIRST_STD = (1.0, 300.0)
+"""mm and mm/s; deviation of place and speed of a marker that was just lost."""
+
+KEEPS = 3.5
+"""Standard deviations within which a distance is kept."""
+
+MOST_STD = 20.0
+"""mm; a hidden marker that is less certain is carried no farther."""
+
+HANDED_ON = 3.0
+"""mm; deviation of a marker of one camera up to which it is handed on."""
 
 SURE_CAMERAS = 3
 """Cameras that make no ghost."""
@@ -27,9 +49,11 @@ class PointTracks:
     def __init__(self) -> None:
         self._places, self._speeds = np.empty((0, 3)), np.empty((0, 3))  # mm, mm/s
         self._times, self._lost = np.empty(0), np.empty(0, dtype=np.intp)
-        self._tracks = np.empty(0, dtype=np.intp)
+        self._tracks, self._unseen = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+        self._covariances, self._hidden = np.empty((0, 6, 6)), np.empty(0, dtype=np.intp)
         self._lengths: list[int] = []
         self._is_sure: list[bool] = []
+        self._distances = KeptDistances()
 
     def expected(self, time: float) -> Floats:
         """Return where points are expected, shape (n, 3), mm.
@@ -52,8 +76,8 @@ class PointTracks:
             Of the frame.
         """
         before, places = self._nearest(points.points, self.expected(time)), points.points
-        known = before >= 0
-        tracks = np.empty(len(points), dtype=np.intp)
+        known, n = before >= 0, len(points)
+        tracks = np.empty(n, dtype=np.intp)
         tracks[known] = self._tracks[before[known]]
         tracks[~known] = len(self._lengths) + np.arange(int((~known).sum()))
         self._lengths += [0] * int((~known).sum())
@@ -64,15 +88,66 @@ class PointTracks:
         speeds = np.zeros_like(places)
         passed = time - self._times[before[known]]
         speeds[known] = (places[known] - self._places[before[known]]) / np.maximum(passed, 1e-9)[:, np.newaxis]
-        left = np.setdiff1d(np.flatnonzero(self._lost < KEPT), before)
-        self._places, self._speeds = (
-            np.concatenate([places, self._places[left]]),
-            np.concatenate([speeds, self._speeds[left]]),
-        )
-        self._times = np.concatenate([np.full(len(points), time), self._times[left]])
-        self._lost = np.concatenate([np.zeros(len(points), dtype=np.intp), self._lost[left] + 1])
+        left = np.setdiff1d(np.flatnonzero((self._lost < KEPT) & (self._unseen < CARRIED)), before)
+        self._distances.forget(np.setdiff1d(self._tracks, np.concatenate([tracks, self._tracks[left]])))
+        zeros = np.zeros(n, dtype=np.intp)
+        self._places = np.concatenate([places, self._places[left]])
+        self._speeds = np.concatenate([speeds, self._speeds[left]])
+        self._times = np.concatenate([np.full(n, time), self._times[left]])
+        self._lost = np.concatenate([zeros, self._lost[left] + 1])
+        self._unseen = np.concatenate([zeros, self._unseen[left] + 1])
         self._tracks = np.concatenate([tracks, self._tracks[left]])
+        first = np.tile(np.diag(np.repeat(np.square(FIRST_STD), 3)), (n, 1, 1))
+        self._covariances = np.concatenate([first, self._covariances[left]])
+        self._carry(n, time)
         return tracks
+
+    def _carry(self, n_seen: int, time: float) -> None:
+        """Take hidden markers along with those that they keep their distances from."""
+        is_marker = self.are_markers(self._tracks)
+        self._distances.see(self._tracks[:n_seen][is_marker[:n_seen]], self._places[:n_seen][is_marker[:n_seen]])
+        self._hidden = np.empty(0, dtype=np.intp)
+        rows = n_seen + np.flatnonzero(is_marker[n_seen:])
+        if not len(rows):
+            return
+        states = np.concatenate([self._places[rows], self._speeds[rows]], axis=1)
+        covariances, passed = self._covariances[rows], time - self._times[rows]
+        kept = self._distances.of(self._tracks[rows])
+        fits = carry(states, covariances, kept, passed, ACCELERATION, KEEPS)
+        fits &= np.trace(covariances[:, :3, :3], axis1=1, axis2=2) <= MOST_STD**2
+        self._hidden = rows[fits]
+        self._times[self._hidden], self._lost[self._hidden] = time, 0
+        self._move(self._hidden, states[fits], covariances[fits])
+
+    def _move(self, rows: Ints, states: Floats, covariances: Floats) -> None:
+        self._places[rows], self._speeds[rows], self._covariances[rows] = states[:, :3], states[:, 3:], covariances
+
+    def place_hidden(self, points: RoomPoints, matcher: PointMatcher) -> tuple[RoomPoints, Ints]:
+        """Return the hidden markers that a ball of one camera makes certain, and their tracks, shape (n_points,).
+
+        Parameters
+        ----------
+        points : RoomPoints
+            Of the frame, as `follow` has taken them.
+        matcher : PointMatcher
+            Which has found them.
+        """
+        rows = self._hidden
+        states = np.concatenate([self._places[rows], self._speeds[rows]], axis=1)
+        covariances = self._covariances[rows]
+        is_settled = self.are_markers(self._tracks[: len(points)]) | (points.n_cameras >= SURE_CAMERAS)
+        placed = matcher.by_single_balls(points, is_settled, states, covariances)
+        has_ball = np.asarray((placed.balls >= 0).any(axis=1))
+        rows = rows[has_ball]
+        self._move(rows, states[has_ball], covariances[has_ball])
+        self._unseen[rows] = 0
+        is_certain = np.trace(placed.covariance[has_ball], axis1=1, axis2=2) <= HANDED_ON**2
+        return placed.of(np.flatnonzero(has_ball)[is_certain]), self._tracks[rows[is_certain]]
+
+    def doubt(self, tracks: Ints) -> None:
+        """Let tracks begin anew: their balls are those of others."""
+        for track in tracks.tolist():
+            self._lengths[track] = 0
 
     def are_markers(self, tracks: Ints, lasting: int = LASTING) -> Bools:
         """Return whether points of tracks are markers by all that was seen so far, shape (n_points,).
@@ -96,3 +171,41 @@ class PointTracks:
         back = cKDTree(points).query(expected)[1]
         mutual = back[nearest] == np.arange(len(points))
         return np.asarray(np.where(mutual & (distance <= REACH), nearest, -1))
+
+
+class RoomTracker:
+    """Balls of all cameras to points that are followed; markers that one camera sees are placed by those beside them.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    """
+
+    def __init__(self, rig: CameraRig) -> None:
+        self._matcher, self.tracks = PointMatcher(rig), PointTracks()
+
+    def load(self) -> None:
+        """Load the kernels, which takes a second."""
+        nothing = self._matcher.find([balls_at(np.empty((0, 2)), 1.0)] * len(self._matcher.rig.cameras))
+        states, covariances = np.empty((0, 6)), np.empty((0, 6, 6))
+        carry(states, covariances, KeptDistances().of(np.empty(0, dtype=np.intp)), np.empty(0), ACCELERATION, KEEPS)
+        self._matcher.by_single_balls(nothing, np.zeros(0, dtype=np.bool_), states, covariances)
+
+    def see(self, views: Views, time: float) -> tuple[RoomPoints, Ints]:
+        """Return the points of the next frame and the track of each, shape (n_points,).
+
+        Parameters
+        ----------
+        views : sequence of Balls
+            What each camera sees.
+        time : float, s
+            Of the frame.
+        """
+        points = self._matcher.find(views, self.tracks.expected(time))
+        own = self.tracks.follow(points, time)
+        placed, tracks = self.tracks.place_hidden(points, self._matcher)
+        # A crossing of two rays whose ball is a hidden marker's is a ghost.
+        taken = np.asarray(((points.balls[:, np.newaxis] == placed.balls) & (placed.balls >= 0)).any(axis=(1, 2)))
+        self.tracks.doubt(own[taken])
+        return points.of(~taken).and_also(placed), np.concatenate([own[~taken], tracks])

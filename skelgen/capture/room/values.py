@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.capture.values import Balls, Image, StereoPoints
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,15 @@ class RoomPoints:
     def n_cameras(self) -> Ints:
         """How many cameras see each point, shape (n_points,)."""
         return np.asarray((self.balls >= 0).sum(axis=1))
+
+    def of(self, chosen: Bools | Ints) -> "RoomPoints":
+        """Return some of the points."""
+        return RoomPoints(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+    def and_also(self, others: "RoomPoints") -> "RoomPoints":
+        """Return these points, and others after them."""
+        names = self.__dataclass_fields__
+        return RoomPoints(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
 
     def as_stereo(self, noise: float) -> StereoPoints:
         """Return the points for those who look for bodies: none shares a ball with another.
