@@ -85,6 +85,12 @@ def take_pictures(app: QApplication, window: Window) -> None:
     window.actions_by_id["labelling"].trigger()
     window.session.select(Selection(frozenset({0})))
     save(app, window, "labelling")
+    docks["marker_curves"].raise_()
+    settle(app)
+    window.marker_curves.tools.table.selectRow(5)
+    window.marker_curves.tools.way.setCurrentIndex(2)
+    save(app, window, "marker-curves")
+    docks["timeline"].raise_()
 
 
 def take_capture_pictures(app: QApplication, window: Window) -> None:

@@ -115,9 +115,9 @@ def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor
     if filled and isinstance(value, Filled):
         return value
     if filled and isinstance(value, Project):
-        from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - numeric code that only filling needs
+        from skelgen.kinematics.gap_filling.stated import fill_project  # noqa: PLC0415 - numeric code of filling alone
 
-        return fill_gaps(value.trajectories, value.skeleton, value.motion, monitor)
+        return fill_project(value, monitor)
     return trajectories_of(value, title)
 
 

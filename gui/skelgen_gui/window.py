@@ -30,6 +30,7 @@ from skelgen_gui.project.jobs import Jobs, StatusLine
 from skelgen_gui.project.outline import Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Session
+from skelgen_gui.timeline.marker_curves import MarkerCurves
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.timeline.video import VideoPane
@@ -160,6 +161,9 @@ class Window(QMainWindow):
         self._dock("steps", self.tr("Steps"), self.pages, left)
         timeline = self._dock("timeline", self.tr("Timeline"), self.timeline, below)
         self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
+        self.marker_curves = MarkerCurves(self.session, self.timeline.span, self.corrections.apply)
+        self.marker_curves_dock = self._dock("marker_curves", self.tr("Markers"), self.marker_curves, below)
+        self.tabifyDockWidget(timeline, self.marker_curves_dock)
         timeline.raise_()
         right = Qt.DockWidgetArea.RightDockWidgetArea
         corrections = self._dock("corrections", self.tr("Corrections"), listed, right)
@@ -178,6 +182,7 @@ class Window(QMainWindow):
         tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea)
         self.tabifyDockWidget(corrections, tutorial)
         tutorial.hide()
+        corrections.raise_()
 
     def _do(self, kind: str, name: str) -> None:
         """Do what a link of the first steps says."""
@@ -263,9 +268,9 @@ class Window(QMainWindow):
         self.labelling.table.setFocus(Qt.FocusReason.OtherFocusReason)
 
     def _note_span(self) -> None:
-        """Tell the pane of labels which part of the take is chosen to be played: names then hold for that part."""
+        """Tell labels and curves which part of the take is chosen: what is stated there holds for that part."""
         span, whole = self.timeline.player.range, (0, self.session.n_frames - 1)
-        self.labelling.span = None if span == whole else span
+        self.labelling.span = self.marker_curves.range = None if span == whole else span
 
     def _note_up(self) -> None:
         """Tell the pages which axis the 3-D view has up: exports are turned as it is."""

@@ -13,7 +13,7 @@ from skelgen.model.arrays import Ints
 from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.progress import Monitor
 
-_EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm"})
+_EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smooth"})
 """Kinds of corrections that change labels at once, without a new run."""
 
 
@@ -42,6 +42,8 @@ def with_correction(project: Project, correction: Correction) -> Project:
     for which in range(len(correction.names)):
         if project.has("labels"):
             corrected_marker(project.trajectories, correction, which)  # raises if it does not exist
+    if correction.kind == "fill":
+        return added
     if correction.kind == "name":
         return renamed_limbs(added) if project.has("limbs") else added
     if correction.kind == "name-joint":
@@ -60,6 +62,8 @@ def without_correction(project: Project, index: int) -> Project:
         Which of them.
     """
     kept = (*project.corrections[:index], *project.corrections[index + 1 :])
+    if project.corrections[index].kind == "fill":
+        return replace(project, corrections=kept)
     if project.corrections[index].kind == "name":
         bare = replace(project, corrections=kept)
         return renamed_limbs(bare) if project.has("limbs") else bare

@@ -244,13 +244,15 @@ def correct(
     project : Project
         With the labels that the markers are named by.
     kind : str
-        ``merge``, ``split``, ``rename``, ``delete``, ``swap``, ``confirm`` (markers), ``together``, ``apart``, ``move``
-        (markers on limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint`` (limbs by their markers), ``kind``
-        (type of a joint), ``n_markers``, ``n_limbs``.
+        ``merge``, ``split``, ``rename``, ``delete``, ``swap``, ``confirm``, ``smooth``, ``fill`` (markers),
+        ``together``, ``apart``, ``move`` (markers on limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint``
+        (limbs by their markers), ``kind`` (type of a joint), ``n_markers``, ``n_limbs``.
     names : sequence of str
         Markers that it is about, the one that keeps its name first.
     value : str
-        The new name, the type of the joint, or the number.
+        The new name, the type of the joint, the number, the cutoff of ``smooth`` [Hz], or the way to ``fill`` gaps:
+        ``skeleton``; ``rigid`` by three or more markers or ``pattern`` by one, which are named behind the first;
+        ``spline``.
     frames : tuple of int or None
         First and last frame for which it holds; None for the ends of the take.
 
@@ -281,12 +283,12 @@ def correct(
 
 @with_checked_arguments
 def fill(project: Project, monitor: Monitor | None = None) -> Filled:
-    """Fill the gaps of the markers of a project by means of its skeleton.
+    """Fill the gaps of the markers of a project by means of its skeleton, or as corrections state.
 
     Parameters
     ----------
     project : Project
-        With a skeleton.
+        With a skeleton, or with corrections of the kind ``fill``.
     monitor : Monitor, optional
         Receives progress; may cancel.
 
@@ -307,9 +309,9 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     >>> bool(project.trajectories.seen.all()), bool(skelgen.fill(project).trajectories.seen.all())
     (False, True)
     """
-    from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - loads scipy
+    from skelgen.kinematics.gap_filling.stated import fill_project  # noqa: PLC0415 - loads scipy
 
-    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor or SILENT)
+    return fill_project(project, monitor or SILENT)
 
 
 @with_checked_arguments

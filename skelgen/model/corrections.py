@@ -16,6 +16,14 @@ SAME_PLACE = 1e-3
 NUMBERS = ("n_markers", "n_limbs")
 """Kinds whose value is a number."""
 
+BY_SKELETON = "skeleton"
+"""The way of filling that needs a skeleton."""
+
+FILL_METHODS = (BY_SKELETON, "rigid", "spline", "pattern")
+"""Ways of filling gaps: by the skeleton, by markers that move along, by its own motion, by the path of another one."""
+
+_DONORS = {"rigid": (3, math.inf), "pattern": (1, 1)}  # fewest and most markers that fill another one
+
 NOBODY = "nobody"
 """Name that the user gives to a point that is no marker at all."""
 
@@ -54,6 +62,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "delete": Rule("labels", "{names} is nobody", most=0, has_frames=True),
         "swap": Rule("labels", "{names} change places", least=2, most=2, has_frames=True),
         "confirm": Rule("labels", "{names} is rightly called so", most=0, has_frames=True),
+        "smooth": Rule("labels", "{names} is smoothed at {value} Hz", most=0, needs_value=True, has_frames=True),
         "n_markers": Rule("labels", "there are {value} markers", least=0, most=-1, needs_value=True),
         "together": Rule("limbs", "{names} share a limb", least=2, most=0),
         "apart": Rule("limbs", "no two of {names} share a limb", least=2, most=0),
@@ -63,6 +72,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
         "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),
         "root": Rule("joints", "the limb of {first} is the root"),
+        "fill": Rule("skeleton", "gaps of {first} are filled by {value}", most=0, needs_value=True, has_frames=True),
         "name-joint": Rule("skeleton", "the joint between the limbs of {names} is called {value}", 2, 2, True),
         "kind": Rule("skeleton", "the joint between the limbs of {names} is of the type {value}", 2, 2, True),
     }
@@ -144,6 +154,29 @@ class Correction:
             raise InputError(f"{self.kind}: a value {'is missing' if rule.needs_value else 'has no meaning'}")
         if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
             raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
+
+        self._check_value()
+
+    def _check_value(self) -> None:
+        """Refuse values that a kind does not know."""
+        if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
+            raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
+        if self.kind == "fill" and self.value not in FILL_METHODS:
+            raise InputError(f"fill: {self.value!r} is no way of filling; there are {', '.join(FILL_METHODS)}")
+        if self.kind == "fill":
+            least, most = _DONORS.get(self.value, (0, 0))
+            if not least <= len(self.names) - 1 <= most:
+                wanted = f"at least {least}" if most > least else str(least)
+                raise InputError(
+                    f"fill: by {self.value} with {len(self.names) - 1} other markers; {wanted} belong there"
+                )
+        if self.kind == "smooth":
+            try:
+                frequency = float(self.value)
+            except ValueError as error:
+                raise InputError(f"smooth: {self.value!r} is no frequency [Hz]") from error
+            if not (math.isfinite(frequency) and frequency > 0):
+                raise InputError(f"smooth: {self.value} Hz; the frequency must be above 0")
 
     @property
     def rule(self) -> Rule:

@@ -22,10 +22,14 @@ class PositionSource(IntEnum):
     """The frames before and after."""
     NONE = 4
     """Nothing: there is no position."""
+    PATTERN = 5
+    """The path of another marker."""
 
     @property
     def word(self) -> str:
-        """The name for people and files: ``measured``, ``limb``, ``joint``, ``interpolated``, ``none``."""
+        """The name for people and files: ``measured``, ``limb``, ``joint``, ``interpolated``, ``none``,
+        ``pattern``.
+        """
         return self.name.lower()
 
 
@@ -82,6 +86,7 @@ class Filled:
             f"{counts[PositionSource.LIMB]} from the limb",
             f"{counts[PositionSource.JOINT]} with a joint's help",
             f"{counts[PositionSource.INTERPOLATED]} interpolated",
+            *([f"{counts[PositionSource.PATTERN]} by another marker"] if counts[PositionSource.PATTERN] else []),
             f"{counts[PositionSource.NONE]} left empty",
         ]
         return f"{int(self.filled.sum())} positions are filled, not measured: {', '.join(parts)}"

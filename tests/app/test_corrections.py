@@ -11,7 +11,7 @@ from skelgen.app.corrections import place_of, with_correction, without_correctio
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.errors import InputError
-from skelgen.model import Project
+from skelgen.model import Project, Trajectories
 from skelgen.model.corrections import RULES, Correction
 from skelgen.simulation import simulate
 
@@ -93,6 +93,24 @@ def test_what_is_confirmed_is_certain_and_keeps_every_result(human):
     assert np.nanmin(sure.labelling.confidence[10:20, marker]) > 0.99
     assert sure.skeleton is human.skeleton
     np.testing.assert_array_equal(sure.trajectories.positions, human.trajectories.positions)
+
+
+def test_a_smoothed_marker_loses_what_is_faster_than_the_cutoff():
+    time = np.arange(300)[:, np.newaxis, np.newaxis] / 100
+    slow, fast = 100 * np.sin(2 * np.pi * time), 5 * np.sin(2 * np.pi * 30 * time)
+    places = np.random.default_rng(0).uniform(0, 500, (6, 3)) + slow
+    noisy = places.copy()
+    noisy[:, 0] += fast[:, 0]
+    noisy[100:120, 0] = np.nan
+    project = run_stages(Project(Trajectories(noisy, tuple("abcdef"), 100.0)), "labels", "labels")
+    smooth = with_correction(project, Correction("smooth", ("a",), 50, 299, value="6"))
+    off = np.abs(smooth.trajectories.positions - places)
+    assert np.nanmax(off[60:95, 0]) < 0.5
+    assert np.nanmax(off[130:290, 0]) < 0.5
+    np.testing.assert_array_equal(smooth.trajectories.positions[:50], project.trajectories.positions[:50])
+    np.testing.assert_array_equal(smooth.trajectories.positions[:, 1:], project.trajectories.positions[:, 1:])
+    with pytest.raises(InputError, match="half"):
+        with_correction(project, Correction("smooth", ("a",), value="60"))
 
 
 def test_a_new_name_keeps_every_result(human):
@@ -231,6 +249,9 @@ def test_a_name_that_is_not_there_is_told(human):
         ("n_limbs", (), {"value": "many"}),
         ("n_limbs", ("a",), {"value": "3"}),
         ("swap", ("a", "b"), {"first_frame": 9, "last_frame": 3}),
+        ("fill", ("a", "b"), {"value": "rigid"}),
+        ("fill", ("a",), {"value": "magic"}),
+        ("smooth", ("a",), {"value": "soft"}),
         ("apart", ("a", "b"), {"first_frame": 9}),
     ],
 )
@@ -246,6 +267,8 @@ SENTENCES = {
     "delete": "a is nobody",
     "swap": "a and b change places",
     "confirm": "a is rightly called so",
+    "smooth": "a is smoothed at 6 Hz",
+    "fill": "gaps of a are filled by spline",
     "n_markers": "there are 3 markers",
     "name": "the limb of a is called x",
     "together": "a and b share a limb",
@@ -263,7 +286,8 @@ SENTENCES = {
 @pytest.mark.parametrize("kind", RULES)
 def test_every_kind_says_what_it_means(kind):
     rule = RULES[kind]
-    value = ("3" if kind.startswith("n_") else "x") if rule.needs_value else ""
+    values = {"n_markers": "3", "n_limbs": "3", "smooth": "6", "fill": "spline"}
+    value = values.get(kind, "x") if rule.needs_value else ""
     assert Correction(kind, tuple("abc"[: rule.least]), value=value).sentence == SENTENCES[kind]
 
 

@@ -10,6 +10,7 @@ import pytest
 import skelgen
 from skelgen.app.export import write_filled
 from skelgen.app.face import fill
+from skelgen.app.project_file.archive import save_project
 from skelgen.app.report import report_html
 from skelgen.cli import main
 from skelgen.errors import MissingResultError, WriteError
@@ -74,6 +75,19 @@ def test_command_fills_a_project(project, tmp_path, capsys):
     assert skelgen.read(tmp_path / "filled.csm").seen.all()
     assert (tmp_path / "filled.filled.csv").exists()
     assert "positions are filled, not measured" in "".join(capsys.readouterr())
+
+
+def test_a_gap_is_filled_as_the_command_states(project, tmp_path, capsys):
+    marker = int(np.flatnonzero(~project.trajectories.seen.all(axis=0))[0])
+    name, first = project.trajectories.names[marker], int(np.flatnonzero(~project.trajectories.seen[:, marker])[0])
+    save_project(project, tmp_path / "take.skelgen")
+    source, stated = str(tmp_path / "take.skelgen"), str(tmp_path / "stated.skelgen")
+    assert main(["correct", source, "fill", name, "--value", "spline", "--frames", f"{first}-", "-o", stated]) == 0
+    assert "gaps of" in "".join(capsys.readouterr())
+    filled = fill(skelgen.load(stated))
+    assert filled.source[first, marker] == PositionSource.INTERPOLATED
+    assert main(["correct", source, "fill", name, "--value", "magic", "-o", stated]) != 0
+    assert main(["correct", source, "rename", name, "--value", "x"]) != 0
 
 
 def test_report_says_from_what_gaps_can_be_filled(project):

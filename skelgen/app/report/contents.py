@@ -26,7 +26,7 @@ from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
-from skelgen.kinematics.gap_filling.filling import fill_gaps
+from skelgen.kinematics.gap_filling.stated import fill_project
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
@@ -43,6 +43,7 @@ _SOURCE_WORDS = {
     PositionSource.LIMB: "Filled from limb",
     PositionSource.JOINT: "Filled with joint",
     PositionSource.INTERPOLATED: "Interpolated",
+    PositionSource.PATTERN: "By another marker",
 }
 _SIGN_SIDE = 18.0
 
@@ -223,7 +224,7 @@ def _gaps(project: Project, monitor: Monitor) -> Content:
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
         return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
-    filled = fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
+    filled = fill_project(project, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):

@@ -103,6 +103,7 @@ _SOURCE_COLOURS = {
     PositionSource.LIMB: (46, 139, 87),
     PositionSource.JOINT: (218, 149, 32),
     PositionSource.INTERPOLATED: (200, 60, 60),
+    PositionSource.PATTERN: (120, 90, 190),
 }
 """Red, green, blue of each source of filled positions; readable on light and on dark ground."""
 

@@ -108,7 +108,10 @@ def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:
 def marker_names(name: str) -> tuple[str, ...]:
     """Return the names of all markers of a set of `MARKER_SETS` or `OTHER_SETS`, in its order."""
     markers = _table(name)["markers"]
-    return tuple(markers) if name in MARKER_SETS else tuple(one for found in markers.values() for one in found)
+    if name in MARKER_SETS:
+        return tuple(markers)
+    found = (one for of_segment in markers.values() for one in of_segment)
+    return tuple(dict.fromkeys(one.replace("@", letter) for one in found for letter in "LR"))
 
 
 def plain_name(name: str) -> str:

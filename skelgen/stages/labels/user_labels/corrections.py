@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.smoothing import smoothed
 from skelgen.model import Labelling, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Correction, named_marker
@@ -178,6 +179,19 @@ class _Editor:
         """Markers are those that they are called, in some frames: nothing changes, but that is certain now."""
         self.touched[_frames(correction), markers] = True
 
+    def smooth(self, correction: Correction, markers: list[int]) -> None:
+        """The paths of markers without what is faster than a frequency."""
+        frames = _frames(correction)
+        positions = self._original.positions.copy()
+        for marker in markers:
+            source = self.source[:, marker]
+            path = np.where(source[:, np.newaxis] >= 0, positions[np.arange(len(source)), source], np.nan)
+            smooth = smoothed(path, self._original.rate, float(correction.value))
+            here = np.arange(len(source))[frames]
+            here = here[source[here] >= 0]
+            positions[here, source[here]] = smooth[here]
+        self._original = dataclasses.replace(self._original, positions=positions)
+
     def _add_name(self, correction: Correction, name: str) -> None:
         if name in self.names:
             raise InputError(f"{correction.sentence}: there is a marker {name!r} already; choose another name")
@@ -200,7 +214,15 @@ class _Editor:
 
 _ACTS = {
     act.__name__: act
-    for act in (_Editor.merge, _Editor.split, _Editor.rename, _Editor.delete, _Editor.swap, _Editor.confirm)
+    for act in (
+        _Editor.merge,
+        _Editor.split,
+        _Editor.rename,
+        _Editor.delete,
+        _Editor.swap,
+        _Editor.confirm,
+        _Editor.smooth,
+    )
 }
 
 

@@ -1,0 +1,186 @@
+"""The list of gaps, how one is filled, with the deviation of each way, and smoothing."""
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QDoubleSpinBox,
+    QLabel,
+    QPushButton,
+    QTableView,
+    QWidget,
+)
+
+from skelgen.model.corrections import FILL_METHODS
+from skelgen_gui.model import translate
+from skelgen_gui.model.marker_curves import GapRow
+from skelgen_gui.timeline.span import clock
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+
+_Role = Qt.ItemDataRole
+_Index = QModelIndex | QPersistentModelIndex
+_NOWHERE = QModelIndex()
+_TIME_STEP = 0.01  # s
+_CUTOFF, _MOST_CUTOFF = 10.0, 1000.0  # Hz
+
+
+class GapModel(QAbstractTableModel):
+    """Gaps as rows, whatever their number."""
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.rows: tuple[GapRow, ...] = ()
+        self._rate = 1.0
+        tr = self.tr
+        self._heads = (tr("Marker"), tr("Begins"), tr("Frames"), tr("Filled by"))
+
+    def show_rows(self, rows: tuple[GapRow, ...], rate: float) -> None:
+        """Show other gaps.
+
+        Parameters
+        ----------
+        rows : tuple of GapRow
+            In their order.
+        rate : float, Hz
+            Of the take.
+        """
+        self.beginResetModel()
+        self.rows, self._rate = rows, rate
+        self.endResetModel()
+
+    def rowCount(self, parent: _Index = _NOWHERE) -> int:
+        """Return the number of gaps."""
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = _NOWHERE) -> int:
+        """Return the number of columns."""
+        return 0 if parent.isValid() else len(self._heads)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = _Role.DisplayRole) -> str | None:
+        """Return the head of a column."""
+        return self._heads[section] if orientation == Qt.Orientation.Horizontal and role == _Role.DisplayRole else None
+
+    def data(self, index: _Index, role: int = _Role.DisplayRole) -> object:
+        """Return what a cell shows."""
+        if role != _Role.DisplayRole:
+            return None
+        row = self.rows[index.row()]
+        begins = clock(row.first / self._rate, _TIME_STEP)
+        return (row.name, begins, str(row.last - row.first + 1), fill_words(row.stated))[index.column()]
+
+
+def fill_words(method: str) -> str:
+    """Return what a way of filling is called; nothing for none."""
+    words = {
+        "skeleton": translate("Gaps", "skeleton"),
+        "rigid": translate("Gaps", "rigid mates"),
+        "spline": translate("Gaps", "spline"),
+        "pattern": translate("Gaps", "pattern"),
+    }
+    return words.get(method, "")
+
+
+class GapTable(QTableView):
+    """The gaps; Enter fills the one that is chosen, 1 to 4 choose the way.
+
+    Signals
+    -------
+    fill_wanted()
+        Enter was pressed.
+    way_wanted(int)
+        Number of a way, from 0.
+    """
+
+    fill_wanted = Signal()
+    way_wanted = Signal(int)
+    own_keys = frozenset({Qt.Key.Key_1, Qt.Key.Key_2, Qt.Key.Key_3, Qt.Key.Key_4})
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.gaps = GapModel(self)
+        self.setModel(self.gaps)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setTabKeyNavigation(False)
+        self.setShowGrid(False)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
+        self.horizontalHeader().setHighlightSections(False)
+        self.horizontalHeader().setStretchLastSection(True)
+        tip = self.tr("The longest first. A click goes there; 1 to 4 choose the way, Enter fills")
+        describe(self, self.tr("Gaps"), tip)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Fill, or choose the way."""
+        if event.key() in {Qt.Key.Key_Return, Qt.Key.Key_Enter}:
+            self.fill_wanted.emit()
+        elif event.key() in self.own_keys:
+            self.way_wanted.emit(event.key() - Qt.Key.Key_1)
+        else:
+            super().keyPressEvent(event)
+
+
+class GapTools(QWidget):
+    """The list of gaps, and what can be done with the chosen one.
+
+    Signals
+    -------
+    changed()
+        Another way, donor or frequency is chosen.
+    """
+
+    changed = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.table, self.way, self.donor = GapTable(self), QComboBox(self), QComboBox(self)
+        self.words, self.fill = QLabel(self), QPushButton(self.tr("Fill"), self)
+        self.fill_all = QPushButton(self.tr("Fill all of it"), self)
+        self.cutoff, self.smooth = QDoubleSpinBox(self), QPushButton(self.tr("Smooth"), self)
+        for method in FILL_METHODS:
+            self.way.addItem(self.tr("By {0}").format(fill_words(method)), method)
+        self.words.setWordWrap(True)
+        self.cutoff.setRange(0.1, _MOST_CUTOFF)
+        self.cutoff.setDecimals(1)
+        self.cutoff.setValue(_CUTOFF)
+        self.cutoff.setSuffix(self.tr(" Hz"))
+        self._describe()
+        rows = (row_of(self.way, self.donor), self.words, row_of(self.fill, self.fill_all))
+        bare_column(self, (self.table, *rows, row_of(self.cutoff, self.smooth))).setStretchFactor(self.table, 1)
+        self.table.way_wanted.connect(self.way.setCurrentIndex)
+        self.way.currentIndexChanged.connect(self._follow_way)
+        self.donor.currentIndexChanged.connect(lambda _: self.changed.emit())
+        self._follow_way()
+
+    @property
+    def method(self) -> str:
+        """The way that is chosen."""
+        return str(self.way.currentData())
+
+    @property
+    def row(self) -> GapRow | None:
+        """The gap that is chosen."""
+        row = self.table.currentIndex().row()
+        return self.table.gaps.rows[row] if 0 <= row < len(self.table.gaps.rows) else None
+
+    def _describe(self) -> None:
+        tips = (
+            (self.way, self.tr("Way of filling"), self.tr("How the chosen gap is filled; the curve shows it first")),
+            (self.donor, self.tr("Marker that is followed"), self.tr("Whose path fills the gap")),
+            (self.words, self.tr("Deviation"), self.tr("How far this way is off where the marker is seen")),
+            (self.fill, self.tr("Fill"), self.tr("Fill the chosen gap in this way, in all exports of filled markers")),
+            (self.fill_all, self.tr("Fill all of it"), self.tr("Fill all gaps of this marker in this way")),
+            (self.cutoff, self.tr("Cutoff"), self.tr("Frequency above which motion is smoothed away")),
+            (
+                self.smooth,
+                self.tr("Smooth"),
+                self.tr("Smooth the selected markers, in the range of the timeline if one is chosen"),
+            ),
+        )
+        for widget, name, tip in tips:
+            describe(widget, name, tip)
+
+    def _follow_way(self) -> None:
+        self.donor.setVisible(self.method == "pattern")
+        self.changed.emit()
