@@ -102,6 +102,10 @@ public repositories have, made by the tests. What is not named was not tried.
 | Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
+| BTS EMT | 3D tracks | layout of public readers |
+| Vicon Tracker CSV | Objects with quaternions | layout of public readers |
+| Visual3D ASCII export | targets and landmarks of one trial | layout |
+| C3D of Theia | segments with rotations, beside points or alone | layout of C-Motion's extension, against ezc3d |
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0 | written by NumPy |

@@ -61,7 +61,12 @@ def is_foreign(head: bytes, path: Path) -> str:
         The file; its suffix tells where the content does not.
     """
     name = path.name.lower()
-    if decoded_head(head).lstrip().startswith("HIERARCHY"):
+    text = decoded_head(head)
+    if text.startswith("\t") and "\nITEM\t" in text.replace("\r", ""):
+        return (
+            f"an ASCII export of Visual3D without targets; export those of the folder ORIGINAL with it, or {_MARKERS}"
+        )
+    if text.lstrip().startswith("HIERARCHY"):
         return f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
     for kind in _FOREIGN:
         if name.endswith(kind.suffixes):

@@ -222,6 +222,28 @@ def check_frames(path: Path, place: str | int, announced: int, found: int, notic
         notices.append(f"{found} frames were read although the header announces {announced}")
 
 
+def uncut(lines: Sequence[str], rows: Floats, announced: int, notices: list[str]) -> Floats:
+    """Return the rows of a text file but the last, where it ends in it before the frames that its header announces.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Of the file.
+    rows : ndarray, shape (n_frames, n)
+        Read from it.
+    announced : int
+        Frames by its header.
+    notices : list of str
+        Gets a sentence if there are more or fewer.
+    """
+    if len(rows) < announced:
+        rows = rows[:-1] if lines[-1].strip() and not any("is cut off" in notice for notice in notices) else rows
+        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
+    elif len(rows) > announced:
+        notices.append(f"{len(rows)} frames were read although the header announces {announced}")
+    return rows
+
+
 def distinct_names(names: Sequence[str], between: str, notices: list[str] | None = None) -> tuple[str, ...]:
     """Return names that differ: the second of a name gets a 2 behind it, and so on.
 

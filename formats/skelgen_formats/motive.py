@@ -18,17 +18,16 @@ Motive's model puts the markers; where there are none of these, or with the opti
 Machines that use decimal commas export with semicolons; both are understood. A file that is cut off is read so far.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
-from skelgen_formats.markers import check_frames, mm_per_unit, scaled, take_from_markers
+from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
-from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells
+from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells, whole_lines
 
 _FIRST_CELL = "Format Version"
 _MARKER_TYPES = ("Marker", "Rigid Body Marker", "Bone Marker")  # in the order of preference: measured before modelled
@@ -101,35 +100,15 @@ def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud |
     kinds = [_PLACE] if items else [_PLACE, _TURN]
     items = items or _bodies(path, header, titles, notices)
     wanted = [column for item in items for quantity, axes in kinds for column in item.of(quantity, axes)]
-    rows = parse_rows(path, _rows(lines, titles, delimiter, notices), len(titles.axes), delimiter, wanted)
-    rows = _announced(path, header, lines, rows, notices)
+    whole = whole_lines(lines, titles.first, len(titles.axes), delimiter, notices)
+    rows = parse_rows(path, whole, len(titles.axes), delimiter, wanted)
+    if announced := header.get("Total Exported Frames"):
+        rows = uncut(lines, rows, count_in(path, 1, announced, "Total Exported Frames"), notices)
     width = sum(len(axes) for _, axes in kinds)
     numbers, names = rows.reshape(len(rows), len(items), width), [item.name for item in items]
     if kinds == [_PLACE]:
         return take_from_markers(path, scaled(path, numbers, factor), names, rate, notices)
     return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), factor), names, rate, notices)
-
-
-def _rows(lines: Lines, titles: _Titles, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers; the last line of a file that is cut off is left out."""
-    for number, line in lines.numbered(titles.first):
-        if number == len(lines) and line.count(delimiter) < len(titles.axes) - 1:
-            notices.append(f"line {number}, the last, is cut off and left out")
-            break
-        yield number, line
-
-
-def _announced(path: Path, header: Mapping[str, str], lines: Lines, rows: Floats, notices: list[str]) -> Floats:
-    """Return the rows but the last, where the file ends in it; say if there are more or fewer than announced."""
-    if "Total Exported Frames" not in header:
-        return rows
-    announced = count_in(path, 1, header["Total Exported Frames"], "Total Exported Frames")
-    if len(rows) < announced:
-        rows = rows[:-1] if lines[-1].strip() and not any("is cut off" in notice for notice in notices) else rows
-        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
-        return rows
-    check_frames(path, 1, announced, len(rows), notices)
-    return rows
 
 
 def _delimiter(path: Path, line: str) -> str:

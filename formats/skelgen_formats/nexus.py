@@ -11,7 +11,12 @@ Layout, comma-separated text (or tab-separated, as .txt), blocks one after the o
     1,0,44.1628,-276.862,675.697,...             empty cells are unseen; rows may end before them
     (an empty line)
 
-Only Trajectories is read. Frames that the file leaves out are unseen. Workstation and early versions of Nexus write
+Trajectories is read; where there is none, the bodies of Objects (of Vicon Tracker) or Segments that have quaternions::
+
+    ,,Wand:Wand,,,,,,,
+    Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ         global; in any order
+
+Frames that the file leaves out are unseen. Workstation and early versions of Nexus write
 ``TRAJECTORIES``, ``100,Hz``, ``,LASI,,,RASI,,,`` and ``Field #,X,Y,Z,X,Y,Z,...`` without sub-frames and units.
 """
 
@@ -22,18 +27,25 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.errors import FormatError
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import POINTS, Format
 from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
-BLOCKS = ("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events", "Forces")
+BLOCKS = (
+    *("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events", "Forces"),
+    *("Objects", "Angles", "Moments", "Powers", "Scalars"),
+)
 """Titles of the blocks of an export."""
 
 _DELIMITERS = ",\t;"
 _AXES = ("X", "Y", "Z")
+_BODIES = ("Objects", "Segments")
+_TURN, _PLACE = ("RW", "RX", "RY", "RZ"), ("TX", "TY", "TZ")
 _LEADING_TITLES = ("Frame", "Field #")  # of the first column; the second may be that of sub-frames
+_TITLE_LINES = 12  # within which the titles of the first block stand
 _MOST_TIMES = 4  # frames in the take for one in the file, at most
 
 
@@ -44,43 +56,47 @@ class _Block(NamedTuple):
     first: int
 
 
-def read_nexus(path: Path) -> Trajectories | PointCloud:
-    """Read the trajectories of an ASCII export of Vicon Nexus.
+def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
+    """Read the trajectories, or else the bodies, of an ASCII export of Vicon Nexus or Tracker.
 
     Returns
     -------
     Trajectories
-        Positions in mm; or a `PointCloud` if no trajectory has a label.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` if only bodies were exported.
 
     Raises
     ------
     FormatError
-        If no trajectories were exported, or their header is not as the layout demands.
+        If neither was exported, or their header is not as the layout demands.
     """
     lines = read_lines(path)
     blocks = list(_blocks(lines))
     found = [block for block in blocks if block.title == BLOCKS[0]]
+    found = found or [block for block in blocks if block.title in _BODIES]
     if not found:
         there = ", ".join(dict.fromkeys(block.title for block in blocks)) or "none"
         what = f"no block {BLOCKS[0]}, only {there}; export ASCII with trajectories switched on"
         raise FormatError(path, "", what)
+    title = found[0].title
     head = [numbered for numbered, _ in zip(lines.numbered(found[0].first), range(4), strict=False)]
     if len(head) < 3:
-        raise FormatError(path, len(lines), "the header of the block Trajectories is cut off")
+        raise FormatError(path, len(lines), f"the header of the block {title} is cut off")
     delimiter = _delimiter(path, *head[2])
     stated = head[0][1].strip(_DELIMITERS + " ").removesuffix("Hz").strip(_DELIMITERS + " ")
     rate = rate_in(path, head[0][0], stated, "the rate of the trajectories")
     names, titles = (split_cells(path, line, number, delimiter) for number, line in head[1:3])
-    columns = _columns(path, head[2][0], names, titles)
-    notices = [f"blocks left out: {', '.join(block.title for block in blocks if block.title != BLOCKS[0])}"]
-    notices = notices if len(blocks) > len(found) else []
+    columns = _columns(path, head[2][0], names, titles, title)
+    others = [block.title for block in blocks if block.title != title]
+    notices = [f"blocks left out: {', '.join(others)}"] if others else []
     unit, behind = _unit(path, head, columns, delimiter, notices)
     wanted = [0, *(column for triple in columns.values() for column in triple)]
     rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
     rows = _every_frame(rows, notices)
-    positions = rows[:, 1:].reshape(len(rows), len(columns), 3)
+    numbers = rows[:, 1:].reshape(len(rows), len(columns), -1)
     names_in_file = [names[first] for first in columns]
-    return take_from_markers(path, scaled(path, positions, unit), names_in_file, rate, notices)
+    if title == BLOCKS[0]:
+        return take_from_markers(path, scaled(path, numbers, unit), names_in_file, rate, notices)
+    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), unit), names_in_file, rate, notices)
 
 
 def _blocks(lines: Lines) -> Iterator[_Block]:
@@ -104,14 +120,21 @@ def _delimiter(path: Path, number: int, titles: str) -> str:
     return rest[0]
 
 
-def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str]) -> dict[int, list[int]]:
-    """Return the x, y, z columns of each marker by the column under its name."""
+def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str], block: str) -> dict[int, list[int]]:
+    """Return the columns of each marker, x y z, or body, place and quaternion, by the column under its name."""
+    named = [first for first in range(1, min(len(names), len(titles))) if names[first]]
     columns = {}
-    for first in range(1, min(len(names), len(titles))):
-        if names[first] and tuple(titles[first : first + 3]) == _AXES:
+    for first, end in zip(named, [*named[1:], len(titles)], strict=True):
+        own = list(titles[first:end])
+        if block == BLOCKS[0] and tuple(own[:3]) == _AXES:
             columns[first] = [first, first + 1, first + 2]
-    if not columns:
+        elif block in _BODIES and {*_PLACE, *_TURN} <= {*own}:
+            columns[first] = [first + own.index(axis) for axis in (*_PLACE, *_TURN)]
+    if not columns and block == BLOCKS[0]:
         raise FormatError(path, number, "no name stands over three columns X, Y, Z; trajectories were not exported")
+    if not columns:
+        what = f"no name in the block {block} stands over RX, RY, RZ, RW, TX, TY, TZ"
+        raise FormatError(path, number, f"{what}; export the rotations as quaternions, or trajectories")
     return columns
 
 
@@ -125,7 +148,7 @@ def _unit(
     """Return mm per unit, and the index of the first line with numbers; a line of units may be missing."""
     number, line = head[3] if len(head) > 3 else (head[2][0] + 1, "")
     cells = split_cells(path, line, number, delimiter)
-    first = next(iter(columns))
+    first = next(iter(columns.values()))[0]
     if len(cells) > first and cells[0] == "" and cells[first].isalpha():
         return mm_per_unit(path, number, cells[first]), number
     notices.append("the file names no length unit; mm is assumed, which Nexus exports")
@@ -163,8 +186,11 @@ def _every_frame(rows: Floats, notices: list[str]) -> Floats:
 
 
 def _is_nexus(head: bytes, path: Path) -> bool:
-    lines = [line for line in decoded_head(head).splitlines() if line.strip(_DELIMITERS + ' "')][:2]
+    head_lines = decoded_head(head).splitlines()[:_TITLE_LINES]
+    lines = [line for line in head_lines if line.strip(_DELIMITERS + ' "')][:2]
     titled = bool(lines) and _title(lines[0]) in BLOCKS
+    if any(line.strip().lstrip('"').startswith("Frame") and "Sub Frame" in line for line in head_lines):
+        return True
     rate = lines[1].replace("Hz", "").strip(_DELIMITERS + ' "') if titled and len(lines) > 1 else "0"
     return titled and rate.replace(".", "", 1).isdigit()
 
@@ -177,5 +203,5 @@ FORMAT = Format(
     sniff=_is_nexus,
     read=lambda path, options: read_nexus(path),
     options=(POINTS,),
-    note="ASCII export with Trajectories, any length unit; other blocks are left out with a notice.",
+    note="ASCII export of Trajectories, any unit, or of bodies with quaternions; other blocks are left out.",
 )

@@ -11,7 +11,7 @@ and the matrix that takes its axes to the world's, column by column (Rot[0] to R
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,18 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
-from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
+from skelgen_formats.text import (
+    Lines,
+    count_in,
+    decoded_head,
+    parse_rows,
+    rate_in,
+    read_lines,
+    whole_lines,
+    without_trailing_empty,
+)
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
@@ -66,12 +75,10 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names))
     n_cells = leading + width * len(names)
-    rows = parse_rows(path, _rows(lines, first, n_cells, notices), n_cells, "\t", leading=leading)
+    whole = whole_lines(lines, first, n_cells, "\t", notices)
+    rows = parse_rows(path, whole, n_cells, "\t", leading=leading)
     frames_line, frames = _entry(path, header, _FIRST_KEY)
-    announced = count_in(path, frames_line, frames[0], _FIRST_KEY)
-    if announced > len(rows):
-        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
-    check_frames(path, frames_line, min(announced, len(rows)), len(rows), notices)
+    rows = uncut(lines, rows, count_in(path, frames_line, frames[0], _FIRST_KEY), notices)
     numbers = rows.reshape(len(rows), len(names), width)
     if not of_bodies:
         return take_from_markers(path, scaled(path, zeros_unseen(numbers), _MM), names, rate, notices)
@@ -134,15 +141,6 @@ def _markers(path: Path, lines: Lines, header: _Header, first: int, notices: lis
         raise FormatError(path, line, f"NO_OF_MARKERS says {announced} and the line of names lists {len(names)}")
     notices.append(f"NO_OF_MARKERS says {announced}, {len(names)} are named, and {fitting[0]} have columns")
     return [*names, *(f"unlabelled {n + 1}" for n in range(len(names), fitting[0]))][: fitting[0]]
-
-
-def _rows(lines: Lines, first: int, n_cells: int, notices: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers; the last line of a file that is cut off is left out."""
-    for number, line in lines.numbered(first):
-        if number == len(lines) and line.count("\t") < n_cells - 1:
-            notices.append(f"line {number}, the last, is cut off and left out")
-            return
-        yield number, line
 
 
 def _check_count(path: Path, header: _Header, n_names: int, what: str) -> None:

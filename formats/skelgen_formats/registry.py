@@ -27,6 +27,7 @@ from skelgen_formats import (
     classic_texts,
     classic_xml,
     csm,
+    emt,
     gltf,
     mfml,
     mjcf,
@@ -54,15 +55,15 @@ from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, Op
 from skelgen_formats.rest_pose import with_rest_pose
 from skelgen_formats.upright import turn_wished
 
-SNIFF_BYTES = 4096
-"""How much of a file's beginning the sniffers are shown."""
+SNIFF_BYTES = 1 << 16
+"""How much of a file's beginning the sniffers are shown: several lines of titles over hundreds of columns."""
 
 _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which scripts may still use
 
 
 FORMATS: tuple[Format, ...] = (
     *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT, arrays.FORMAT),
-    *(qualisys_mat.FORMAT, tdf.FORMAT),
+    *(qualisys_mat.FORMAT, tdf.FORMAT, emt.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, mfml.FORMAT),

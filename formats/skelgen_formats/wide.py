@@ -2,7 +2,8 @@
 
 Titles are one line, ``name_x,name_y,name_z,...`` (also with a point, a blank or nothing between, any case, and a unit
 behind: ``name_x_mm``, ``name X (m)``), as anipose and FreeMoCap write them; or two, the name over the first of the
-columns X, Y, Z; or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``. Other columns are left out.
+columns X, Y, Z; or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of an ASCII export
+of Visual3D: file, signal, type, folder, and ``ITEM  X  Y  Z``. Other columns are left out.
 
 No such file states its frame rate, and few a unit. The rate is that of a column with times, else 100 Hz is assumed; so
 is the unit, by the size of the coordinates. Options state both.
@@ -10,7 +11,7 @@ is the unit, by the size of the coordinates. Options state both.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ _TITLE = re.compile(r"(.{1,200}?)[ _.:-]?([xyzXYZ])(?:[ _]?[\[(]?(mm|cm|m)[\])]?
 _TURNED = re.compile(r"([xyzXYZ])[ _.:-]?(.{1,200})")  # the axis first: x_nose, X1
 _AXES = "xyz"
 _TIMES = ("time", "times", "timestamp", "timestamps", "t", "seconds", "time_s", "time (s)", "time [s]", "time(s)")
+_VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
 _DELIMITERS = (",", ";", "\t")
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
@@ -52,6 +54,7 @@ class _Columns:
     unit: str = ""
     n_cells: int = 0
     n_titles: int = 1
+    notices: list[str] = field(default_factory=list)
 
 
 def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
@@ -82,7 +85,8 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
     rows = parse_rows(path, _padded(lines, columns, delimiter), n_cells, delimiter, wanted + times)
     positions = rows[:, : len(wanted)].reshape(len(rows), len(columns.points), 3)
     stamps = rows[:, -1] if times else None
-    return take_from_table(path, positions, list(columns.points), stamps, options, columns.unit)
+    take = take_from_table(path, positions, list(columns.points), stamps, options, columns.unit)
+    return replace(take, notices=(*columns.notices, *take.notices))
 
 
 def take_from_table(
@@ -124,7 +128,7 @@ def _columns_of(head: Sequence[str]) -> tuple[str, _Columns | None]:
     """Return the delimiter and the columns that the titles name; None if they are no titles of points."""
     for delimiter in _DELIMITERS:
         rows = [[cell.strip().strip('"') for cell in line.split(delimiter)] for line in head]
-        for find in (_deeplabcut, _under_names, _in_one_line):
+        for find in (_visual3d, _deeplabcut, _under_names, _in_one_line):
             if len(rows[0]) > 1 and (columns := find(rows)) is not None:
                 return delimiter, columns
     return ",", None
@@ -172,6 +176,23 @@ def _deeplabcut(rows: list[list[str]]) -> _Columns | None:
             name = f"{people[first]}:{parts[first]}" if len(set(people[1:])) > 1 else parts[first]
             found.points.setdefault(name, [first, first + 1, first + 2])
     return found
+
+
+def _visual3d(rows: list[list[str]]) -> _Columns | None:
+    """Targets and landmarks of an ASCII export of Visual3D: of the first trial, and of the first folder of a signal."""
+    if len(rows) < 5 or rows[4][0].upper() != "ITEM":
+        return None
+    files, names, kinds, _, axes = rows[:5]
+    found = _Columns(n_cells=len(axes), n_titles=5)
+    left_out = 0
+    for first in range(1, min(map(len, rows[:5])) - 2):
+        if kinds[first].upper() in _VISUAL3D and [axis.lower() for axis in axes[first : first + 3]] == [*_AXES]:
+            triple = [first, first + 1, first + 2]
+            left_out += files[first] != files[1] or found.points.setdefault(names[first], triple) != triple
+    if left_out:
+        found.notices.append(f"{left_out} signals of further trials or folders are left out; export them alone")
+    found.times = next((at for at, name in enumerate(names) if at and name.upper() == "TIME"), None)
+    return found if found.points else None
 
 
 def _padded(lines: Lines, columns: _Columns, delimiter: str) -> Iterator[tuple[int, str]]:

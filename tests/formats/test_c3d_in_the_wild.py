@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import ezc3d
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from skelgen_formats.registry import read_take
 
 BLOCK = 512
@@ -223,3 +224,95 @@ def test_size_of_the_file_decides(put, stated, what):
     take = read_take(put("stated.c3d", odd.content))
     np.testing.assert_allclose(take.positions, np.tile(POSITIONS, (12, 1, 1)), rtol=0, atol=F32)
     assert any(what in notice for notice in take.notices)
+
+
+LONG = replace(PLAIN, points=np.tile(PLAIN.points, (12, 1, 1)))
+LONG_POSITIONS = np.tile(POSITIONS, (12, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("odd", "notice"),
+    [
+        (replace(LONG, numbers={("POINT", "USED"): 5}), "POINT:USED says 5 points; the 3 of the header"),
+        (replace(LONG, numbers={("POINT", "USED"): 0}, labels=()), "POINT:USED says 0 points"),
+        (replace(LONG, stated={16: 0}, numbers={("POINT", "DATA_START"): 3}), "POINT:DATA_START is taken"),
+        (replace(LONG, stated={6: 65535, 8: 5}), "the header contradicts the size of the file"),
+        (replace(LONG, stated={8: 0}), "it states 0 frames where 60 are"),
+        (replace(LONG, numbers={("POINT", "RATE"): 0.0}), ""),
+        (replace(LONG, numbers={("POINT", "FRAMES"): 60.0}), ""),
+        (replace(LONG, numbers={("POINT", "DATA_START"): 9}), ""),
+        (replace(LONG, stated={6: 60000, 8: 60059}), ""),
+    ],
+)
+def test_what_the_header_and_the_parameters_say_apart(put, odd, notice):
+    take = read_take(put("apart.c3d", odd.content))
+    np.testing.assert_allclose(take.positions, LONG_POSITIONS, rtol=0, atol=F32)
+    assert take.rate == 100.0
+    assert any(notice in told for told in take.notices) if notice else take.notices == ()
+
+
+@pytest.mark.parametrize("n_bytes", [512, 1024, 4096, 3 * 4096])
+def test_zeros_behind_the_data_are_no_analogue_values(put, n_bytes):
+    odd = replace(LONG, analog=RNG.uniform(-1, 1, (60, 4)))
+    take = read_take(put("padded.c3d", odd.content + bytes(n_bytes)))
+    np.testing.assert_allclose(take.positions, LONG_POSITIONS, rtol=0, atol=F32)
+    assert take.notices == ()
+
+
+def test_reserved_bytes_before_the_parameters_say_nothing(put):
+    content = bytearray(PLAIN.content)
+    content[BLOCK : BLOCK + 2] = b"\0\0"
+    np.testing.assert_allclose(read_take(put("zero.c3d", bytes(content))).positions, POSITIONS, rtol=0, atol=F32)
+
+
+def test_names_of_groups_in_lower_case_are_the_same(put):
+    content = PLAIN.content.replace(b"POINT", b"Point").replace(b"LABELS", b"labels")
+    assert read_take(put("lower.c3d", content)).names == PLAIN.labels
+
+
+def test_frames_that_overflow_their_word_are_all_read(put):
+    n_frames = 65536 + 400
+    odd = replace(PLAIN, stated={8: 400}, numbers={("POINT", "FRAMES"): 400})
+    head = odd.content[: 3 * BLOCK]
+    frames = np.resize(PLAIN.points, (n_frames, 3, 4)).astype("<f4")
+    take = read_take(put("long.c3d", head[: 2 * BLOCK] + frames.tobytes()))
+    assert take.n_frames == n_frames
+    np.testing.assert_array_equal(take.positions[-1], frames[-1, :, :3])
+
+
+ROTATED = {("ROTATION", "LABELS"): ["worldbody_4X4", "pelvis_4X4", "l_thigh_4X4"]}
+
+
+def with_rotations(odd: OddC3d) -> tuple[OddC3d, bytes, np.ndarray]:
+    """The file with three segments, one unseen in the third frame; what stands behind its points; their poses."""
+    poses = np.tile(np.eye(4), (5, 3, 1, 1))
+    poses[:, 1:, :3, :3] = Rotation.random(10, random_state=2).as_matrix().reshape(5, 2, 3, 3)
+    poses[:, 1:, :3, 3] = np.round(RNG.uniform(-900, 900, (5, 2, 3)), 1)
+    words = np.ones((5, 3, 17), dtype="<f4")
+    words[..., :16] = poses.swapaxes(2, 3).reshape(5, 3, 16)
+    words[2, 2, 16] = -1.0
+    numbers = {("ROTATION", key): number for key, number in (("USED", 3), ("RATIO", 1), ("DATA_START", 99))}
+    blocks = len(replace(odd, texts=ROTATED, numbers=numbers).content) // BLOCK
+    numbers["ROTATION", "DATA_START"] = blocks + 1
+    return replace(odd, texts=ROTATED, numbers=numbers), words.tobytes() + bytes(-words.nbytes % BLOCK), poses
+
+
+def test_segments_of_theia_are_bodies(put):
+    odd, behind, poses = with_rotations(replace(PLAIN, points=np.zeros((5, 0, 4)), labels=()))
+    take = read_take(put("theia.c3d", odd.content + behind))
+    assert (take.names, take.rate) == (("pelvis", "l_thigh"), 100.0)
+    assert "worldbody is the world, and left out" in take.notices
+    assert np.isnan(take.world_from_body[2, 1]).all()
+    np.testing.assert_allclose(take.world_from_body[:, 0], poses[:, 1], rtol=0, atol=F32)
+
+
+def test_segments_beside_points_are_no_points(put):
+    odd, behind, poses = with_rotations(PLAIN)
+    path = put("both.c3d", odd.content + behind)
+    take = read_take(path)
+    np.testing.assert_allclose(take.positions, POSITIONS, rtol=0, atol=F32)
+    assert any("`--bodies` reads them" in notice for notice in take.notices)
+    theirs = ezc3d.c3d(str(path))["data"]["rotations"].transpose(3, 2, 0, 1)[:, 1:]
+    ours = read_take(path, bodies=True).world_from_body
+    np.testing.assert_allclose(ours[:, 0], theirs[:, 0], rtol=0, atol=F32)
+    np.testing.assert_allclose(ours[:, 0], poses[:, 1], rtol=0, atol=F32)

@@ -91,3 +91,29 @@ def test_export_of_workstation_without_sub_frames_is_read(put):
     assert recognise(path).name == "nexus"
     assert (take.names, take.rate, take.n_frames) == (("LASI", "RASI"), 120.0, 2)
     np.testing.assert_array_equal(take.positions[0], FIRST)
+
+
+OBJECTS = (
+    "Objects\n100\n,,Wand:Wand,,,,,,,Box:Box,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ,RX,RY,RZ,RW,TX,TY,TZ\n"
+    ",,,,,,mm,mm,mm,,,,,mm,mm,mm\n1,0,0,0,1,0,10,20,30,0,0,0,1,1,2,3\n2,0,0,0,0,1,11,21,31,,,,,,,\n"
+)
+
+
+def test_objects_with_quaternions_are_bodies(put):
+    take = read_take(put("tracker.csv", OBJECTS))
+    assert (take.names, take.rate) == (("Wand:Wand", "Box:Box"), 100.0)
+    np.testing.assert_allclose(
+        take.world_from_body[0, 0], [[-1, 0, 0, 10], [0, -1, 0, 20], [0, 0, 1, 30], [0, 0, 0, 1]]
+    )
+    assert np.isnan(take.world_from_body[1, 1]).all()
+
+
+def test_objects_with_angles_say_what_to_export(refused, put):
+    text = OBJECTS.replace("RX,RY,RZ,RW", "RX,RY,RZ,")
+    assert "in the block Objects stands over RX, RY, RZ, RW" in refused(put("tracker.csv", text))
+
+
+@pytest.mark.parametrize("title", ["Angles", "Joint angles of Ann"])
+def test_a_first_block_of_any_title_hides_no_trajectories(put, title):
+    take = read_take(put("walk.csv", f"{OUTPUTS.replace('Model Outputs', title)}\n{TRAJECTORIES}"))
+    assert take.names == ("LASI", "RASI")

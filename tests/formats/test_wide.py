@@ -89,3 +89,37 @@ def test_axis_may_stand_before_the_name(put, titles):
     take = read_take(put("before.csv", f"{titles}\n" + "100,200,300,400,500,600\n" * 3))
     assert take.names == ("nose", "toe")
     np.testing.assert_array_equal(take.positions[0], [[100, 200, 300], [400, 500, 600]])
+
+
+def test_titles_of_many_columns_are_read(put):
+    """Four lines of titles that are longer than a sniffer of a few kB sees."""
+    names = [f"bodypart{n}" for n in range(40) for _ in range(3)]
+    scorer = "DLC_resnet50_project_of_a_long_nameshuffle1_500000"
+    head = f"scorer,{','.join([scorer] * 120)}\nbodyparts,{','.join(names)}\ncoords{',x,y,z' * 40}\n"
+    take = read_take(put("long.csv", head + "0" + ",1,2,3" * 40 + "\n1" + ",1,2,4" * 40 + "\n"))
+    assert take.n_markers == 40
+
+
+VISUAL3D = (
+    "\ta.c3d" + "\ta.c3d" * 6 + "\n\tTIME" + "\tLASI" * 3 + "\tRASI" * 3 + "\n\tFRAME_NUMBERS" + "\tTARGET" * 6
+) + ("\n\tORIGINAL" + "\tORIGINAL" * 6 + "\nITEM\tX" + "\tX\tY\tZ" * 2 + "\n")
+
+
+def test_targets_of_visual3d_are_points(put):
+    rates = "1\t0.00\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n2\t0.02\t0.1\t0.2\t0.4\t\t\t\n"
+    take = read_take(put("targets.txt", VISUAL3D + rates))
+    assert (take.names, take.rate) == (("LASI", "RASI"), 50.0)
+    np.testing.assert_allclose(take.positions[0], [[100, 200, 300], [400, 500, 600]])
+    assert take.seen.tolist() == [[True, True], [True, False]]
+
+
+def test_further_trials_of_visual3d_are_told(put):
+    lines = VISUAL3D.replace("\ta.c3d\ta.c3d\ta.c3d\n", "\tb.c3d\tb.c3d\tb.c3d\n")
+    take = read_take(put("two.txt", lines + "1\t0.00\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n"))
+    assert take.names == ("LASI",)
+    assert "1 signals of further trials or folders are left out; export them alone" in take.notices
+
+
+def test_angles_of_visual3d_say_what_to_export(refused, put):
+    text = VISUAL3D.replace("TARGET", "LINK_MODEL_BASED") + "1\t0.00\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n"
+    assert "an ASCII export of Visual3D without targets" in refused(put("angles.txt", text))

@@ -26,7 +26,18 @@ from skelgen_formats.marker_output import (
     trajectories_of,
     write_table,
 )
-from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Options, Writable, finished_project
+from skelgen_formats.options import (
+    AXES,
+    BODIES,
+    FILLED,
+    POINTS,
+    RATE,
+    UNIT,
+    Format,
+    Options,
+    Writable,
+    finished_project,
+)
 
 __all__ = [
     "C3D",
@@ -91,15 +102,15 @@ C3D = Format(
     suffixes=(".c3d",),
     holds="markers",
     sniff=lambda head, path: len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE,
-    read=lambda path, options: read_c3d(path, options.points),
+    read=lambda path, options: read_c3d(path, options.points, options.bodies),
     write=write_c3d,
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     remarks=_remarks,
     filled_mark="filled positions have residual 0 and no camera, measured ones residual 1 and one camera",
-    options=(POINTS, AXES, UNIT, RATE, FILLED),
-    note="Units from the file; residual below 0 and all zeros are unseen; model outputs are left out.",
+    options=(POINTS, BODIES, AXES, UNIT, RATE, FILLED),
+    note="Units from the file; residual below 0 and zeros are unseen; model outputs are left out; Theia's as bodies.",
 )
 
 

@@ -17,10 +17,9 @@ from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
     WORDS_PER_POINT,
     C3dLayout,
-    Values,
-    dec_floats,
     read_layout,
 )
+from skelgen_formats.c3d.parameters import Values, dec_floats
 from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import per_mm
 
@@ -107,7 +106,7 @@ def companions_of(take: Trajectories, axes: str, unit: str) -> Companions | None
     if layout.n_frames != take.n_frames or abs(layout.rate / take.rate - 1) > _SAME_RATE:
         return None
     first, samples = (struct.unpack_from(f"{layout.order}H", head, at)[0] for at in (_FIRST_AT, _SAMPLES_AT))
-    groups = {key: values for key, values in layout.parameters.items() if key[0] not in {"POINT", ""}}
+    groups = {key: values for key, values in layout.parameters.items() if key[0] not in {"POINT", "ROTATION", ""}}
     stated = [text for text in layout.texts("POINT", "UNITS") if text]
     factor = mm_per_unit(path, "POINT:UNITS", stated[0]) * per_mm(unit) if stated else 1.0
     for key in (_CORNERS, _ORIGIN):

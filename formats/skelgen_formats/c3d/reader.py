@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.files import open_regular
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen_formats.c3d.layout import MOST_HEADER_FRAMES, WORDS_PER_POINT, C3dLayout, dec_floats, read_layout
+from skelgen_formats.c3d.layout import MOST_HEADER_FRAMES, WORDS_PER_POINT, C3dLayout, has_rotations, read_layout
+from skelgen_formats.c3d.parameters import dec_floats
+from skelgen_formats.c3d.rotations import read_rotations
 from skelgen_formats.markers import (
     COMPUTED,
     assumed_mm_per_unit,
@@ -42,7 +44,7 @@ class _Points(NamedTuple):
     measured: Ints
 
 
-def read_c3d(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
+def read_c3d(path: Path, points: str = MARKERS, bodies: bool = False) -> Trajectories | PointCloud | Poses:
     """Read the points of a C3D file.
 
     Parameters
@@ -51,11 +53,13 @@ def read_c3d(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
         The file.
     points : str
         `ALL_POINTS` to read points that a model computed, too.
+    bodies : bool
+        Whether segments with rotations are read although there are points.
 
     Returns
     -------
     Trajectories
-        Positions in mm; or a `PointCloud` if no trajectory has a label.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of segments if there are no points.
 
     Raises
     ------
@@ -63,7 +67,11 @@ def read_c3d(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
         If the file is damaged or cut off.
     """
     layout = read_layout(path)
+    if has_rotations(layout.parameters) and (bodies or layout.n_points == 0):
+        return read_rotations(path, layout)
     notices = list(layout.notices)
+    if has_rotations(layout.parameters):
+        notices.append("segments with rotations are left out; `--bodies` reads them instead of the points")
     names = _names(layout, notices)
     read = _read_points(path, layout)
     if layout.counted:

@@ -21,7 +21,8 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import PositionSource
 from skelgen_formats.c3d.companions import Companions
-from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT, Values
+from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT
+from skelgen_formats.c3d.parameters import Values
 from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.options import per_mm
 
