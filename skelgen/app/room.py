@@ -61,7 +61,7 @@ def calibrate_room(
     waved: str,
     wand: Sequence[float],
     ground: str | None = None,
-    arms: tuple[float, float] = (600.0, 400.0),
+    arms: Sequence[float] = (600.0, 400.0),
     monitor: Monitor = SILENT,
 ) -> "tuple[RoomSettings, WandCalibration]":
     """Calibrate the cameras of a room from images of a wand and of an L-frame.
@@ -71,11 +71,11 @@ def calibrate_room(
     waved : str
         Source in which the wand is waved.
     wand : sequence of float, mm
-        Where the three balls are along it.
+        Where the two or three balls are along it.
     ground : str, optional
         Source in which the L-frame lies on the floor; without it the world is the first camera's frame.
-    arms : tuple of float, mm
-        Of the L-frame, along x and along y.
+    arms : sequence of float, mm
+        Of the L-frame, along x and along y; of three other balls also the distance between the last two.
     monitor : Monitor
         Reports how many images are done; may cancel.
 

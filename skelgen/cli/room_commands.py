@@ -17,13 +17,18 @@ SETTINGS = Path("room.xml")
 def room(
     source: Annotated[str, typer.Argument(metavar="SOURCE", help="Where the images of the waved wand come from.")],
     wand: Annotated[
-        str, typer.Option("--wand", metavar="MM,MM,MM", help="Where the three balls are along the wand.")
+        str, typer.Option("--wand", metavar="MM,MM,MM", help="Where its two or three balls are along the wand.")
     ] = "0,180,500",
     ground: Annotated[
         str | None, typer.Option("--ground", metavar="SOURCE", help="Images of the L-frame on the floor.")
     ] = None,
     arms: Annotated[
-        str, typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, along x and along y.")
+        str,
+        typer.Option(
+            "--arms",
+            metavar="MM,MM",
+            help="Arms of the L-frame, and the third side of other triangles.",
+        ),
     ] = "600,400",
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
     quiet: Quiet = False,
@@ -36,11 +41,11 @@ def room(
     source : str
         Where the images of the waved wand come from.
     wand : str
-        Where its three balls are along it, in mm.
+        Where its two or three balls are along it, in mm.
     ground : str, optional
         Where images of an L-frame on the floor come from; without it the world is the first camera's frame.
     arms : str
-        Arms of the L-frame along x and along y, in mm.
+        Arms of the L-frame along x and along y, in mm; of three other balls also the distance between the last two.
     output : Path
         Settings to write.
     quiet, as_json : bool
@@ -51,9 +56,9 @@ def room(
     from skelgen.app.room import calibrate_room, save_room
 
     screen = Screen(quiet, as_json)
-    distances, lengths = _numbers(wand, 3, "--wand"), _numbers(arms, 2, "--arms")
+    distances, lengths = _numbers(wand, "--wand"), _numbers(arms, "--arms")
     with screen.watching() as monitor:
-        settings, found = calibrate_room(source, distances, ground, (lengths[0], lengths[1]), monitor)
+        settings, found = calibrate_room(source, distances, ground, lengths, monitor)
     save_room(settings, output)
     rows = [
         {
@@ -89,11 +94,11 @@ def room(
     )
 
 
-def _numbers(text: str, count: int, option: str) -> list[float]:
+def _numbers(text: str, option: str) -> list[float]:
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) != count:
-        raise InputError(f"{option} is {text!r}; {count} numbers in mm belong there, with commas between them")
+    if len(values) not in {2, 3}:
+        raise InputError(f"{option} is {text!r}; two or three numbers in mm belong there, with commas between them")
     return values

@@ -123,7 +123,8 @@ def test_an_unknown_source_names_those_that_are_known():
 
 
 @pytest.mark.parametrize(
-    ("option", "sentence"), [(("--wand", "0,180"), "3 numbers in mm"), (("--arms", "600;400"), "2 numbers in mm")]
+    ("option", "sentence"),
+    [(("--wand", "0,180"), "two or three numbers in mm"), (("--arms", "600;400"), "two or three numbers in mm")],
 )
 def test_numbers_of_wand_and_frame_are_checked(option, sentence, capsys, tmp_path):
     assert main(["calibrate", "room", WAVED, *option, "-o", str(tmp_path / "room.xml")]) == 2

@@ -9,7 +9,7 @@ from skelgen.capture.calibration.board import uncovered
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
 from skelgen.capture.room.accuracy import point_covariances, room_grid
 from skelgen.capture.room.adjustment import N_CAMERA, AdjustedRoom, adjust_room, free_numbers
-from skelgen.capture.room.start import LENS, placed_in, start_values
+from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
 from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand import check_wand, wand_views
 from skelgen.errors import InputError
@@ -81,7 +81,7 @@ def calibrate_wand(
     frames : sequence of views
         What all cameras see, frame by frame; a camera without an image has no balls.
     distances : sequence of float, mm
-        Where the three balls are along the wand; the middle one not in the middle.
+        Where the two or three balls are along the wand; a middle one not in the middle.
     sizes : sequence of tuple of int, px
         Width and height of each camera's images.
     names : sequence of str
@@ -97,7 +97,7 @@ def calibrate_wand(
     called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
     if not frames:
         raise InputError("there are no frames; wave the wand for a minute")
-    seen = wand_views(frames, wand)
+    seen = wand_views(frames, wand, LEAST_SHARED)
     start = start_values(seen, wand, list(sizes), called)
     placed = np.isfinite(start.first[:, 0])
     adjusted = adjust_room(start.of(placed), free_numbers(len(called), LENS))

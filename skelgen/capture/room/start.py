@@ -15,6 +15,7 @@ import numpy as np
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
 from skelgen.capture.room.adjustment import WandBundle, adjust_room, free_numbers
+from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -55,9 +56,9 @@ def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names
 
     Parameters
     ----------
-    seen : ndarray, shape (n_frames, n_cameras, 3, 2), px
+    seen : ndarray, shape (n_frames, n_cameras, n_balls, 2), px
         Where the wand was seen; see `skelgen.capture.room.wand`.
-    wand : ndarray, shape (3,), mm
+    wand : ndarray, shape (n_balls,), mm
         Its balls.
     sizes : list of tuple of int, px
         Width and height of each camera's images.
@@ -154,9 +155,11 @@ def _first_pair(
 
 def _check_middle(bundle: WandBundle, seen: Floats) -> None:
     """Refuse a wand whose middle ball is elsewhere."""
+    if len(bundle.distances) == TWO:
+        return
     both = np.isfinite(seen[..., 0]).all(axis=(1, 2))
     rays = [undistort(eye, seen[both, index].reshape(-1, 2)) for index, eye in enumerate(bundle.cameras)]
-    balls = _meeting(rays[0], rays[1], bundle.cameras[1].camera_from_world).reshape(-1, 3, 3)
+    balls = _meeting(rays[0], rays[1], bundle.cameras[1].camera_from_world).reshape(int(both.sum()), -1, 3)
     gaps = np.linalg.norm(balls - balls[:, :1], axis=2)
     part, said = float(np.nanmedian(gaps[:, 1] / gaps[:, 2])), float(bundle.distances[1] / bundle.distances[2])
     if abs(part - said) > UNEVEN:
@@ -208,13 +211,13 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
     _, turn, shift, _ = cv2.recoverPose(essential, *rays, np.eye(3), distanceThresh=1e6)[:4]
     second = transform_from(nearest_rotation(turn), shift.ravel())
     balls = _meeting(rays[0], rays[1], second).reshape(len(seen), -1, 3)
-    lengths = np.linalg.norm(balls[:, 2] - balls[:, 0], axis=1)
+    lengths = np.linalg.norm(balls[:, -1] - balls[:, 0], axis=1)
     usable = np.isfinite(lengths) & (balls[..., 2] > 0).all(axis=1)
     if usable.sum() < LEAST_SHARED:
         return None
     typical = float(np.median(lengths[usable]))
     spread = float(1.4826 * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
-    second[:3, 3] *= wand[2] / typical
+    second[:3, 3] *= wand[-1] / typical
     cameras = eyes[0], replace(eyes[1], camera_from_world=second)
     return spread, WandBundle(cameras, wand, np.empty((0, 3)), np.empty((0, 3)), seen)
 
@@ -234,7 +237,8 @@ def _meeting(one: Floats, two: Floats, second: Floats) -> Floats:
 def _replaced(bundle: WandBundle) -> WandBundle:
     """The bundle with the wand placed in all frames in which two of its cameras show it; NaN elsewhere."""
     n_frames, n_cameras = bundle.seen.shape[:2]
-    normal, pulled = np.zeros((n_frames, 3, 3, 3)), np.zeros((n_frames, 3, 3))
+    n_balls = len(bundle.distances)
+    normal, pulled = np.zeros((n_frames, n_balls, 3, 3)), np.zeros((n_frames, n_balls, 3))
     count = np.zeros(n_frames, dtype=np.intp)
     for index, eye in enumerate(bundle.cameras):
         shown = np.asarray(np.isfinite(bundle.seen[:, index, :, 0]).all(axis=1))

@@ -1,7 +1,8 @@
-"""The wand in images: three balls on a line, whose distances say which end is which.
+"""The wand in images: three balls on a line, whose distances say which end is which, or two balls.
 
 A wand with its balls at 0, d and D is seen with its middle ball at about d / D of its length: perspective shifts that
-by as much as one end is farther away than the other.
+by as much as one end is farther away than the other. Which of two balls is which only several images together say; see
+`skelgen.capture.room.two_balls`.
 """
 
 from collections.abc import Sequence
@@ -9,11 +10,12 @@ from itertools import combinations
 
 import numpy as np
 
+from skelgen.capture.room.two_balls import with_equal_ends
 from skelgen.capture.room.values import Views
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 
-N_BALLS = 3
+TWO, N_BALLS = 2, 3
 NEARER = 1.5
 """Ratio of the distances of both ends from a camera, at most: a wand of half a metre at one and a half."""
 
@@ -31,7 +33,7 @@ LEAST_UNEVEN = 0.06
 
 
 def check_wand(distances: Sequence[float]) -> Floats:
-    """Return where the balls of a wand are, from the end that the middle one is nearer to, shape (3,), mm.
+    """Return where the balls of a wand are, from the end that the middle one is nearer to, shape (2 or 3,), mm.
 
     Parameters
     ----------
@@ -44,10 +46,12 @@ def check_wand(distances: Sequence[float]) -> Floats:
         If its ends cannot be told apart in an image.
     """
     places = np.array(distances, dtype=np.float64)
-    if len(places) != N_BALLS or not np.isfinite(places).all() or not (np.diff(places) > 0).all():
+    if len(places) not in {TWO, N_BALLS} or not np.isfinite(places).all() or not (np.diff(places) > 0).all():
         text = ", ".join(f"{place:g}" for place in places)
-        raise InputError(f"the wand has balls at {text} mm; give three places in order, as 0, 180, 500")
+        raise InputError(f"the wand has balls at {text} mm; give two or three places in order, as 0, 180, 500")
     places -= places[0]
+    if len(places) == TWO:
+        return places
     if places[1] > places[2] / 2:
         places = (places[2] - places)[::-1].copy()
     if places[1] > (0.5 - LEAST_UNEVEN) * places[2]:
@@ -59,15 +63,18 @@ def check_wand(distances: Sequence[float]) -> Floats:
 
 
 def find_wand(centres: Floats, wand: Floats) -> Floats:
-    """Return where an image shows the balls of a wand, shape (3, 2), px; NaN if it shows none, or several.
+    """Return where an image shows the balls of a wand, shape (n_balls, 2), px; NaN if it shows none, or several.
 
     Parameters
     ----------
     centres : ndarray, shape (n_balls, 2), px
         All balls of the image, the largest first.
-    wand : ndarray, shape (3,), mm
-        From `check_wand`.
+    wand : ndarray, shape (2 or 3,), mm
+        From `check_wand`. Two balls come in any order.
     """
+    if len(wand) == TWO:
+        is_one = len(centres) == TWO and np.linalg.norm(centres[1] - centres[0]) >= SHORTEST
+        return np.asarray(centres) if is_one else np.full((TWO, 2), np.nan)
     none = np.full((N_BALLS, 2), np.nan)
     if not N_BALLS <= len(centres) <= MOST_BALLS:
         return none
@@ -94,14 +101,17 @@ def _parts_seen(wand: Floats) -> tuple[float, float]:
     return float(low), min(float(high), 0.5)
 
 
-def wand_views(frames: Sequence[Views], wand: Floats) -> Floats:
-    """Return where all images show the wand, shape (n_frames, n_cameras, 3, 2), px; NaN where they do not.
+def wand_views(frames: Sequence[Views], wand: Floats, least_shared: int) -> Floats:
+    """Return where all images show the wand, shape (n_frames, n_cameras, n_balls, 2), px; NaN where they do not.
 
     Parameters
     ----------
     frames : sequence of views
         What all cameras see, frame by frame.
-    wand : ndarray, shape (3,), mm
+    wand : ndarray, shape (2 or 3,), mm
         From `check_wand`.
+    least_shared : int
+        Frames that two cameras must share for a wand of two balls.
     """
-    return np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
+    seen = np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
+    return with_equal_ends(seen, least_shared) if len(wand) == TWO else seen
