@@ -122,13 +122,10 @@ def test_an_unknown_source_names_those_that_are_known():
         open_room_source("radio:bbc")
 
 
-@pytest.mark.parametrize(
-    ("option", "sentence"),
-    [(("--wand", "0,180"), "two or three numbers in mm"), (("--arms", "600;400"), "two or three numbers in mm")],
-)
-def test_numbers_of_wand_and_frame_are_checked(option, sentence, capsys, tmp_path):
+@pytest.mark.parametrize("option", [("--wand", "180"), ("--arms", "600;400")])
+def test_numbers_of_wand_and_frame_are_checked(option, capsys, tmp_path):
     assert main(["calibrate", "room", WAVED, *option, "-o", str(tmp_path / "room.xml")]) == 2
-    assert sentence in capsys.readouterr().err
+    assert "two or three numbers in mm" in capsys.readouterr().err
 
 
 def test_what_needs_two_cameras_says_so(settings, capsys):
