@@ -1,5 +1,6 @@
 """Files that people try and that hold nothing to read: what each is, and what to export instead."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,12 @@ class _Foreign(NamedTuple):
     sentence: str
 
 
+_NUMBERS = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?([\s;,]+[-+]?[\d.,]+(e[-+]?\d+)?){2,}", re.IGNORECASE)
 _MARKERS = "export the markers as C3D or TRC"
+
+_OPENSIM = "coordinates, forces or results of OpenSim, no measured markers; give the .trc that they come from"
+
+_UNTITLED = "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z"
 
 _FOREIGN = (
     _Foreign(
@@ -24,13 +30,18 @@ _FOREIGN = (
     ),
     _Foreign((), (".vsk", ".vst", ".vss", ".mp"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"),
     _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
+    _Foreign(
+        (b"comment,NaturalPoint", b"info,version"),
+        (),
+        f"an export of OptiTrack's Arena or Tracking Tools; open the recording in Motive and {_MARKERS}, or CSV",
+    ),
     _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
     _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
     _Foreign((), (".cap", ".vc", ".trb", ".prj"), f"binary data of Cortex or EVaRT; {_MARKERS} from Cortex"),
     _Foreign((), (".anc", ".anb", ".forces"), f"analogue data of Cortex, no markers; {_MARKERS}"),
     _Foreign((b"<OpenSimDocument",), (".osim",), "a model of OpenSim, without a recording; give its .trc"),
-    _Foreign((), (".mot", ".sto"), "coordinates or forces of OpenSim, no markers; give the .trc that they come from"),
+    _Foreign((), (".mot", ".sto"), _OPENSIM),
     _Foreign((b"glTF",), (".glb", ".gltf"), f"a 3D scene; {_MARKERS}, or bones as BVH for `skelgen simulate --motion`"),
     _Foreign((b"PXR-USDC", b"#usda"), (".usd", ".usda", ".usdc"), f"a USD scene; {_MARKERS}"),
     _Foreign((), (".blend", ".ma", ".mb", ".max"), f"a scene of an animation program; {_MARKERS}, or bones as BVH"),
@@ -39,6 +50,7 @@ _FOREIGN = (
         (".h5", ".hdf5", ".nwb", ".slp"),
         "an HDF5 file; export a wide CSV (name_x, name_y, name_z) from DeepLabCut, SLEAP or anipose",
     ),
+    _Foreign((b"{", b"["), (".json",), "JSON; write the points as TRC or wide CSV, those of images triangulated first"),
     _Foreign((), (".pkl", ".pickle", ".p"), "a pickle, which may run anything; save the positions with numpy.save"),
     _Foreign((b"PK\x03\x04",), (".xlsx", ".ods"), "a spreadsheet; save the sheet as CSV"),
     _Foreign((b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"), (".zip", ".gz", ".7z"), "an archive; unpack it first"),
@@ -60,18 +72,18 @@ def is_foreign(head: bytes, path: Path) -> str:
     path : Path
         The file; its suffix tells where the content does not.
     """
-    name = path.name.lower()
-    text = decoded_head(head)
-    if text.startswith("\t") and "\nITEM\t" in text.replace("\r", ""):
-        return (
+    name, text = path.name.lower(), decoded_head(head)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    told = ""
+    if text.lstrip().startswith("HIERARCHY"):
+        told = f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
+    elif any(line.startswith("ITEM\t") for line in lines[:6]):
+        told = (
             f"an ASCII export of Visual3D without targets; export those of the folder ORIGINAL with it, or {_MARKERS}"
         )
-    if text.lstrip().startswith("HIERARCHY"):
-        return f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
-    for kind in _FOREIGN:
-        if name.endswith(kind.suffixes):
-            return kind.sentence
-    for kind in _FOREIGN:
-        if head.startswith(kind.starts):
-            return kind.sentence
-    return ""
+    elif any(line.strip(",; ") == "endheader" for line in lines):
+        told = _OPENSIM
+    by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
+    by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
+    is_untitled = bool(lines) and _NUMBERS.fullmatch(lines[0]) is not None
+    return next(filter(None, (told, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")

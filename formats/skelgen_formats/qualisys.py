@@ -61,9 +61,11 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
     header, first = _header(lines)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
-    if "2D" in included:
-        line = header["DATA_INCLUDED"][0]
-        raise FormatError(path, line, "holds 2D data; export the 3D data of the markers from Track Manager instead")
+    if "2D" in included or "SKELETON" in included:
+        line, kind = header["DATA_INCLUDED"][0], "2D data" if "2D" in included else "skeletons"
+        raise FormatError(path, line, f"holds {kind}; export the 3D data of the markers from Track Manager instead")
+    if not header:
+        raise FormatError(path, 1, "no header; export TSV from Track Manager with its header, in which the names stand")
     notices: list[str] = []
     if of_bodies:
         _, names = _entry(path, header, "BODY_NAMES")

@@ -5,13 +5,15 @@ behind: ``name_x_mm``, ``name X (m)``), as anipose and FreeMoCap write them; or 
 columns X, Y, Z; or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of an ASCII export
 of Visual3D: file, signal, type, folder, and ``ITEM  X  Y  Z``. Other columns are left out.
 
-No such file states its frame rate, and few a unit. The rate is that of a column with times, else 100 Hz is assumed; so
-is the unit, by the size of the coordinates. Options state both.
+Few such files state a frame rate or a unit: in lines of a word and a value before the titles (``Frequency: 100``,
+``Units: mm``). Else the rate is that of a column with times, or 100 Hz is assumed, and the unit by the size of the
+coordinates; options state both. Columns of forces, accelerations, angles and the like are no points and are left out.
 """
 
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import Lines, decoded_head, parse_rows, read_lines
+from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
@@ -36,6 +38,14 @@ QUOTED = re.compile(r'"([^"]*)"')
 _TITLE = re.compile(r"(.{1,200}?)[ _.:-]?([xyzXYZ])(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?")
 _TURNED = re.compile(r"([xyzXYZ])[ _.:-]?(.{1,200})")  # the axis first: x_nose, X1
 _AXES = "xyz"
+_NO_PLACES = re.compile(
+    r"(.*[_ .:-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
+    r"|omega|forces?|moments?|torques?|grf|vel|velocity|velocities|speed)([_ .:-].*)?",
+    re.IGNORECASE,
+)
+_STATED = re.compile(r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|units?)\W*", re.IGNORECASE)
+_PREAMBLE, _TITLE_LINES = 16, 8  # lines before the titles, and of titles, at most
+_MOST_STATED = 2  # cells of a line before the titles: a word and a value
 _TIMES = ("time", "times", "timestamp", "timestamps", "t", "seconds", "time_s", "time (s)", "time [s]", "time(s)")
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
@@ -47,11 +57,12 @@ _MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside
 
 @dataclass
 class _Columns:
-    """Which columns are what: x, y, z of each point by name, the times, the unit in the titles, and what lies first."""
+    """Which columns are what: x, y, z of each point by name, times, unit and rate as stated, and what lies first."""
 
     points: dict[str, list[int]] = field(default_factory=dict)
     times: int | None = None
     unit: str = ""
+    rate: str = ""
     n_cells: int = 0
     n_titles: int = 1
     notices: list[str] = field(default_factory=list)
@@ -73,10 +84,12 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
     """
     lines = read_lines(path)
-    delimiter, columns = _columns_of(lines[:8])
+    delimiter, columns = _columns_of([line for _, line in islice(lines.numbered(), _PREAMBLE + _TITLE_LINES)])
     if columns is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
+    if not columns.points and columns.notices:
+        raise FormatError(path, 1, f"the columns are {columns.notices[0]}; nothing else is there")
     if not columns.points:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
     wanted = [column for triple in columns.points.values() for column in triple]
@@ -85,6 +98,8 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
     rows = parse_rows(path, _padded(lines, columns, delimiter), n_cells, delimiter, wanted + times)
     positions = rows[:, : len(wanted)].reshape(len(rows), len(columns.points), 3)
     stamps = rows[:, -1] if times else None
+    if columns.rate and options.recorded_rate == AS_RECORDED_RATE:
+        options = replace(options, recorded_rate=rate_in(path, 1, columns.rate, "the frame rate"))
     take = take_from_table(path, positions, list(columns.points), stamps, options, columns.unit)
     return replace(take, notices=(*columns.notices, *take.notices))
 
@@ -127,11 +142,30 @@ def take_from_table(
 def _columns_of(head: Sequence[str]) -> tuple[str, _Columns | None]:
     """Return the delimiter and the columns that the titles name; None if they are no titles of points."""
     for delimiter in _DELIMITERS:
-        rows = [[cell.strip().strip('"') for cell in line.split(delimiter)] for line in head]
-        for find in (_visual3d, _deeplabcut, _under_names, _in_one_line):
-            if len(rows[0]) > 1 and (columns := find(rows)) is not None:
-                return delimiter, columns
+        every = [[cell.strip().strip('"') for cell in line.split(delimiter)] for line in head]
+        last = next((at for at, row in enumerate(every) if sum(map(bool, row)) > _MOST_STATED), 0)
+        starts = [] if ["endheader"] in [row[:1] for row in every] else range(min(last, _PREAMBLE) + 1)  # of OpenSim
+        for first, find in product(starts, (_visual3d, _deeplabcut, _under_names, _in_one_line)):
+            if len(every[first]) > 1 and (columns := find(every[first : first + _TITLE_LINES])) is not None:
+                return delimiter, _with_preamble(columns, every[:first])
     return ",", None
+
+
+def _with_preamble(columns: _Columns, before: list[list[str]]) -> _Columns:
+    """Return the columns with what the lines before the titles state, and without what is no point."""
+    no_points = [name for name in columns.points if _NO_PLACES.fullmatch(name)]
+    if no_points:
+        columns.notices.append(f"no points, and left out: {', '.join(no_points[:8])}")
+    columns.points = {name: triple for name, triple in columns.points.items() if name not in no_points}
+    columns.n_titles += len(before)
+    for row in before:
+        key, _, value = ":".join(filter(None, row)).partition(":")
+        stated = _STATED.fullmatch(key)
+        if stated and stated[1].lower().startswith("unit"):
+            columns.unit = columns.unit or value.strip(": ")
+        elif stated:
+            columns.rate = value.strip(": Hzfps")
+    return columns
 
 
 def _in_one_line(rows: list[list[str]]) -> _Columns | None:
@@ -206,7 +240,8 @@ def _padded(lines: Lines, columns: _Columns, delimiter: str) -> Iterator[tuple[i
 
 
 def _is_wide(head: bytes, path: Path) -> bool:
-    return _columns_of(decoded_head(head).splitlines()[:8] or [""])[1] is not None
+    lines = [line for line in decoded_head(head).splitlines() if line.strip()]
+    return _columns_of(lines[: _PREAMBLE + _TITLE_LINES] or [""])[1] is not None
 
 
 CSV = Format(

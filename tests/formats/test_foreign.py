@@ -15,6 +15,12 @@ import pytest
         ("walk.txt", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.txt"),
         ("walk.mot", b"Coordinates\nversion=1\n", "give the .trc"),
         ("walk.mat", b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "TSV or C3D from Track Manager"),
+        ("walk.csv", b"comment,NaturalPoint Tracking Tools CSV\ninfo,version,1.1\n", "open the recording in Motive"),
+        ("ik.csv", b"Coordinates,,\nversion=1,,\nendheader,,\ntime,a_tx,a_ty,a_tz,b_tx,b_ty,b_tz\n", "of OpenSim"),
+        ("keypoints.json", b'{"people": []}', "JSON; write the points as TRC"),
+        ("points.txt", b"0.0\t1.5\t-2.5e-3\n", "numbers without titles"),
+        ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
+        ("skeleton.tsv", b"NO_OF_FRAMES\t1\nDATA_INCLUDED\tSKELETON\n", "holds skeletons; export the 3D data"),
         ("walk.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
     ],
 )

@@ -123,3 +123,26 @@ def test_further_trials_of_visual3d_are_told(put):
 def test_angles_of_visual3d_say_what_to_export(refused, put):
     text = VISUAL3D.replace("TARGET", "LINK_MODEL_BASED") + "1\t0.00\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n"
     assert "an ASCII export of Visual3D without targets" in refused(put("angles.txt", text))
+
+
+@pytest.mark.parametrize("delimiter", [",", "\t", ";"])
+def test_lines_before_the_titles_state_rate_and_unit(put, delimiter):
+    """As NDI First Principles writes them for Optotrak."""
+    head = "Number of frames:,2\nNumber of markers:,2\nFrequency:,60\nUnits:,cm\n\n"
+    head += "Frame,M_1 x,M_1 y,M_1 z,M_2 x,M_2 y,M_2 z\n"
+    take = read_take(put("ndi.csv", head.replace(",", delimiter) + rows(f"{{}}{delimiter}", delimiter=delimiter)))
+    assert (take.names, take.rate, take.notices) == (("M_1", "M_2"), 60.0, ())
+    np.testing.assert_allclose(take.positions, POSITIONS * 10)
+
+
+@pytest.mark.parametrize("names", [("Acc", "Gyr"), ("ground_force_v", "ground_force_p"), ("hip_angle", "hip_moment")])
+def test_forces_and_accelerations_are_no_points(refused, put, names):
+    titles = ",".join(f"{name}_{axis}" for name in names for axis in "xyz")
+    assert f"left out: {names[0]}, {names[1]}; nothing else" in refused(put("imu.csv", f"{titles}\n{rows()}"))
+
+
+def test_velocities_beside_points_are_left_out(put):
+    head = "nose_x,nose_y,nose_z,tail_x,tail_y,tail_z,nose_vel_x,nose_vel_y,nose_vel_z\n"
+    take = read_take(put("both.csv", head + rows(after=",1,2,3")))
+    assert take.names == ("nose", "tail")
+    assert "no points, and left out: nose_vel" in take.notices
