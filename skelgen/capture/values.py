@@ -139,6 +139,30 @@ class JointRequest:
             raise InputError(f"joint {self.name!r} is of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
 
 
+def start_from_text(text: str) -> tuple[Place, Place]:
+    """Return the places [mm] of a joint in its parent and its child that a text states, as in ``0,0,-300:0,0,0``."""
+    try:
+        (a, b, c), (x, y, z) = ([float(word) for word in place.split(",")] for place in text.split(":"))
+    except ValueError:
+        raise InputError(
+            f"{text!r} is not understood; it must be X,Y,Z:X,Y,Z in mm, in the parent and in the child"
+        ) from None
+    return (a, b, c), (x, y, z)
+
+
+def frames_from_text(text: str) -> int | list[int] | None:
+    """Return the number of frames that a text states, or indices as in ``0,10,20``; None where it is empty."""
+    if not text.strip():
+        return None
+    try:
+        indices = [int(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        indices = []
+    if not indices:
+        raise InputError(f"{text!r} is not understood; it must be a number of frames, or indices like 0,10,20")
+    return indices if "," in text else indices[0]
+
+
 Image = NDArray[np.uint8]
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from skelgen.capture.live import Captured
     from skelgen.capture.room.live import RoomCaptured
-    from skelgen.capture.values import JointRequest, Place
+    from skelgen.capture.values import JointRequest
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
 Source = Annotated[
@@ -272,11 +272,15 @@ def calibrate_joints(
 
     from skelgen.app.capture import calibrate_joints_of, read_capture_settings, source_of
     from skelgen.capture.calibration.table import joint_rows
+    from skelgen.capture.values import frames_from_text
 
     screen = Screen(quiet, as_json)
     rig = read_capture_settings(settings)
     wishes = _with_starts([_wish(text) for text in joints or ()], start or ())
-    used = None if use_frames is None else _frames_from(use_frames)
+    try:
+        used = frames_from_text(use_frames or "")
+    except InputError as error:
+        raise InputError(f"--use-frames {error}") from error
     with screen.watching() as monitor:
         new, done = calibrate_joints_of(rig, source_of(rig, source), wishes, frames, monitor, used)
     write_settings(new, output or settings)
@@ -299,34 +303,19 @@ def _wish(text: str) -> JointRequest:
 
 def _with_starts(wishes: list[JointRequest], starts: Sequence[str]) -> list[JointRequest]:
     """Joints with the places at which their search begins."""
+    from skelgen.capture.values import start_from_text
+
     by_name = {wish.name: wish for wish in wishes}
     for text in starts:
         name, _, places = text.rpartition("=")
         try:
-            in_parent, in_child = places.split(":")
-            start = _place(in_parent), _place(in_child)
-        except ValueError:
-            raise InputError(f"--start {text!r} is not understood; it must be NAME=X,Y,Z:X,Y,Z in mm") from None
+            start = start_from_text(places)
+        except InputError as error:
+            raise InputError(f"--start {text!r} is not understood; it must be NAME=X,Y,Z:X,Y,Z in mm") from error
         if name not in by_name:
             raise InputError(f"--start names joint {name!r}, which no --joint names")
         by_name[name] = replace(by_name[name], start=start)
     return list(by_name.values())
-
-
-def _place(text: str) -> Place:
-    x, y, z = (float(word) for word in text.split(","))
-    return x, y, z
-
-
-def _frames_from(text: str) -> int | list[int]:
-    """A number of frames, or the indices of frames."""
-    try:
-        indices = [int(word) for word in text.split(",") if word.strip()]
-    except ValueError:
-        indices = []
-    if not indices:
-        raise InputError(f"--use-frames {text!r} is not understood; it must be a number, or indices like 0,10,20")
-    return indices if "," in text else indices[0]
 
 
 class _Counts:

@@ -1,5 +1,6 @@
 """Forms of the Capture page: settings, source of images, name of a target."""
 
+from collections.abc import Iterable
 from functools import partial
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal
@@ -14,12 +15,13 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSizePolicy,
     QSpinBox,
+    QToolButton,
     QWidget,
 )
 
 from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.sources import SOURCES
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
 _SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
@@ -232,17 +234,56 @@ class LiveChoice(ImageForm):
         row = row_of(self.simulated, self.predicts)
         row.setStretchFactor(self.predicts, 1)
         self.fields.addRow("", row)
+        self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
+        self.predicts_joints.setToolTip(
+            self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
+        )
+        self.advanced = AdvancedFields([("", self.predicts_joints)], self)
+        self.fields.addRow(self.advanced)
         self.simulated.clicked.connect(self.choose_simulation)
 
     @property
     def options(self) -> CaptureOptions:
         """What the form holds."""
-        return CaptureOptions(self.settings.path, self.source.source, self.predicts.isChecked())
+        chosen = self.predicts.isChecked(), self.predicts_joints.isChecked()
+        return CaptureOptions(self.settings.path, self.source.source, *chosen)
 
     def choose_simulation(self) -> None:
         """Fill in the simulated rig, and ask for its start."""
         self.settings.show_path("")
         self.take_source(SIMULATED)
+
+
+class AdvancedFields(QWidget):
+    """Fields that most captures do not need, behind a button that shows them.
+
+    Parameters
+    ----------
+    fields : iterable of tuple of str and QWidget
+        Title and field of each row; a box that says what it is has no title.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, fields: Iterable[tuple[str, QWidget]], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.expander, self._box = QToolButton(self), QWidget(self)
+        rows = QFormLayout(self._box)
+        rows.setContentsMargins(0, 0, 0, 0)
+        for title, field in fields:
+            rows.addRow(title, field)
+        bare_column(self, (self.expander, self._box))
+        self.expander.setText(self.tr("Advanced"))
+        self.expander.setCheckable(True)
+        self.expander.setAutoRaise(True)
+        self.expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        describe(self.expander, self.tr("Advanced"), self.tr("Show or hide what most captures do not need"))
+        self.expander.toggled.connect(self._show)
+        self._show(False)
+
+    def _show(self, shown: bool) -> None:
+        self.expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._box.setVisible(shown)
 
 
 class SourceForm(ImageForm):
@@ -315,3 +356,9 @@ class JointForm(SourceForm):
         self.simulated.setAccessibleName(self.tr("Look at the simulated arm"))
         self.simulated.setToolTip(self.tr("Try it without cameras: an arm with three targets moves"))
         self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))
+        self.use_frames = QLineEdit(self)
+        self.use_frames.setPlaceholderText(self.tr("all; 100, or 0,10,20"))
+        tip = self.tr("So many frames, evenly spaced, or those of these indices; the first is 0")
+        describe(self.use_frames, self.tr("Frames that joints are calibrated from"), tip)
+        self.advanced = AdvancedFields([(self.tr("Frames"), self.use_frames)], self)
+        self.fields.addRow(self.advanced)

@@ -13,10 +13,10 @@ from skelgen_formats.capture_settings import read_settings
 
 from skelgen.app.capture import add_joints
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
-from skelgen.capture.values import JointRequest
-from skelgen.errors import SkelgenError
+from skelgen.capture.values import JointRequest, frames_from_text, start_from_text
+from skelgen.errors import InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings
-from skelgen_gui.capture.forms import JointForm
+from skelgen_gui.capture.forms import AdvancedFields, JointForm
 from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, TurnView
 from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
@@ -38,7 +38,8 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
     """
 
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
-        super().__init__(JointForm(), jobs, report_error, parent)
+        self._form = JointForm()
+        super().__init__(self._form, jobs, report_error, parent)
         self.requests, self.motions, self.turns = RequestList(self), MotionTable(self), TurnView(self)
         self.joints = JointTable(self)
         self._reader = Deriver(self)
@@ -65,14 +66,14 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
 
     def plan(self) -> Plan[JointCollector, JointCalibration, JointProgress]:
         """Return what is to be done as the form says now."""
-        options, requests = self.form.options, self.requests.requests
+        options, requests, chosen = self.form.options, self.requests.requests, self._form.use_frames.text()
 
         def collector(control: CollectingControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
             from skelgen.app.capture_jobs.collecting import JointCollector  # noqa: PLC0415 - loads what captures need
 
             return JointCollector(options, control, feed, requests)
 
-        return Plan(collector, lambda collector, _: collector.calibrate(requests))
+        return Plan(collector, lambda collector, _: collector.calibrate(requests, frames_from_text(chosen)))
 
     def show_progress(self, progress: JointProgress) -> None:
         """Show how far it is."""
@@ -150,15 +151,17 @@ class RequestList(QWidget):
         self.requests: tuple[JointRequest, ...] = ()
         self.name, self.parent_box, self.child_box = QLineEdit(self), QComboBox(self), QComboBox(self)
         self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), RowTable(self)
-        self.less = QPushButton(self.tr("Remove joint"), self)
+        self.less, self.start = QPushButton(self.tr("Remove joint"), self), QLineEdit(self)
+        self.advanced = AdvancedFields([(self.tr("Start of search"), self.start)], self)
         self._types = {self.tr("type is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
         self._describe()
         fields = QGridLayout()
         for number, widget in enumerate((self.name, self.kind, self.parent_box, self.child_box)):
             fields.addWidget(widget, number // 2, number % 2)
             fields.setColumnStretch(number % 2, 1)
-        bare_column(self, (fields, row_of(self.more, self.less), self.table))
-        self.name.textChanged.connect(self._follow)
+        bare_column(self, (fields, self.advanced, row_of(self.more, self.less), self.table))
+        for line in (self.name, self.start):
+            line.textChanged.connect(self._follow)
         for box in (self.parent_box, self.child_box):
             box.currentIndexChanged.connect(self._follow)
         self.more.clicked.connect(self._add)
@@ -181,6 +184,11 @@ class RequestList(QWidget):
         self.name.setPlaceholderText(self.tr("Joint, such as elbow"))
         self.name.setAccessibleName(self.tr("Name of the joint"))
         self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their types"))
+        self.start.setPlaceholderText(self.tr("found; x,y,z:x,y,z in mm"))
+        places = self.tr(
+            "Where the search for this joint begins, in mm in the parent, and behind the colon in the child"
+        )
+        describe(self.start, self.tr("Start of the search for the joint"), places)
         self.kind.addItems(list(self._types))
         titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
         tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
@@ -202,19 +210,27 @@ class RequestList(QWidget):
     @property
     def _request(self) -> JointRequest:
         """What the fields say."""
-        kind = self._types[self.kind.currentText()]
-        return JointRequest(self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText(), kind)
+        kind, start = self._types[self.kind.currentText()], self.start.text().strip()
+        names = self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText()
+        return JointRequest(*names, kind, start_from_text(start) if start else None)
 
     def _follow(self) -> None:
-        name, parent, child = self._request.name, self._request.parent, self._request.child
-        is_new = bool(name) and name not in [request.name for request in self.requests]
-        self.more.setEnabled(is_new and bool(parent) and bool(child) and parent != child)
+        self.more.setToolTip(self.tr("Measure this joint, and others that are named"))
+        try:
+            wanted = self._request
+            is_new = bool(wanted.name) and wanted.name not in [request.name for request in self.requests]
+            are_two = bool(wanted.parent) and bool(wanted.child) and wanted.parent != wanted.child
+            self.more.setEnabled(is_new and are_two)
+        except InputError as error:
+            self.more.setEnabled(False)
+            self.more.setToolTip(str(error))
         self.less.setVisible(bool(self.requests))
         self.less.setEnabled(bool(self.table.selectedIndexes()))
 
     def _add(self) -> None:
         self._show((*self.requests, self._request))
         self.name.clear()
+        self.start.clear()
 
     def _remove(self) -> None:
         rows = {index.row() for index in self.table.selectedIndexes()}

@@ -301,11 +301,19 @@ class JointCollector(TargetCollector[JointProgress]):
         self._taking: JointTaking | None = None
         self._last_progress, self._looked_at = JointProgress(), 0.0
 
-    def calibrate(self, requests: Sequence[JointRequest]) -> JointCalibration:
-        """Calibrate joints from the frames that were taken; errors as `calibrate_joints`."""
+    def calibrate(
+        self, requests: Sequence[JointRequest], use_frames: int | Sequence[int] | None = None
+    ) -> JointCalibration:
+        """Calibrate joints from the frames that were taken.
+
+        Parameters
+        ----------
+        requests, use_frames
+            As of `calibrate_joints`; errors are its errors, too.
+        """
         if self._taking is None:
             raise InputError("no frames of the joints were taken yet")
-        return calibrate_joints(self._taking.frames, self._taking.names, requests, self._rate)
+        return calibrate_joints(self._taking.frames, self._taking.names, requests, self._rate, use_frames)
 
     def _begin(self, settings: CaptureSettings) -> None:
         self._taking = JointTaking(settings.bodies, search_parameters(settings))

@@ -79,7 +79,9 @@ class LiveCapture:
         settings, source = open_capture(self._options)
         warm_up(monitor)
         self._settings, self._recorder = settings, _Recorder(settings, source.rate, self._feed)
-        prediction = PredictionParameters() if self._options.predicts else None
+        options = self._options
+        is_wanted = options.predicts or options.predicts_joints
+        prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
         total = source.n_frames or 0
         with closing(capture(settings, source, prediction=prediction)) as stream:
             for captured in stream:

@@ -98,11 +98,14 @@ class CaptureOptions:
         Where images come from; empty takes the source of the settings.
     predicts : bool
         Whether poses are predicted and smoothed.
+    predicts_joints : bool
+        Whether all joint angles are, together.
     """
 
     settings: str
     source: str
     predicts: bool = False
+    predicts_joints: bool = False
 
 
 @dataclass(eq=False)

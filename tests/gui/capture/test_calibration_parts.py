@@ -7,6 +7,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from skelgen_gui.capture.camera_views import COVERED, CoverageView
+from skelgen_gui.capture.forms import JointForm, LiveChoice
 from skelgen_gui.capture.joint_step import RequestList
 from skelgen_gui.capture.measured import MotionTable, TurnView
 from skelgen_gui.widgets.theme import is_dark, theme_palette
@@ -72,6 +73,30 @@ def test_joints_are_named_once_between_two_targets(qtbot, requests):
     names(qtbot, requests, "elbow", "torso", "lower arm")
     assert requests.requests == (JointRequest("elbow", "upper arm", "lower arm"),)
     assert requests.table.item(0, 3).text() == "type is found"
+
+
+def test_the_search_for_a_joint_begins_where_it_is_stated(qtbot, requests):
+    requests.advanced.expander.click()
+    requests.start.setText("0,0,-300:1,2")
+    requests.name.setText("elbow")
+    requests.parent_box.setCurrentText("upper arm")
+    requests.child_box.setCurrentText("lower arm")
+    assert not requests.more.isEnabled() and "X,Y,Z:X,Y,Z in mm" in requests.more.toolTip()
+    requests.start.setText("0,0,-300:1,2,3")
+    qtbot.mouseClick(requests.more, Qt.MouseButton.LeftButton)
+    assert [request.start for request in requests.requests] == [((0.0, 0.0, -300.0), (1.0, 2.0, 3.0))]
+    assert requests.start.text() == ""
+
+
+def test_frames_and_prediction_stand_behind_advanced(qtbot, shown):
+    joints, live = shown(JointForm()), shown(LiveChoice())
+    assert joints.use_frames.isHidden() or not joints.use_frames.isVisible()
+    joints.advanced.expander.click()
+    assert joints.use_frames.isVisible()
+    assert not live.options.predicts_joints
+    live.advanced.expander.click()
+    live.predicts_joints.click()
+    assert live.options.predicts_joints and not live.options.predicts
 
 
 def test_joints_of_targets_that_are_gone_go_with_them(qtbot, requests):

@@ -103,8 +103,10 @@ def test_joints_are_taken_judged_and_added_as_the_command_does_it(page, takes, c
     assert "is a ball, turned by" in step.verdict.text()
     assert "is a hinge, turned by" in step.verdict.text()
     assert " ± 0." in texts(step.joints)[1][1]
+    step.form.use_frames.setText("60")
+    clicks(step.calibrate)
     clicks(step.add)
-    assert main(["calibrate", "joints", str(said), "--source", ARM, "--quiet"]) == 0
+    assert main(["calibrate", "joints", str(said), "--source", ARM, "--use-frames", "60", "--quiet"]) == 0
     assert arm.read_bytes() == said.read_bytes()
 
 
