@@ -92,6 +92,11 @@ class ChainFilter:
         self._ahead: tuple[float, ChainState] | None = None  # what was predicted last, and for when
         self.angles: dict[str, JointAngle] = {}
 
+    def in_units_of(self, factor: float) -> None:
+        """Go on with stated standard deviations that are so many times what they were."""
+        for noise in self._noise.values():
+            noise.in_units_of(factor)
+
     def expected(self, time: float) -> dict[str, ExpectedPose]:
         """Return where targets will be at a time [s], by name; none before all were seen, or long after."""
         if self._chain is None or time - min(self._seen.values()) > self._parameters.hold or time < self._time:

@@ -7,7 +7,7 @@ Before cameras run, a trial pair of images loads all kernels.
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Self
 
@@ -16,7 +16,7 @@ import numpy as np
 from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.ball_pairs import BallPairs
 from skelgen.capture.bodies import BodyFinder, BodyParameters
-from skelgen.capture.bodies.prediction import Prediction, PredictionParameters
+from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
@@ -139,6 +139,7 @@ class Recogniser:
         names = [body.name for body in settings.bodies]
         self._prediction = None if prediction is None else Prediction(names, prediction)
         self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
+        self._raw: list[FoundBody] = []  # of the last frame, as they were found
 
     def __exit__(self, *exception: object) -> None:
         """End the threads."""
@@ -168,7 +169,7 @@ class Recogniser:
         expected = None if self._prediction is None else dict(self._prediction.expected(time))
         for chain in self._chains:
             expected = (expected or {}) | chain.expected(time)
-        raw = self._bodies.find(points, expected)
+        raw = self._raw = self._bodies.find(points, expected)
         found = raw if self._prediction is None else self._prediction.corrected(time, raw)
         bodies = {body.name: body for body in found}
         for chain in self._chains:
@@ -221,7 +222,7 @@ class MotionCapture(Recogniser):
         self._points = PointFinder(settings, executor)
         sizes = settings.rig.left.size, settings.rig.right.size
         self._pairs = BallPairs(*sizes) if prediction is not None and prediction.balls else None
-        self._watch = RigWatch(settings.rig)
+        self._watch, self._noise = RigWatch(settings.rig), CentreNoise(settings.rig.noise)
         self.n_frames = 0
         self.n_dropped = 0
 
@@ -250,10 +251,22 @@ class MotionCapture(Recogniser):
         if self._pairs is not None:
             points = self._pairs.resolved(left, right, points, pair.time)
         bodies, angles = self.recognise(points, pair.time)
+        self._measure_noise()
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start
         return Captured(pair, left, right, points, bodies, angles, notices, latency)
+
+    def _measure_noise(self) -> None:
+        """Weigh balls by the noise that targets show, where the filters use it and the rig states more."""
+        if self._prediction is None:
+            return
+        factor = self._noise.seen(self._raw)
+        if factor != 1.0:
+            self._points.rig = replace(self._points.rig, noise=self._noise.used)
+            self._prediction.in_units_of(factor)
+            for chain in self._chains:
+                chain.in_units_of(factor)
 
 
 def search_parameters(settings: CaptureSettings | RoomSettings) -> BodyParameters:

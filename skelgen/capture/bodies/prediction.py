@@ -51,6 +51,9 @@ UNUSUAL = 2.1
 LEAST_NOISE = 0.02
 """Of the stated standard deviations: balls of exact images are no more certain than that."""
 
+LEAST_CENTRE_NOISE = 0.01
+"""px; what errors of the calibration and of lenses leave even where targets fit better."""
+
 DOUBT = 25.0
 """Squared Mahalanobis distance per freedom from the predicted pose, above which the filter starts anew."""
 
@@ -88,6 +91,36 @@ class MeasuredNoise:
         usual = max(float(np.median(self._squares)), LEAST_NOISE**2)
         return replace(found, covariance=max(usual, square / UNUSUAL) * found.covariance)
 
+    def in_units_of(self, factor: float) -> None:
+        """Go on with stated standard deviations that are so many times what they were."""
+        self._squares = deque((square / factor**2 for square in self._squares), maxlen=MEMORY)
+
+
+class CentreNoise:
+    """Noise of the centres of balls [px]: as the rig states it, or as the targets of the last second show it if less.
+
+    Parameters
+    ----------
+    stated : float, px
+        The rig's.
+    """
+
+    def __init__(self, stated: float) -> None:
+        self.stated = self.used = stated
+        self._squares: list[float] = []
+        self._n_frames = 0
+
+    def seen(self, found: Iterable[FoundBody]) -> float:
+        """Learn from the targets of a frame as they were found; return how many times as large the noise is now."""
+        self._squares += [body.noise**2 for body in found]
+        self._n_frames += 1
+        if self._n_frames < MEMORY or not self._squares:
+            return 1.0
+        measured = self.used * float(np.sqrt(np.mean(self._squares)))
+        before, self.used = self.used, min(max(measured, LEAST_CENTRE_NOISE), self.stated)
+        self._squares, self._n_frames = [], 0
+        return self.used / before
+
 
 class BodyFilter:
     """Pose, velocity and acceleration of one body, from frame to frame.
@@ -106,6 +139,10 @@ class BodyFilter:
         self._scales = np.ones(2)  # of the jerk of rotations and of shifts
         self._ahead: tuple[float, BodyState] | None = None  # what was predicted last, and for when
         self._noise = MeasuredNoise()
+
+    def in_units_of(self, factor: float) -> None:
+        """Go on with stated standard deviations that are so many times what they were."""
+        self._noise.in_units_of(factor)
 
     def expected(self, time: float) -> ExpectedPose | None:
         """Return where the body will be at a time [s]; None if it was not seen, or too long ago."""
@@ -174,6 +211,11 @@ class Prediction:
         trial, body = BodyFilter(PredictionParameters()), FoundBody("trial", np.eye(4), np.eye(6), np.arange(0), 0.0)
         for frame in range(2):
             trial.corrected(frame * FRAME, body)
+
+    def in_units_of(self, factor: float) -> None:
+        """Go on with stated standard deviations that are so many times what they were."""
+        for one in self._filters.values():
+            one.in_units_of(factor)
 
     def expected(self, time: float) -> Mapping[str, ExpectedPose]:
         """Return where bodies will be at a time [s], by name; without those that were not seen or too long ago."""
