@@ -14,10 +14,12 @@ middles of both limbs' markers count as well, and the next joints of a row of li
 
 Where joints lie is learned from people: ``python tests/benchmarks/learn_joints.py`` measures it.
 
-What lasts in the residuals averages out over frames only as far as it changes, and what follows the motion not at all:
-all frames together say as much of a joint as a third of one would.
+What lasts in the residuals averages out over frames only as far as it changes, which their correlation time says. And
+residuals show how markers of a limb slide against each other; together they slide farther, and that moves joints. Of
+a joint that motion places out of reach all frames together say as much as a third of one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,6 +79,9 @@ TAIL, NO_TAIL = 3.0, 1e3
 """Standard deviations from which on what is known counts less and less, as with Cauchy's distribution: bodies differ,
 and trees may be wrong. Of joints that are out of reach it counts in full."""
 
+FARTHEST = 10.0
+"""Of D: standard deviation of a hinge's move along its axis; where it is expected counts far more."""
+
 PRIOR_FRAMES = 150
 """Frames to which joints and what is expected of them are fitted: all say little more."""
 
@@ -89,9 +94,13 @@ HELD = 1e3
 LASTING = 2.0
 """Frames of residuals that are worth one independent frame, from which on errors last."""
 
+TOGETHER = 6.0
+"""Variance of errors that markers of a limb share, in units of that of the residuals, which show none of them. They last
+as long. From 3 to 12 people's joints are about as good, given their limbs."""
+
 FOLLOWING = 3.0
-"""Variance of errors that follow the motion, in units of that of the residuals; it does not average out over frames. Of
-21 joints of three people the median deviation of a coordinate is 1.2 times what 1 would make, 0.67 is chance."""
+"""Variance of errors of a joint that motion places out of reach, in units of that of the residuals; they follow the
+motion and do not average out over frames."""
 
 PRIOR_STEPS = 10
 """Steps of the poses after each step of the constants: a limb of one marker follows a joint slowly."""
@@ -100,10 +109,13 @@ MOST = 2.0
 """Times the squares of the residuals without what is known; more, and it is the data that contradict it."""
 
 ROUNDS = 30
+CORRECTIONS = 3
+"""Steps within which the sum must fall."""
+
 DAMPINGS = 6
 """Dampings (Levenberg and Marquardt), each ten times the one before, that are tried for a step."""
 
-LEAST_DAMPING, FIRST_DAMPING = 1e-9, 1e-3
+LEAST_DAMPING, FIRST_DAMPING = 1e-9, 1e-6
 
 LEAST_GAIN = 0.02
 """Rounds stop when the sum falls by less than this part of the weight."""
@@ -127,6 +139,10 @@ class JointPlace:
         Root mean square turns about them.
     tail : float
         Standard deviations from which on what is known of it counts less and less.
+    weight : float
+        Times that of other joints.
+    is_astray : bool
+        Whether motion alone places it out of reach.
     """
 
     limb: int
@@ -136,6 +152,8 @@ class JointPlace:
     axes_in_child: Floats
     turns: Floats
     tail: float = TAIL
+    weight: float = 1.0
+    is_astray: bool = False
 
     @property
     def has_one_axis(self) -> bool:
@@ -202,7 +220,9 @@ def out_of_reach(fit: ObservedChain) -> list[int]:
     return found
 
 
-def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | None = None) -> Calibration:
+def with_joint_prior(
+    last: Calibration, correlated: float, astray: Sequence[int] = (), *, others: bool = True
+) -> Calibration:
     """Return the fit with joints where motion and what is known of any body together place them.
 
     Parameters
@@ -211,16 +231,21 @@ def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | N
         The fit.
     correlated : float
         How many of its frames are worth one independent frame.
-    astray : list of int, optional
-        Limbs below the joints that are to be placed so, from `out_of_reach`; all if not given.
+    astray : sequence of int
+        Limbs below the joints that motion alone places out of reach, from `out_of_reach`.
+    others : bool
+        Whether the other joints are weighed as well.
     """
     some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
-    lasting = max(1 - LASTING / correlated, 0.0) * FOLLOWING * last.n_frames
-    weight = last.noise**2 * (correlated + lasting) * some.n_frames / last.n_frames
-    far = out_of_reach(last) if astray is None else astray
-    known = [replace(one, tail=NO_TAIL) if one.limb in far else one for one in joint_places(some)]
-    known = [one for one in known if astray is None or one.limb in astray]
-    state, damping = FittedChain.of(_along_hinges(some, known)), FIRST_DAMPING
+    shared = TOGETHER * max(1 - LASTING / correlated, 0.0)
+    weight = last.noise**2 * (1 + shared) * correlated * some.n_frames / last.n_frames
+    following = max(FOLLOWING * last.n_frames / ((1 + shared) * correlated), 1.0)
+    known = [
+        replace(one, tail=NO_TAIL, weight=following, is_astray=True) if one.limb in astray else one
+        for one in joint_places(some)
+        if others or one.limb in astray
+    ]
+    state, damping = FittedChain.of(_along_hinges(_drawn_back(some, known), known)), FIRST_DAMPING
     for _ in range(ROUNDS):
         found = _improved(state, known, weight, damping)
         if found is None:
@@ -232,15 +257,33 @@ def with_joint_prior(last: Calibration, correlated: float, astray: list[int] | N
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
-    if astray is not None or better.squares <= MOST * last.squares:
+    if not others or better.squares <= MOST * last.squares:
         return better
     return replace(last, chain=_along_hinges(last, known).chain)
+
+
+def _drawn_back(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
+    """Move joints that lie out of reach to where they are expected."""
+    chain, rotations, markers = fit.chain, fit.poses.rotations, fit.poses.markers(fit.chain)
+    joints, offsets = chain.joints.copy(), chain.offsets.copy()
+    for joint in known:
+        if not joint.is_astray:
+            continue
+        parent, limb = rotations[:, chain.parents[joint.limb]], joint.limb
+        first, last = (markers[:, one] for one in joint.nearest)
+        gap = first + TOWARDS_CHILD * (last - first) - fit.poses.origins(chain)[:, limb]
+        in_parent, in_child = (np.einsum("fji,fj->i", one, gap) / len(gap) for one in (parent, rotations[:, limb]))
+        joints[limb] += in_parent
+        joints[chain.parents == limb] -= in_child
+        offsets[chain.limb_of_marker == limb] -= in_child
+    return replace(fit, chain=chain.moved(joints, offsets))
 
 
 def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
     """Move hinges along their axes, which residuals leave open, to where they are expected."""
     chain, articulation = fit.chain, fit.articulation
-    hinges = [limb for limb, kind in enumerate(articulation.types) if kind == "hinge"]
+    size_of = {one.limb: one.distance for one in known if articulation.types[one.limb] == "hinge"}
+    hinges = list(size_of)
     if not hinges:
         return fit
     moves = np.zeros((len(hinges), chain.n_markers + chain.n_limbs, 3))
@@ -251,7 +294,9 @@ def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
         move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
     flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
     pulls, _ = _pulls(chain, known)
-    shifts = np.linalg.lstsq(pulls @ flat.T, -pulls @ _places(chain).ravel(), rcond=None)[0]
+    held = np.diag([1 / (FARTHEST * size) for size in size_of.values()])  # where hardly anything is expected of them
+    left = np.concatenate([-pulls @ _places(chain).ravel(), np.zeros(len(hinges))])
+    shifts = np.linalg.lstsq(np.concatenate([pulls @ flat.T, held]), left, rcond=None)[0]
     offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
     return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
 
@@ -259,7 +304,24 @@ def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
 def _improved(
     state: FittedChain, known: list[JointPlace], weight: float, damping: float
 ) -> tuple[FittedChain, float, float] | None:
-    """Take a damped step that lowers the sum; also return the next damping, and by how much; None if none does."""
+    """Take damped steps that lower the sum; also return the next damping, and by how much; None if none do.
+
+    What motion leaves open is curved: a long step may overshoot, and the next from there corrects it.
+    """
+    before = _total(state, known, weight)
+    for _ in range(DAMPINGS):
+        better = state
+        for _ in range(CORRECTIONS):
+            better = _stepped(better, known, weight, damping)
+            gain = before - _total(better, known, weight)
+            if gain > 0:
+                return better, max(damping / 10, LEAST_DAMPING), gain
+        damping *= 10
+    return None
+
+
+def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping: float) -> FittedChain:
+    """Take a damped step."""
     fit, chain = state.fit, state.fit.chain
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
     information = information_of(fit, STEP_FRAMES)
@@ -278,17 +340,15 @@ def _improved(
     matrix[:n_places, :n_places] += (
         weight * (kept * pulls.T) @ pulls + HELD * level_of_tilts(chain) * usual * seem.T @ seem
     )
-    before = state.squares + weight * _surprise(towards, tails)
-    for _ in range(DAMPINGS):
-        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
-        offsets, joints, tilts = np.split(step, [3 * chain.n_markers, n_places])
-        better = FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
-        left = _pulls(better.fit.chain, known)[0] @ _places(better.fit.chain).ravel()
-        gain = before - better.squares - weight * _surprise(left, tails)
-        if gain > 0:
-            return better, max(damping / 10, LEAST_DAMPING), gain
-        damping *= 10
-    return None
+    step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
+    offsets, joints, tilts = np.split(step, [3 * chain.n_markers, n_places])
+    return FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
+
+
+def _total(state: FittedChain, known: list[JointPlace], weight: float) -> float:
+    """Squares of the residuals, and what is surprising about the joints."""
+    pulls, tails = _pulls(state.fit.chain, known)
+    return state.squares + weight * _surprise(pulls @ _places(state.fit.chain).ravel(), tails)
 
 
 def _surprise(pulled: Floats, tails: Floats) -> float:
@@ -300,12 +360,13 @@ def _pulls(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
     """What is expected to be 0, over its deviation, as sums of coordinates of marker offsets and joints; and tails."""
     rows: list[Floats] = []
     tails: list[float] = []
+    weights: list[float] = []
     n_children = np.bincount(chain.parents[1:], minlength=chain.n_limbs)
     for joint in known:
         n_before = len(rows)
         limb, parent = joint.limb, int(chain.parents[joint.limb])
         for axis, (in_parent, in_child) in enumerate(zip(joint.axes_in_parent, joint.axes_in_child, strict=True)):
-            if joint.turns[0 if axis else 1] > DETERMINED:  # turns across a direction show the place along it
+            if joint.turns[0 if axis else 1] > DETERMINED and not joint.is_astray:  # turns across a direction show the place along it
                 continue
             row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
             row[chain.n_markers + limb - 1] = (1 - TOWARDS_CHILD) * in_parent
@@ -318,7 +379,9 @@ def _pulls(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
             if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
                 rows += _pulls_of_row(chain, joint)
         tails += [joint.tail] * (len(rows) - n_before)
-    return np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1)), np.array(tails)
+        weights += [joint.weight] * (len(rows) - n_before)
+    pulls = np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
+    return np.sqrt(weights)[:, np.newaxis] * pulls, np.array(tails)
 
 
 def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:

@@ -118,8 +118,8 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         found = fitter.whole(found)
         lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
         astray = out_of_reach(found.last) if lasts else []
-        found = fitter.without_slides(_with_joint_prior(found, astray) if astray else found)
-        found = _with_joint_prior(_with_joint_prior(found, astray) if astray else found) if lasts else found
+        found = fitter.without_slides(_with_joint_prior(found, astray, others=False) if astray else found)
+        found = _with_joint_prior(found, astray) if lasts else found
         found = fitter.closed(found, loops)
     last, types, poses = found.last, found.types, found.poses
     freedom = body_joints.axis_freedom(types, last.noise)
@@ -278,9 +278,9 @@ class _Fitter:
         return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
 
 
-def _with_joint_prior(found: _Fit, astray: list[int] | None = None) -> _Fit:
-    """Weigh what motion says of joints against what is known of any body: of all, or of those that are out of reach."""
-    last = with_joint_prior(found.last, found.correlated, astray)
+def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True) -> _Fit:
+    """Weigh what motion says of joints against what is known of any body, of all or of those that lie out of reach."""
+    last = with_joint_prior(found.last, found.correlated, astray, others=others)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses)
 

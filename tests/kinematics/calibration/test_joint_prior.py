@@ -91,3 +91,38 @@ def test_what_is_known_is_asked_only_where_residuals_last(true_chain):
     fit = observed(case.chain, Articulation.free(case.chain.n_limbs), case.poses, case.positions)
     last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
     assert wants_joint_prior(last, 10.0) and not wants_joint_prior(last, 1.5)
+
+
+def test_the_longer_a_take_lasts_the_less_counts_what_is_known():
+    """The true joint lies 60 mm beside the line between the limbs; residuals last as long in both takes."""
+    marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
+    joint = np.array([0.0, 100, 60])
+    chain = Chain(np.array([-1, 0]), np.repeat([0, 1], 4), np.stack([np.zeros(3), joint]),
+                  np.concatenate([marked, marked + [0, 100, -60]]))  # fmt: skip
+    off = []
+    for n_frames in (50, 1000):
+        angles = 0.05 * np.sin(np.outer(np.linspace(0, 40, n_frames), [1.0, 1.4, 1.9]))
+        turns = np.stack([np.tile(np.eye(3), (n_frames, 1, 1)), matrix_from_vector(angles)], axis=1)
+        poses = ChainPoses(np.zeros((n_frames, 3)), turns)
+        seen = poses.markers(chain) + np.random.default_rng(0).normal(0, 1.0, (n_frames, 8, 3))
+        fit = observed(chain, Articulation.free(2), poses, seen)
+        last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
+        off.append(np.linalg.norm(with_joint_prior(last, correlated=10.0).chain.joints[1] - joint))
+    assert off[0] > 10.0 and off[1] < off[0] / 3
+
+
+def test_a_joint_out_of_reach_is_drawn_back_and_hinges_elsewhere_stay():
+    marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
+    joints = np.array([[0.0, 0, 0], [0, 100, 0], [900, -100, 0]])
+    chain = Chain(np.array([-1, 0, 0]), np.repeat([0, 1, 2], 4), joints,
+                  np.concatenate([marked, marked + [0, 100, 0], marked + [-900, -100, 0]]))  # fmt: skip
+    time, still = np.linspace(0, 20, 100), np.zeros(100)
+    bends = np.stack([still, still, 0.5 * np.sin(time)], axis=1), np.stack([0.2 * np.sin(time), still, still], axis=1)
+    turns = np.stack([np.tile(np.eye(3), (100, 1, 1)), *map(matrix_from_vector, bends)], axis=1)
+    poses, axes = ChainPoses(np.zeros((100, 3)), turns), np.tile([0.0, 0, 1], (3, 1))
+    fit = observed(chain, Articulation(("ball", "hinge", "ball"), axes, axes, np.zeros(3)), poses, poses.markers(chain))
+    last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
+    assert out_of_reach(last) == [2]
+    found = with_joint_prior(last, 10.0, [2], others=False)
+    assert out_of_reach(found) == []
+    assert found.chain.joints[1] == pytest.approx(joints[1], abs=1.0)
