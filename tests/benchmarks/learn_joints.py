@@ -1,6 +1,6 @@
 """Learn where joints lie: ``python tests/benchmarks/learn_joints.py [n_people]``.
 
-For skelgen/kinematics/calibration/joint_prior.py. True joints of real people (``../shared/data/bodies`` beside the
+For skelgen/kinematics/calibration/joint_places.py. True joints of real people (``../shared/data/bodies`` beside the
 project, those with joints) and of simulated people in all marker sets and motions, with limbs and tree given, seen from
 the markers of their limbs, in units of the distance between the middles of both limbs' markers. Real and simulated
 people weigh alike, and so does everybody among them. Printed are the constants, and for each real person how well those
@@ -22,8 +22,8 @@ from shown import show
 
 from skelgen.benchmark.people import simulated_person
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
-from skelgen.kinematics.calibration import joint_prior
-from skelgen.kinematics.calibration.joint_prior import JointPlace, joint_places
+from skelgen.kinematics.calibration import joint_places as known_places
+from skelgen.kinematics.calibration.joint_places import JointPlace, joint_places
 from skelgen.kinematics.chain.chain import ChainPoses, ObservedChain
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Limbs, Trajectories
@@ -85,7 +85,7 @@ class Seen:
 
 
 class Constants(NamedTuple):
-    """What stands in joint_prior.py; `along` is not in units of `near`."""
+    """What stands in joint_places.py; `along` is not in units of `near`."""
 
     towards: float
     near: float
@@ -114,14 +114,14 @@ def main() -> None:
 
 def in_use() -> Constants:
     """What skelgen uses."""
-    near = joint_prior.NEAR_MARKER
+    near = known_places.NEAR_MARKER
     return Constants(
-        joint_prior.TOWARDS_CHILD,
+        known_places.TOWARDS_CHILD,
         near,
-        near * joint_prior.ALONG,
-        joint_prior.OFF_MIDDLE,
-        joint_prior.TO_JOINT_ABOVE,
-        joint_prior.TO_JOINT_BELOW,
+        near * known_places.ALONG,
+        known_places.OFF_MIDDLE,
+        known_places.TO_JOINT_ABOVE,
+        known_places.TO_JOINT_BELOW,
     )
 
 
@@ -179,7 +179,7 @@ def seen_joint(name: str, place: JointPlace, fit: ObservedChain, joints: Floats)
     way, off = last - first, joint - first
     part = (way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0)
     aside = np.linalg.norm(off - np.clip(part, 0, 1)[:, np.newaxis] * way, axis=1)
-    in_axes = (axes @ (off - joint_prior.TOWARDS_CHILD * way)[:, :, np.newaxis])[:, :, 0]
+    in_axes = (axes @ (off - known_places.TOWARDS_CHILD * way)[:, :, np.newaxis])[:, :, 0]
 
     def along_axis(apart: Floats) -> float:
         return float(np.nanmedian((apart * axes[:, 0]).sum(axis=1))) / size
@@ -189,7 +189,7 @@ def seen_joint(name: str, place: JointPlace, fit: ObservedChain, joints: Floats)
         middles[:] = [
             along_axis(joint - markers[:, chain.limb_of_marker == one].mean(axis=1)) for one in (parent, limb)
         ]
-        is_in_row = parent and (chain.parents == parent).sum() == 1 and place.turns[0] > joint_prior.ROW_TURN
+        is_in_row = parent and (chain.parents == parent).sum() == 1 and place.turns[0] > known_places.ROW_TURN
         below = np.flatnonzero(chain.parents == limb)
         if is_in_row:
             ends[0] = along_axis(joint - joints[:, parent])
@@ -240,7 +240,7 @@ def surprise(seen: Sequence[Seen], constants: Constants) -> float:
             (one.to_next[1], constants.below),
         ):
             in_units = np.atleast_1d(values) / deviation
-            tail = joint_prior.TAIL
+            tail = known_places.TAIL
             told = tail**2 / 2 * np.log1p((in_units / tail) ** 2) + np.log(deviation) + np.log(2 * np.pi) / 2
             found.append(told[np.isfinite(told)])
     return float(np.concatenate(found).mean())

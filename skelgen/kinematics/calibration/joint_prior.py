@@ -20,11 +20,11 @@ a joint that motion places out of reach all frames together say as much as a thi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix, nearest_rotation, vector_from_matrix
+from skelgen.geometry.rotations import cross_matrix, nearest_rotation
 from skelgen.kinematics.calibration.calibrate import (
     FREE_SHARE,
     STEP_FRAMES,
@@ -33,6 +33,15 @@ from skelgen.kinematics.calibration.calibrate import (
     information_of,
     level_of_tilts,
 )
+from skelgen.kinematics.calibration.joint_places import (
+    NO_TAIL,
+    TOWARDS_CHILD,
+    JointPlace,
+    joint_places,
+    out_of_reach,
+    places,
+    pulls_to_places,
+)
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain
 from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.kinematics.inverse.poses import fit_poses
@@ -40,44 +49,6 @@ from skelgen.model.arrays import Floats, spread_frames
 
 ENOUGH_LIMBS = 6
 """Limbs of a body from which on it is one of an animal or a person: machines of fewer are what they measure."""
-
-REACH = 1.5
-"""Of D: joints farther from the line between both limbs' nearest markers are out of reach; of 33 joints of three people
-that an expert placed, none lies farther than 0.39."""
-
-TRUSTED_TURN = 0.05
-"""rad; limbs that turn more than this about a second axis tell where their joint is."""
-
-NEAR_MARKER = 0.15
-"""Of D: standard deviation of a coordinate of a joint about the expected place."""
-
-DETERMINED = 0.2
-"""rad; turns across a direction that are larger determine where along it the joint is, and nothing else is asked."""
-
-TOWARDS_CHILD = 0.17
-"""Part of the way from the parent's nearest marker to the child's where a joint is expected."""
-
-ALONG = 1.5
-"""Times that deviation, along the axis of a joint that turns about one axis above all."""
-
-ONE_AXIS = 0.3
-"""Of the largest turn: limbs whose second largest turn is less turn about one axis above all."""
-
-LEAST_TURN = 0.14
-"""rad; limbs that turn less show no axis."""
-
-OFF_MIDDLE = 0.3
-"""Of D: standard deviation of a joint along such an axis about the middle of either limb's markers."""
-
-TO_JOINT_BELOW, TO_JOINT_ABOVE = 0.1, 0.2
-"""Of D: standard deviation of a joint in a row of limbs, along such an axis, about the next joint below or above."""
-
-ROW_TURN = 0.35
-"""rad; limbs that turn less do not show their axis well enough to be measured across it."""
-
-TAIL, NO_TAIL = 3.0, 1e3
-"""Standard deviations from which on what is known counts less and less, as with Cauchy's distribution: bodies differ,
-and trees may be wrong. Of joints that are out of reach it counts in full."""
 
 FARTHEST = 10.0
 """Of D: standard deviation of a hinge's move along its axis; where it is expected counts far more."""
@@ -95,8 +66,8 @@ LASTING = 2.0
 """Frames of residuals that are worth one independent frame, from which on errors last."""
 
 TOGETHER = 6.0
-"""Variance of errors that markers of a limb share, in units of that of the residuals, which show none of them. They last
-as long. From 3 to 12 people's joints are about as good, given their limbs."""
+"""Variance of errors that markers of a limb share, in units of that of the residuals, which show none of them. They
+last as long. From 3 to 12 people's joints are about as good, given their limbs."""
 
 FOLLOWING = 3.0
 """Variance of errors of a joint that motion places out of reach, in units of that of the residuals; they follow the
@@ -121,78 +92,6 @@ LEAST_GAIN = 0.02
 """Rounds stop when the sum falls by less than this part of the weight."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointPlace:
-    """What is known of a joint from the markers of its limbs.
-
-    Attributes
-    ----------
-    limb : int
-        Limb below the joint.
-    nearest : tuple of int
-        Markers of the parent and of the limb that are nearest to the other's.
-    distance : float, mm
-        Mean distance between the middles of both limbs' markers.
-    axes_in_parent, axes_in_child : ndarray, shape (3, 3)
-        Axes of the turns between the limbs, one a row, from the largest turn to the smallest.
-    turns : ndarray, shape (3,), rad
-        Root mean square turns about them.
-    tail : float
-        Standard deviations from which on what is known of it counts less and less.
-    weight : float
-        Times that of other joints.
-    is_astray : bool
-        Whether motion alone places it out of reach.
-    """
-
-    limb: int
-    nearest: tuple[int, int]
-    distance: float
-    axes_in_parent: Floats
-    axes_in_child: Floats
-    turns: Floats
-    tail: float = TAIL
-    weight: float = 1.0
-    is_astray: bool = False
-
-    @property
-    def has_one_axis(self) -> bool:
-        """Whether the limbs turn about one axis above all."""
-        return bool(self.turns[0] > LEAST_TURN and self.turns[1] < ONE_AXIS * self.turns[0])
-
-
-def joint_places(fit: ObservedChain) -> list[JointPlace]:
-    """Return what is known of each joint between limbs with markers, from all poses of a fit."""
-    chain, markers = fit.chain, fit.poses.markers(fit.chain)
-    own = [np.flatnonzero(chain.limb_of_marker == limb) for limb in range(chain.n_limbs)]
-    found = []
-    for limb in range(1, chain.n_limbs):
-        groups = own[chain.parents[limb]], own[limb]
-        if not all(map(len, groups)):
-            continue
-        middles = [markers[:, group].mean(axis=1) for group in groups]
-        distance = max(float(np.linalg.norm(middles[1] - middles[0], axis=1).mean()), 1.0)
-        above, below = (
-            int(group[np.linalg.norm(markers[:, group] - other[:, np.newaxis], axis=2).mean(axis=0).argmin()])
-            for group, other in zip(groups, middles[::-1], strict=True)
-        )
-        in_parent, in_child, turns = _turns(fit, limb)
-        if min(map(len, groups)) == 1:  # what turns is not known
-            turns = np.zeros(3)
-        found.append(JointPlace(limb, (above, below), distance, in_parent, in_child, turns))
-    return found
-
-
-def _turns(fit: ObservedChain, limb: int) -> tuple[Floats, Floats, Floats]:
-    """Axes of the turns of a limb in its parent and in itself, from the largest turn on, and these turns [rad]."""
-    relative = fit.poses.rotations[:, fit.chain.parents[limb]].swapaxes(1, 2) @ fit.poses.rotations[:, limb]
-    mean = nearest_rotation(relative.mean(axis=0))
-    turns = vector_from_matrix(relative @ mean.T)
-    squares, axes = np.linalg.eigh(turns.T @ turns / len(turns))
-    axes = axes.T[::-1]
-    return axes, axes @ mean, np.sqrt(np.maximum(squares[::-1], 0.0))
-
-
 def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
     """Return whether residuals last, as soft tissue makes them, and limbs are many or a joint is out of reach.
 
@@ -204,20 +103,6 @@ def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
         How many of its frames are worth one independent frame.
     """
     return correlated > LASTING and (fit.chain.n_limbs >= ENOUGH_LIMBS or bool(out_of_reach(fit)))
-
-
-def out_of_reach(fit: ObservedChain) -> list[int]:
-    """Return the limbs below joints that lie out of reach, and that the limbs turn about too little to be trusted."""
-    markers, origins, found = fit.poses.markers(fit.chain), fit.poses.origins(fit.chain), []
-    for joint in joint_places(fit):
-        first, last = (markers[:, marker] for marker in joint.nearest)
-        way, off = last - first, origins[:, joint.limb] - first
-        part = np.clip((way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0), 0.0, 1.0)
-        excess = np.linalg.norm(off - part[:, np.newaxis] * way, axis=1).mean() / joint.distance
-        is_hinge = fit.articulation.types[joint.limb] == "hinge"
-        if excess > REACH and joint.turns[1] < TRUSTED_TURN and not is_hinge:
-            found.append(joint.limb)
-    return found
 
 
 def with_joint_prior(
@@ -293,9 +178,9 @@ def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
         move[chain.n_markers + limb] = in_parent
         move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
     flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
-    pulls, _ = _pulls(chain, known)
+    pulls, _ = pulls_to_places(chain, known)
     held = np.diag([1 / (FARTHEST * size) for size in size_of.values()])  # where hardly anything is expected of them
-    left = np.concatenate([-pulls @ _places(chain).ravel(), np.zeros(len(hinges))])
+    left = np.concatenate([-pulls @ places(chain).ravel(), np.zeros(len(hinges))])
     shifts = np.linalg.lstsq(np.concatenate([pulls @ flat.T, held]), left, rcond=None)[0]
     offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
     return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
@@ -328,8 +213,8 @@ def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping
     usual = float(np.diag(information)[:n_places].mean())
     free = np.full(len(information), FREE_SHARE * usual)
     free[n_places:] *= level_of_tilts(chain)
-    pulls, tails = _pulls(chain, known)
-    towards = pulls @ _places(chain).ravel()
+    pulls, tails = pulls_to_places(chain, known)
+    towards = pulls @ places(chain).ravel()
     follow, seem = _turns_of_frames(chain)
     pulls -= pulls @ follow @ seem
     kept = 1 / (1 + (towards / tails) ** 2)
@@ -347,64 +232,13 @@ def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping
 
 def _total(state: FittedChain, known: list[JointPlace], weight: float) -> float:
     """Squares of the residuals, and what is surprising about the joints."""
-    pulls, tails = _pulls(state.fit.chain, known)
-    return state.squares + weight * _surprise(pulls @ _places(state.fit.chain).ravel(), tails)
+    pulls, tails = pulls_to_places(state.fit.chain, known)
+    return state.squares + weight * _surprise(pulls @ places(state.fit.chain).ravel(), tails)
 
 
 def _surprise(pulled: Floats, tails: Floats) -> float:
     """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
     return float((tails**2 * np.log1p((pulled / tails) ** 2)).sum())
-
-
-def _pulls(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
-    """What is expected to be 0, over its deviation, as sums of coordinates of marker offsets and joints; and tails."""
-    rows: list[Floats] = []
-    tails: list[float] = []
-    weights: list[float] = []
-    n_children = np.bincount(chain.parents[1:], minlength=chain.n_limbs)
-    for joint in known:
-        n_before = len(rows)
-        limb, parent = joint.limb, int(chain.parents[joint.limb])
-        for axis, (in_parent, in_child) in enumerate(zip(joint.axes_in_parent, joint.axes_in_child, strict=True)):
-            if joint.turns[0 if axis else 1] > DETERMINED and not joint.is_astray:  # turns across a direction show the place along it
-                continue
-            row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
-            row[chain.n_markers + limb - 1] = (1 - TOWARDS_CHILD) * in_parent
-            row[joint.nearest[0]] -= (1 - TOWARDS_CHILD) * in_parent
-            row[joint.nearest[1]] -= TOWARDS_CHILD * in_child
-            wide = ALONG if axis == 0 and joint.has_one_axis else 1.0
-            rows.append(row / (wide * NEAR_MARKER * joint.distance))
-        if joint.has_one_axis:
-            rows += _pulls_to_middles(chain, joint)
-            if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
-                rows += _pulls_of_row(chain, joint)
-        tails += [joint.tail] * (len(rows) - n_before)
-        weights += [joint.weight] * (len(rows) - n_before)
-    pulls = np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
-    return np.sqrt(weights)[:, np.newaxis] * pulls, np.array(tails)
-
-
-def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:
-    """Along the axis a joint lies near the middles of its limbs' markers."""
-    above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (chain.parents[joint.limb], joint.limb))
-    to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
-    to_parent[chain.n_markers + joint.limb - 1] = joint.axes_in_parent[0]
-    to_parent[above] -= joint.axes_in_parent[0] / len(above)
-    to_child[below] -= joint.axes_in_child[0] / len(below)
-    return [one / (OFF_MIDDLE * joint.distance) for one in (to_parent, to_child)]
-
-
-def _pulls_of_row(chain: Chain, joint: JointPlace) -> list[Floats]:
-    """Bones in a row run across the axis of the joint between them."""
-    children, found = np.flatnonzero(chain.parents == joint.limb), []
-    ends = [(joint.limb, joint.axes_in_parent[0], TO_JOINT_ABOVE)]
-    if len(children) == 1:
-        ends.append((int(children[0]), joint.axes_in_child[0], TO_JOINT_BELOW))
-    for end, axis, part in ends:
-        row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
-        row[chain.n_markers + end - 1] = axis
-        found.append(row / (part * joint.distance))
-    return found
 
 
 def _turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:
@@ -415,26 +249,22 @@ def _turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -
     return ChainPoses(poses.root, rotations)
 
 
-def _places(chain: Chain) -> Floats:
-    return np.concatenate([chain.offsets, chain.joints[1:]])
-
-
 def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
     """How places follow turns of their limbs' frames, and turns that displacements of places seem to be, per limb.
 
     Nothing holds the frame of a limb: axes turn with its places.
     """
-    places = _places(chain)
+    place = places(chain)
     limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
-    follow, seem = np.zeros((len(places), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(places), 3))
+    follow, seem = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
     for limb in range(chain.n_limbs):
         own = np.flatnonzero(limb_of_place == limb)
-        follow[own, :, limb] = -cross_matrix(places[own])
+        follow[own, :, limb] = -cross_matrix(place[own])
         held = own[own < chain.n_markers]
         n_held = len(held)
         if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin
             held, n_held = own, len(own) + int(limb > 0)
-        arms = places[held] - places[held].sum(axis=0) / n_held
+        arms = place[held] - place[held].sum(axis=0) / n_held
         inertia = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
         seem[limb][:, held] = (np.linalg.pinv(inertia, rcond=1e-6) @ cross_matrix(arms)).swapaxes(0, 1)
-    return follow.reshape(places.size, -1), seem.reshape(-1, places.size)
+    return follow.reshape(place.size, -1), seem.reshape(-1, place.size)

@@ -11,7 +11,8 @@ import numpy as np
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
-from skelgen.kinematics.calibration.joint_prior import out_of_reach, wants_joint_prior, with_joint_prior
+from skelgen.kinematics.calibration.joint_places import out_of_reach
+from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.root_outward import pose_outward

@@ -7,12 +7,8 @@ import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.calibration.joint_prior import (
-    joint_places,
-    out_of_reach,
-    wants_joint_prior,
-    with_joint_prior,
-)
+from skelgen.kinematics.calibration.joint_places import joint_places, out_of_reach
+from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Limbs, Trajectories
@@ -98,7 +94,7 @@ def test_the_longer_a_take_lasts_the_less_counts_what_is_known():
     marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
     joint = np.array([0.0, 100, 60])
     chain = Chain(np.array([-1, 0]), np.repeat([0, 1], 4), np.stack([np.zeros(3), joint]),
-                  np.concatenate([marked, marked + [0, 100, -60]]))  # fmt: skip
+                  np.concatenate([marked, marked - joint * [0, -1, 1]]))  # fmt: skip
     off = []
     for n_frames in (50, 1000):
         angles = 0.05 * np.sin(np.outer(np.linspace(0, 40, n_frames), [1.0, 1.4, 1.9]))
@@ -114,8 +110,8 @@ def test_the_longer_a_take_lasts_the_less_counts_what_is_known():
 def test_a_joint_out_of_reach_is_drawn_back_and_hinges_elsewhere_stay():
     marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
     joints = np.array([[0.0, 0, 0], [0, 100, 0], [900, -100, 0]])
-    chain = Chain(np.array([-1, 0, 0]), np.repeat([0, 1, 2], 4), joints,
-                  np.concatenate([marked, marked + [0, 100, 0], marked + [-900, -100, 0]]))  # fmt: skip
+    others = (marked - joint * [1, -1, 1] for joint in joints[1:])
+    chain = Chain(np.array([-1, 0, 0]), np.repeat([0, 1, 2], 4), joints, np.concatenate([marked, *others]))
     time, still = np.linspace(0, 20, 100), np.zeros(100)
     bends = np.stack([still, still, 0.5 * np.sin(time)], axis=1), np.stack([0.2 * np.sin(time), still, still], axis=1)
     turns = np.stack([np.tile(np.eye(3), (100, 1, 1)), *map(matrix_from_vector, bends)], axis=1)

@@ -1,0 +1,201 @@
+"""Where joints are expected from the markers of their limbs, on any body; see `joint_prior`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.kinematics.chain.chain import Chain, ObservedChain
+from skelgen.model.arrays import Floats
+
+REACH = 1.5
+"""Of D: joints farther from the line between both limbs' nearest markers are out of reach; of 33 joints of three people
+that an expert placed, none lies farther than 0.39."""
+
+TRUSTED_TURN = 0.05
+"""rad; limbs that turn more than this about a second axis tell where their joint is."""
+
+NEAR_MARKER = 0.15
+"""Of D: standard deviation of a coordinate of a joint about the expected place."""
+
+DETERMINED = 0.2
+"""rad; turns across a direction that are larger determine where along it the joint is, and nothing else is asked."""
+
+TOWARDS_CHILD = 0.17
+"""Part of the way from the parent's nearest marker to the child's where a joint is expected."""
+
+ALONG = 1.5
+"""Times that deviation, along the axis of a joint that turns about one axis above all."""
+
+ONE_AXIS = 0.3
+"""Of the largest turn: limbs whose second largest turn is less turn about one axis above all."""
+
+LEAST_TURN = 0.14
+"""rad; limbs that turn less show no axis."""
+
+OFF_MIDDLE = 0.3
+"""Of D: standard deviation of a joint along such an axis about the middle of either limb's markers."""
+
+TO_JOINT_BELOW, TO_JOINT_ABOVE = 0.1, 0.2
+"""Of D: standard deviation of a joint in a row of limbs, along such an axis, about the next joint below or above."""
+
+ROW_TURN = 0.35
+"""rad; limbs that turn less do not show their axis well enough to be measured across it."""
+
+TAIL, NO_TAIL = 3.0, 1e3
+"""Standard deviations from which on what is known counts less and less, as with Cauchy's distribution: bodies differ,
+and trees may be wrong. Of joints that are out of reach it counts in full."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPlace:
+    """What is known of a joint from the markers of its limbs.
+
+    Attributes
+    ----------
+    limb : int
+        Limb below the joint.
+    nearest : tuple of int
+        Markers of the parent and of the limb that are nearest to the other's.
+    distance : float, mm
+        Mean distance between the middles of both limbs' markers.
+    axes_in_parent, axes_in_child : ndarray, shape (3, 3)
+        Axes of the turns between the limbs, one a row, from the largest turn to the smallest.
+    turns : ndarray, shape (3,), rad
+        Root mean square turns about them.
+    tail : float
+        Standard deviations from which on what is known of it counts less and less.
+    weight : float
+        Times that of other joints.
+    is_astray : bool
+        Whether motion alone places it out of reach.
+    """
+
+    limb: int
+    nearest: tuple[int, int]
+    distance: float
+    axes_in_parent: Floats
+    axes_in_child: Floats
+    turns: Floats
+    tail: float = TAIL
+    weight: float = 1.0
+    is_astray: bool = False
+
+    @property
+    def has_one_axis(self) -> bool:
+        """Whether the limbs turn about one axis above all."""
+        return bool(self.turns[0] > LEAST_TURN and self.turns[1] < ONE_AXIS * self.turns[0])
+
+
+def joint_places(fit: ObservedChain) -> list[JointPlace]:
+    """Return what is known of each joint between limbs with markers, from all poses of a fit."""
+    chain, markers = fit.chain, fit.poses.markers(fit.chain)
+    own = [np.flatnonzero(chain.limb_of_marker == limb) for limb in range(chain.n_limbs)]
+    found = []
+    for limb in range(1, chain.n_limbs):
+        groups = own[chain.parents[limb]], own[limb]
+        if not all(map(len, groups)):
+            continue
+        middles = [markers[:, group].mean(axis=1) for group in groups]
+        distance = max(float(np.linalg.norm(middles[1] - middles[0], axis=1).mean()), 1.0)
+        above, below = (
+            int(group[np.linalg.norm(markers[:, group] - other[:, np.newaxis], axis=2).mean(axis=0).argmin()])
+            for group, other in zip(groups, middles[::-1], strict=True)
+        )
+        in_parent, in_child, turns = _turns(fit, limb)
+        if min(map(len, groups)) == 1:  # what turns is not known
+            turns = np.zeros(3)
+        found.append(JointPlace(limb, (above, below), distance, in_parent, in_child, turns))
+    return found
+
+
+def _turns(fit: ObservedChain, limb: int) -> tuple[Floats, Floats, Floats]:
+    """Axes of the turns of a limb in its parent and in itself, from the largest turn on, and these turns [rad]."""
+    relative = fit.poses.rotations[:, fit.chain.parents[limb]].swapaxes(1, 2) @ fit.poses.rotations[:, limb]
+    mean = nearest_rotation(relative.mean(axis=0))
+    turns = vector_from_matrix(relative @ mean.T)
+    squares, axes = np.linalg.eigh(turns.T @ turns / len(turns))
+    axes = axes.T[::-1]
+    return axes, axes @ mean, np.sqrt(np.maximum(squares[::-1], 0.0))
+
+
+def out_of_reach(fit: ObservedChain) -> list[int]:
+    """Return the limbs below joints that lie out of reach, and that the limbs turn about too little to be trusted."""
+    markers, origins, found = fit.poses.markers(fit.chain), fit.poses.origins(fit.chain), []
+    for joint in joint_places(fit):
+        first, last = (markers[:, marker] for marker in joint.nearest)
+        way, off = last - first, origins[:, joint.limb] - first
+        part = np.clip((way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0), 0.0, 1.0)
+        excess = np.linalg.norm(off - part[:, np.newaxis] * way, axis=1).mean() / joint.distance
+        is_hinge = fit.articulation.types[joint.limb] == "hinge"
+        if excess > REACH and joint.turns[1] < TRUSTED_TURN and not is_hinge:
+            found.append(joint.limb)
+    return found
+
+
+def pulls_to_places(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
+    """Return what is expected to be 0, over its deviation, as sums of coordinates of `places`, and the tails.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    known : list of JointPlace
+        What is known of the joints.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_pulls, 3 (n_markers + n_limbs - 1)), 1 / mm, and (n_pulls,)
+    """
+    rows: list[Floats] = []
+    tails: list[float] = []
+    weights: list[float] = []
+    n_children = np.bincount(chain.parents[1:], minlength=chain.n_limbs)
+    for joint in known:
+        n_before = len(rows)
+        limb, parent = joint.limb, int(chain.parents[joint.limb])
+        for axis, (in_parent, in_child) in enumerate(zip(joint.axes_in_parent, joint.axes_in_child, strict=True)):
+            if joint.turns[0 if axis else 1] > DETERMINED and not joint.is_astray:
+                continue  # turns across a direction show the place along it
+            row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
+            row[chain.n_markers + limb - 1] = (1 - TOWARDS_CHILD) * in_parent
+            row[joint.nearest[0]] -= (1 - TOWARDS_CHILD) * in_parent
+            row[joint.nearest[1]] -= TOWARDS_CHILD * in_child
+            wide = ALONG if axis == 0 and joint.has_one_axis else 1.0
+            rows.append(row / (wide * NEAR_MARKER * joint.distance))
+        if joint.has_one_axis:
+            rows += _pulls_to_middles(chain, joint)
+            if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
+                rows += _pulls_of_row(chain, joint)
+        tails += [joint.tail] * (len(rows) - n_before)
+        weights += [joint.weight] * (len(rows) - n_before)
+    pulls = np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
+    return np.sqrt(weights)[:, np.newaxis] * pulls, np.array(tails)
+
+
+def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:
+    """Along the axis a joint lies near the middles of its limbs' markers."""
+    above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (chain.parents[joint.limb], joint.limb))
+    to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
+    to_parent[chain.n_markers + joint.limb - 1] = joint.axes_in_parent[0]
+    to_parent[above] -= joint.axes_in_parent[0] / len(above)
+    to_child[below] -= joint.axes_in_child[0] / len(below)
+    return [one / (OFF_MIDDLE * joint.distance) for one in (to_parent, to_child)]
+
+
+def _pulls_of_row(chain: Chain, joint: JointPlace) -> list[Floats]:
+    """Bones in a row run across the axis of the joint between them."""
+    children, found = np.flatnonzero(chain.parents == joint.limb), []
+    ends = [(joint.limb, joint.axes_in_parent[0], TO_JOINT_ABOVE)]
+    if len(children) == 1:
+        ends.append((int(children[0]), joint.axes_in_child[0], TO_JOINT_BELOW))
+    for end, axis, part in ends:
+        row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))
+        row[chain.n_markers + end - 1] = axis
+        found.append(row / (part * joint.distance))
+    return found
+
+
+def places(chain: Chain) -> Floats:
+    """Return marker offsets and joints below the root [mm], shape (n_markers + n_limbs - 1, 3)."""
+    return np.concatenate([chain.offsets, chain.joints[1:]])
