@@ -22,6 +22,7 @@ from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.page_stack import PageStack, Preloading
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.project.cameras import Cameras
+from skelgen_gui.project.comparison import ComparisonPanel
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
@@ -34,6 +35,7 @@ from skelgen_gui.timeline.marker_curves import MarkerCurves
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.timeline.video import VideoPane
+from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
 from skelgen_gui.widgets.keys import KeyKeeper
@@ -146,7 +148,7 @@ class Window(QMainWindow):
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName(self.tr("Views"))
         for view, title, tip in (
-            (self.view3d, self.tr("3-D"), self.tr("Markers, bones and joints in space")),
+            (FourViews(self.session, self.view3d), self.tr("3-D"), self.tr("Markers, bones and joints in space")),
             (self.matrix, self.tr("Distances"), self.tr("How distances between markers vary: why limbs are limbs")),
             (self.graph, self.tr("Joints"), self.tr("Costs of joints: why the tree is as it is")),
         ):
@@ -177,6 +179,9 @@ class Window(QMainWindow):
         self.video_dock = self._dock("video", self.tr("Video"), self.video, Qt.DockWidgetArea.RightDockWidgetArea)
         self.tabifyDockWidget(corrections, self.video_dock)
         self.video_dock.hide()
+        self.comparison = self._dock("comparison", self.tr("Comparison"), ComparisonPanel(self.session), right)
+        self.tabifyDockWidget(corrections, self.comparison)
+        self.comparison.hide()
         self.tutorial = Tutorial()
         self.tutorial.asked.connect(self._do)
         tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea)
@@ -227,6 +232,7 @@ class Window(QMainWindow):
         self.actions_by_id["labelling"].triggered.connect(self._show_labelling)
         self.timeline.player.settings_changed.connect(self._note_span)
         self.cameras.changed.connect(self._show_cameras)
+        self.session.other_changed.connect(self._show_comparison)
         self.pages.shown.connect(self._show_view)
         self._show_view(self.pages.current.key)
 
@@ -260,6 +266,12 @@ class Window(QMainWindow):
         self._outline_dock.show()
         self._outline_dock.raise_()
         self.outline.rename_selected()
+
+    def _show_comparison(self) -> None:
+        """Show how both results differ while there are two."""
+        self.comparison.setVisible(self.session.other is not None)
+        if self.session.other is not None:
+            self.comparison.raise_()
 
     def _show_labelling(self) -> None:
         """Show the pane of labels, and go to what needs most work."""

@@ -14,6 +14,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.file_actions import RecentMenu, SampleMenu
 from skelgen_gui.project.parameter_files import ParameterFiles
+from skelgen_gui.project.subjects import SubjectActions
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
@@ -58,6 +59,8 @@ class WindowCommands(QObject):
         self._window, self.actions, self._context = window, actions, context
         self._pages, self._view3d, self._corrections = pages, view3d, corrections
         self.parameter_files = ParameterFiles(context.runner, context.report_error, window)
+        self.subjects = SubjectActions(context.document, context.jobs, context.runner, context.report_error, window)
+        self.subjects.applied.connect(lambda: pages.page("skeleton"))
         menus = fill_menu_bar(window.menuBar(), actions)
         recent = RecentMenu(context.preferences, window)
         recent.chosen.connect(context.files.open)
@@ -129,6 +132,7 @@ class WindowCommands(QObject):
             "preferences": lambda: PreferencesDialog(context.preferences, window).open(),
             "run_step": self._run_step,
             "run_all": self.run_all,
+            "subject": self.subjects.choose,
             "cancel": context.jobs.cancel,
             "load_parameters": self.parameter_files.choose,
             "save_parameters": self.parameter_files.save_as,
@@ -166,7 +170,7 @@ class WindowCommands(QObject):
         """Enable what can be done now."""
         session, is_busy = self._context.session, self._context.jobs.is_busy
         is_open = session.project is not None
-        for name in ("save", "save_as", "export", "compare", "select_all", "run_step", "run_all"):
+        for name in ("save", "save_as", "export", "compare", "select_all", "run_step", "run_all", "subject"):
             self.actions[name].setEnabled(is_open and not is_busy)
         self.actions["compare_none"].setEnabled(session.other is not None)
         for name in ("open", "open_with"):

@@ -37,8 +37,8 @@ class Shown:
         and of universal joints.
     floor, cameras, other : bool
         Floor grid and shadows; frustums of cameras; the second project.
-    follow : bool
-        Whether the viewer goes along with what moves.
+    follow, four : bool
+        Whether the viewer goes along with what moves; whether views from the front, the side and above are beside.
     trail_seconds : float, s
         Length of trails.
     magnification : int or None
@@ -61,6 +61,7 @@ class Shown:
     cameras: bool = True
     other: bool = True
     follow: bool = False
+    four: bool = False
     trail_seconds: float = TRAIL_SECONDS[0]
     magnification: int | None = None
     up: int | None = None

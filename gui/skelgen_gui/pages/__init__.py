@@ -26,6 +26,12 @@ def _make_export_page(context: Context) -> QWidget:
     return ExportPage(context.session, context.jobs)
 
 
+def _make_takes_page(context: Context) -> QWidget:
+    from skelgen_gui.pages.takes import TakesPage  # noqa: PLC0415 - the window is shown before
+
+    return TakesPage(context)
+
+
 PAGES: tuple[PageEntry, ...] = (
     PageEntry("capture", "Capture", "Record with two cameras, and calibrate them.", _make_capture_page),
     PageEntry(HOME, "Open", "Open a recording or a project.", OpenPage),
@@ -34,5 +40,6 @@ PAGES: tuple[PageEntry, ...] = (
         for stage, summary in STAGE_SUMMARIES.items()
     ),
     PageEntry("export", "Export", "Write the result for other programs.", _make_export_page),
+    PageEntry("takes", "Takes", "Run many takes, with one skeleton or each its own.", _make_takes_page),
 )
 """In the order in which they are shown."""

@@ -14,7 +14,7 @@ from skelgen_gui.model.viewpoint import DOWN
 
 _Choice = tuple[str, float | None]  # text and value of something to choose
 
-_KEYS = {"trails": "T", "names": "N"}  # of switches
+_KEYS = {"trails": "T", "names": "N", "four": "4"}  # of switches
 
 
 class Commands(QObject):
@@ -101,6 +101,7 @@ class Commands(QObject):
             "floor": (tr("Floor"), tr("Floor grid and shadows")),
             "cameras": (tr("Cameras"), tr("What the cameras see, where they are known")),
             "follow": (tr("Follow"), tr("Go along with what moves")),
+            "four": (tr("Four views"), tr("From the front, the side and above, beside the free view")),
             "other": (tr("Second result"), tr("The project that is compared, translucent")),
         }
 

@@ -57,13 +57,15 @@ class View3D(QWidget):
         What is open, which frame, and what is selected.
     parent : QWidget, optional
         Parent widget.
+    is_main : bool
+        Whether it has buttons and keys; those of the main view hold for all.
     """
 
     shown_changed = Signal(object)
     clicked = Signal()
     context_requested = Signal(QPoint, object)
 
-    def __init__(self, session: Session, parent: QWidget | None = None) -> None:
+    def __init__(self, session: Session, parent: QWidget | None = None, *, is_main: bool = True) -> None:
         super().__init__(parent)
         self._session = session
         self._shown = Shown()
@@ -79,6 +81,9 @@ class View3D(QWidget):
         self.commands = Commands(self._shown, self)
         self._connect_commands()
         self._buttons = ViewButtons(self.commands, self)
+        self._buttons.setVisible(is_main)
+        if is_main:
+            self.addActions(self.commands.with_keys)
         session.project_changed.connect(self._take_project)
         session.other_changed.connect(self._take_other)
         session.frame_changed.connect(self.update)
@@ -318,7 +323,6 @@ class View3D(QWidget):
             action.triggered.connect(move)
         commands.shown_changed.connect(self.set_shown)
         self.shown_changed.connect(commands.follow)
-        self.addActions(commands.with_keys)
 
     def _set_up_widget(self) -> None:
         self.setAccessibleName(self.tr("3-D view"))

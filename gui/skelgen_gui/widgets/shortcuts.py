@@ -85,6 +85,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
     Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),
     Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run what is missing, or all anew", in_tool_bar=True),
+    Command("subject", _RUN, "S&keleton of another take…", "Ctrl+K", "Pose this take by a calibrated skeleton"),
     Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
     Command(SEPARATOR, _RUN),
     Command("load_parameters", _RUN, "L&oad parameters…", tip="Take the parameters of all steps from a config.xml"),

@@ -22,6 +22,7 @@ from skelgen.app.batch.work import Job, Outcome, blank_record, check_formats
 from skelgen.app.batch.workers import in_processes
 from skelgen.app.drawing.wording import counted, duration, millimetres
 from skelgen.app.files import write_html
+from skelgen.app.project_file.archive import SUFFIX
 from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.progress import SILENT, Monitor
 
@@ -224,6 +225,45 @@ def write_page(manifest: Record, path: Path) -> Path:
     sentence = f"{counted(sum(counts.values()), 'take')}: {', '.join(parts)}."
     rows = [_row(record) for record in manifest["takes"]]
     return write_html(__name__.rpartition(".")[0], path, sentence=sentence, columns=_COUNTS, rows=rows)
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """What became of a take of a batch, for people.
+
+    Attributes
+    ----------
+    source : str
+        The recording.
+    outcome, error, length, residual : str
+        In words; the error is empty if there was none.
+    notices : tuple of str
+        What the steps noticed.
+    project : Path or None
+        The project file; None if there is none.
+    """
+
+    source: str
+    outcome: str
+    error: str
+    length: str
+    residual: str
+    notices: tuple[str, ...]
+    project: Path | None
+
+
+def result_rows(result: BatchResult) -> tuple[ResultRow, ...]:
+    """Return what became of each take of a batch, in the order of the takes."""
+    rows = []
+    for record in result.records:
+        row = _row(record)
+        file = next((name for name in record["files"] if name.endswith(SUFFIX)), None)
+        project = None if file is None else result.page.parent / str(record["name"]) / file
+        notices = tuple(map(str, record["facts"].get("notices", [])))
+        outcome, error, length, residual = (str(row[key]) for key in ("outcome", "error", "length", "residual"))
+        source = str(record["source"]["path"])
+        rows.append(ResultRow(source, outcome, error, length, residual, notices, project))
+    return tuple(rows)
 
 
 def _row(record: Record) -> dict[str, object]:

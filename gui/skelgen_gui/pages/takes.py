@@ -1,0 +1,261 @@
+"""The page of many takes: a list of them, one skeleton for all or each its own, results to open, and their page."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt, QUrl
+from PySide6.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QFileDialog,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QTableView,
+    QWidget,
+)
+
+from skelgen.app.files import file_filter
+from skelgen.app.project_file.archive import SUFFIX
+from skelgen.progress import Monitor
+from skelgen_gui.project.context import Context
+from skelgen_gui.widgets.layouts import column, describe, row_of
+
+_Role = Qt.ItemDataRole
+_Index = QModelIndex | QPersistentModelIndex
+_NOWHERE = QModelIndex()
+_OWN, _OF_PROJECT = "own", "project"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A take, and what became of it."""
+
+    path: Path
+    outcome: str = ""
+    length: str = ""
+    residual: str = ""
+    tip: str = ""
+    result: Path | None = None
+
+
+class _TakesModel(QAbstractTableModel):
+    """Takes as rows."""
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self.rows: tuple[_Row, ...] = ()
+        tr = self.tr
+        self._heads = (tr("Take"), tr("State"), tr("Length"), tr("Residual"))
+
+    def show_rows(self, rows: tuple[_Row, ...]) -> None:
+        """Show other takes."""
+        self.beginResetModel()
+        self.rows = rows
+        self.endResetModel()
+
+    def rowCount(self, parent: _Index = _NOWHERE) -> int:
+        """Return the number of takes."""
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = _NOWHERE) -> int:
+        """Return the number of columns."""
+        return 0 if parent.isValid() else len(self._heads)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = _Role.DisplayRole) -> str | None:
+        """Return the head of a column."""
+        return self._heads[section] if orientation == Qt.Orientation.Horizontal and role == _Role.DisplayRole else None
+
+    def data(self, index: _Index, role: int = _Role.DisplayRole) -> object:
+        """Return what a cell shows."""
+        row = self.rows[index.row()]
+        if role == _Role.DisplayRole:
+            return (row.path.name, row.outcome, row.length, row.residual)[index.column()]
+        return (row.tip or str(row.path)) if role == _Role.ToolTipRole else None
+
+
+class TakesPage(QWidget):
+    """Runs all steps on many takes, and opens what came of them.
+
+    Parameters
+    ----------
+    context : Context
+        What pages are given.
+    """
+
+    def __init__(self, context: Context) -> None:
+        super().__init__()
+        self._context = context
+        self.setObjectName("page-takes")
+        self.setAcceptDrops(True)
+        self.takes, self.table = _TakesModel(self), QTableView(self)
+        self.add, self.remove = QPushButton(self.tr("Add takes…"), self), QPushButton(self.tr("Remove"), self)
+        self.skeleton, self.subject = QComboBox(self), QLineEdit(self)
+        self._browse_subject = QPushButton(self.tr("Choose…"), self)
+        self.folder, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.go = QPushButton(self.tr("Run all takes"), self)
+        self.open, self.compare = QPushButton(self.tr("Open result"), self), QPushButton(self.tr("Compare"), self)
+        self.show_page = QPushButton(self.tr("Show page"), self)
+        self.status = QLabel(self)
+        self._page: Path | None = None
+        self._describe()
+        where = QLabel(self.tr("Results go into the folder"), self)
+        self._with = row_of(self.subject, self._browse_subject)
+        parts = (row_of(self.add, self.remove), self.table, self.skeleton, self._with, where)
+        ends = (row_of(self.folder, self._browse), self.go, self.status)
+        column(self, (*parts, *ends, row_of(self.open, self.compare, self.show_page))).setStretchFactor(self.table, 1)
+        self._connect()
+        self._follow()
+
+    def _describe(self) -> None:
+        tr = self.tr
+        self.table.setModel(self.takes)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setTabKeyNavigation(False)
+        self.table.setShowGrid(False)
+        self.table.verticalHeader().hide()
+        self.table.horizontalHeader().setHighlightSections(False)
+        self.table.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
+        self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
+        self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
+        self.status.setWordWrap(True)
+        self.status.setTextFormat(Qt.TextFormat.PlainText)
+        self.status.setAccessibleName(tr("What became of the takes"))
+        for widget, name, tip in (
+            (self.table, tr("Takes"), tr("Drop files here, too; Enter opens the result of a take")),
+            (self.add, tr("Add takes"), tr("Choose recordings; several at once")),
+            (self.remove, tr("Remove"), tr("Take the chosen takes off this list; files stay")),
+            (self.skeleton, tr("Skeleton"), tr("Takes of one body can share the skeleton that one of them calibrated")),
+            (self.subject, tr("Project with the skeleton"), tr("Its bone lengths and joints hold for all takes")),
+            (self._browse_subject, tr("Choose the project"), tr("Choose the project with the skeleton")),
+            (self.folder, tr("Folder of the results"), tr("Each take gets a folder in it; takes done before are kept")),
+            (self._browse, tr("Choose the folder"), tr("Choose the folder of the results")),
+            (self.go, tr("Run all takes"), tr("Run all steps on every take that is not done yet")),
+            (self.open, tr("Open result"), tr("Open the project of the chosen take")),
+            (self.compare, tr("Compare"), tr("Overlay the result of the chosen take on what is open")),
+            (self.show_page, tr("Show page"), tr("Open the page of all takes in the browser")),
+        ):
+            describe(widget, name, tip)
+
+    def _connect(self) -> None:
+        self.add.clicked.connect(self._choose_takes)
+        self.remove.clicked.connect(self._remove)
+        self._browse.clicked.connect(self._choose_folder)
+        self._browse_subject.clicked.connect(self._choose_subject)
+        self.go.clicked.connect(self.run)
+        self.open.clicked.connect(self._open)
+        self.table.activated.connect(self._open)
+        self.compare.clicked.connect(self._compare)
+        self.show_page.clicked.connect(self._show_page)
+        for signal in (self.skeleton.currentIndexChanged, self.subject.textChanged, self.folder.textChanged):
+            signal.connect(self._follow)
+        self.takes.modelReset.connect(self._follow)
+        self.table.selectionModel().selectionChanged.connect(self._follow)
+        self._context.jobs.begun.connect(self._follow)
+        self._context.jobs.ended.connect(self._follow)
+
+    def add_takes(self, paths: list[Path]) -> None:
+        """Add takes to the list; those that are there stay as they are."""
+        there = {row.path for row in self.takes.rows}
+        new = tuple(_Row(path) for path in dict.fromkeys(paths) if path not in there)
+        self.takes.show_rows((*self.takes.rows, *new))
+        if not self.folder.text() and paths:
+            self.folder.setText(str(paths[0].parent / "results"))
+
+    def run(self) -> None:
+        """Run all steps on every take, beside the window."""
+        paths, folder = [row.path for row in self.takes.rows], Path(self.folder.text())
+        subject = Path(self.subject.text()) if self.skeleton.currentData() == _OF_PROJECT else None
+
+        def work(monitor: Monitor) -> object:
+            from skelgen.app.batch.run import run_batch  # noqa: PLC0415 - loads the stages
+            from skelgen.app.batch.work import Job, subject_file  # noqa: PLC0415
+
+            job = Job(subject=None if subject is None else subject_file(subject))
+            return run_batch(paths, folder, job, resume=True, monitor=monitor)
+
+        self.status.clear()
+        title = self.tr("Running {0} takes").format(len(paths))
+        self._context.jobs.start(title, work, self._take_result, self._context.report_error)
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Accept files."""
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Add the files that were dropped."""
+        self.add_takes([Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()])
+
+    def _take_result(self, result: object) -> None:
+        from skelgen.app.batch.run import BatchResult, result_rows  # noqa: PLC0415 - loads the stages
+
+        if not isinstance(result, BatchResult):
+            return
+        self._page = result.page
+        found = {Path(row.source): row for row in result_rows(result)}
+        rows = []
+        for take in self.takes.rows:
+            row = found.get(take.path.absolute())
+            if row is None:
+                rows.append(take)
+                continue
+            tip = "\n".join(filter(None, (str(take.path), row.error, *row.notices)))
+            rows.append(_Row(take.path, row.outcome, row.length, row.residual, tip, row.project))
+        self.takes.show_rows(tuple(rows))
+        words = self.tr("{0} of {1} takes are done, {2} of them before")
+        self.status.setText(words.format(result.n_done, len(result.records), result.n_kept))
+
+    def _chosen(self) -> list[_Row]:
+        return [self.takes.rows[place.row()] for place in self.table.selectionModel().selectedRows()]
+
+    def _remove(self) -> None:
+        gone = {row.path for row in self._chosen()}
+        self.takes.show_rows(tuple(row for row in self.takes.rows if row.path not in gone))
+
+    def _open(self) -> None:
+        results = [row.result for row in self._chosen() if row.result is not None]
+        if results:
+            self._context.files.open(results[0])
+
+    def _compare(self) -> None:
+        results = [row.result for row in self._chosen() if row.result is not None]
+        if results:
+            self._context.files.compare(results[0])
+
+    def _show_page(self) -> None:
+        if self._page is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(self._page.absolute())))
+
+    def _choose_takes(self) -> None:
+        names, _ = QFileDialog.getOpenFileNames(self, self.tr("Add takes"), self._context.runner.folder, file_filter())
+        self.add_takes([Path(name) for name in names])
+
+    def _choose_folder(self) -> None:
+        name = QFileDialog.getExistingDirectory(self, self.tr("Folder of the results"), self.folder.text())
+        if name:
+            self.folder.setText(name)
+
+    def _choose_subject(self) -> None:
+        kinds = self.tr("Projects (*{0})").format(SUFFIX)
+        name, _ = QFileDialog.getOpenFileName(
+            self, self.tr("Project with the skeleton"), self._context.runner.folder, kinds
+        )
+        if name:
+            self.subject.setText(name)
+
+    def _follow(self) -> None:
+        """Enable what can be done now."""
+        is_busy, with_subject = self._context.jobs.is_busy, self.skeleton.currentData() == _OF_PROJECT
+        self.subject.setEnabled(with_subject)
+        self._browse_subject.setEnabled(with_subject)
+        is_ready = bool(self.takes.rows and self.folder.text().strip())
+        self.go.setEnabled(is_ready and not is_busy and (not with_subject or bool(self.subject.text().strip())))
+        has_result = any(row.result is not None for row in self._chosen())
+        self.open.setEnabled(has_result and not is_busy)
+        self.compare.setEnabled(has_result and not is_busy and self._context.session.project is not None)
+        self.remove.setEnabled(bool(self._chosen()) and not is_busy)
+        self.show_page.setEnabled(self._page is not None)

@@ -1,0 +1,101 @@
+"""The panel that says how the open result differs from the one that is overlaid, marker by marker, joint by joint."""
+
+import math
+from functools import partial
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QSizePolicy, QWidget
+
+from skelgen.app.comparison import Comparison, compare_results, comparison_sentences
+from skelgen.app.drawing.wording import digits, whole_percent
+from skelgen.errors import SkelgenError
+from skelgen.model import Project
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import limb_words
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.layouts import column, describe
+
+_SELECTION = Qt.ItemDataRole.UserRole
+
+
+class ComparisonPanel(QWidget):
+    """What is the same in both results, and a line for all that is not; a click selects it.
+
+    Parameters
+    ----------
+    session : Session
+        Holds both.
+    """
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self._session = session
+        self.summary, self.lines = QLabel(self), QListWidget(self)
+        self.summary.setWordWrap(True)
+        self.summary.setTextFormat(Qt.TextFormat.PlainText)
+        self.summary.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
+        self.summary.setAccessibleName(self.tr("How both results agree"))
+        self.lines.setWordWrap(True)
+        describe(self.lines, self.tr("Differences"), self.tr("What differs most comes first; a click selects it"))
+        column(self, (self.summary, self.lines)).setStretchFactor(self.lines, 1)
+        self.deriver = Deriver(self)
+        session.project_changed.connect(self._follow)
+        session.other_changed.connect(self._follow)
+        self.lines.currentItemChanged.connect(self._select)
+        self._follow()
+
+    def _follow(self) -> None:
+        project, other = self._session.project, self._session.other
+        self.lines.clear()
+        if project is None or other is None or not project.has("labels") or not other.has("labels"):
+            self.deriver.forget()
+            self.summary.setText(self.tr("Choose File > Compare with, and another result of this take."))
+        else:
+            self.deriver.derive(partial(_compared, project, other), partial(self._take, project, other))
+
+    def _take(self, project: Project, other: Project, found: Comparison | SkelgenError) -> None:
+        if isinstance(found, SkelgenError):
+            self.summary.setText(str(found))
+            return
+        self.summary.setText(".\n".join(comparison_sentences(project, other, found)) + ".")
+        names, others = project.trajectories.names, other.trajectories.names
+        for match in sorted(found.joints, key=lambda match: -math.inf if math.isnan(match.median) else -match.median):
+            ends = self.tr("{0} – {1}").format(
+                *(limb_words(project, limb) for limb in project.topology.edges[match.joint].tolist())
+            )
+            if match.other < 0:
+                words = self.tr("{0}: no such joint in the other result").format(ends)
+            elif math.isnan(match.median):
+                continue
+            else:
+                words = self.tr("{0}: {1} mm apart, {2} mm at most").format(
+                    ends, digits(match.median), digits(match.largest)
+                )
+            self._add(words, Selection(joint=match.joint))
+        for one in sorted(found.markers, key=lambda one: one.share):
+            if one.other < 0:
+                self._add(self.tr("{0}: not in the other result").format(names[one.marker]), _of(one.marker))
+            elif one.share < 1.0 or names[one.marker] != others[one.other]:
+                words = self.tr("{0}: {1} there, the same in {2} of the frames")
+                text = words.format(names[one.marker], others[one.other], whole_percent(one.share))
+                self._add(text, _of(one.marker))
+
+    def _add(self, words: str, selection: Selection) -> None:
+        item = QListWidgetItem(words, self.lines)
+        item.setData(_SELECTION, selection)
+
+    def _select(self, item: QListWidgetItem | None) -> None:
+        if item is not None:
+            self._session.select(item.data(_SELECTION))
+
+
+def _of(marker: int) -> Selection:
+    return Selection(frozenset({marker}))
+
+
+def _compared(project: Project, other: Project) -> Comparison | SkelgenError:
+    try:
+        return compare_results(project, other)
+    except SkelgenError as error:
+        return error
