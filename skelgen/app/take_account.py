@@ -79,7 +79,7 @@ def _unit(frames: Sequence[Floats]) -> str:
 
 def _suit(names: Sequence[str]) -> str:
     """Return the marker set most of whose names are there."""
-    from skelgen.simulation.people.tables import MARKER_SETS, read_table  # noqa: PLC0415 - scipy.signal is slow to load
+    from skelgen.simulation.people.tables import MARKER_SETS, read_table  # noqa: PLC0415 - the simulation is slow to load
 
     there = {_plain(name) for name in names}
     suits = {suit: tuple(read_table("marker_sets")[suit]["markers"]) for suit in MARKER_SETS} | _KEYPOINTS

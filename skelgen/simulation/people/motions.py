@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from skelgen.model.arrays import Bools, Floats
@@ -88,6 +86,8 @@ class _Cycle:
         """Degrees of a curve that lags by percents of the cycle."""
         keys = np.asarray(pairs, dtype=np.float64)
         places = np.concatenate([keys[:, 0] - 100, keys[:, 0], keys[:, 0] + 100])
+        from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - as below
+
         return np.asarray(PchipInterpolator(places, np.tile(keys[:, 1], 3))(100 * ((self.phase - lag / 100) % 1)))
 
     def personal(self, pairs: list[list[float]], lag: float, size: float, offset: float) -> Floats:
@@ -192,7 +192,7 @@ def _joint_angles(body: Structure, cycle: _Cycle) -> list[Floats]:
     for index, one in enumerate(body.limbs):
         if one.kind == "ball" and not one.name.endswith("thigh"):
             angles[index] += np.deg2rad(_SWAY) * smooth_curves(rng, n_frames, cycle.rate, 3, _SWAY_FREQUENCIES)
-    return [gaussian_filter1d(found, _SMOOTHING * cycle.rate, axis=0, mode="nearest") for found in angles]
+    return [_smoothed(found, _SMOOTHING * cycle.rate, axis=0) for found in angles]
 
 
 def _turn_on_the_way(body: Structure, angles: list[Floats], cycle: _Cycle) -> dict[str, Rotation]:
@@ -213,7 +213,7 @@ def _turn_on_the_way(body: Structure, angles: list[Floats], cycle: _Cycle) -> di
         thigh = body.limb_names.index(f"{side} thigh")
         angles[thigh][:, 2] += back - rotation + toe_out / 2
         curve = cycle.curve(table["left"]["foot pitch"], 0.0 if s > 0 else table["legs_lag"])
-        pitch = np.deg2rad(gaussian_filter1d(curve, _SMOOTHING * cycle.rate, mode="nearest"))
+        pitch = np.deg2rad(_smoothed(curve, _SMOOTHING * cycle.rate))
         found[side] = Rotation.from_euler("ZY", np.stack([heading + back + toe_out, pitch], axis=1))
     return found
 
@@ -276,8 +276,8 @@ def _set_feet(body: Structure, angles: list[Floats], cycle: _Cycle, soles: dict[
         angles[foot][:] = _ankle_angles(body, side, poses, soles[side])[:, :2]
         pitch = soles[side].as_euler("ZYX")[:, 1]
         late = [[start, end + _TOES_LAG] for start, end in table["stance"]]
-        angles[toes][:, 0] = np.clip(pitch, 0.0, np.deg2rad(_MOST_TOE)) * gaussian_filter1d(
-            cycle.load(late, lag), _TOES_LAG / 300 * cycle.seconds * cycle.rate, mode="nearest"
+        angles[toes][:, 0] = np.clip(pitch, 0.0, np.deg2rad(_MOST_TOE)) * _smoothed(
+            cycle.load(late, lag), _TOES_LAG / 300 * cycle.seconds * cycle.rate
         )
 
 
@@ -297,7 +297,7 @@ def _lift_swinging(body: Structure, angles: list[Floats], heights: Floats, loads
     half = heights.shape[1] // 2
     for side, points in zip(SIDES, (slice(None, half), slice(half, None)), strict=True):
         missing = np.maximum(_CLEARANCE - heights[:, points].min(axis=1), 0.0) * (1 - loads[:, points].max(axis=1))
-        bent = gaussian_filter1d(missing, _LIFT_TIME * rate, mode="nearest") / _LIFTED_BY
+        bent = _smoothed(missing, _LIFT_TIME * rate) / _LIFTED_BY
         angles[body.limb_names.index(f"{side} shank")][:, 0] += bent
         angles[body.limb_names.index(f"{side} thigh")][:, 1] -= bent / 2
 
@@ -327,8 +327,8 @@ def _carried_root(every: Floats, load: Floats, rate: float) -> Floats:
         seconds = frames[1:-1] / rate
         height[start:end] = line + _GRAVITY / 2 * seconds * (frames[-1] / rate - seconds)
         speed[start:end] = speed[start - 1] + share[:, np.newaxis] * (speed[end] - speed[start - 1])
-    way = np.cumsum(gaussian_filter1d(speed, _INERTIA * rate, axis=0, mode="nearest"), axis=0)
-    return np.column_stack([way, gaussian_filter1d(height, _CUSHION * rate, mode="nearest")])
+    way = np.cumsum(_smoothed(speed, _INERTIA * rate, axis=0), axis=0)
+    return np.column_stack([way, _smoothed(height, _CUSHION * rate)])
 
 
 def _runs(flying: Bools) -> list[tuple[int, int]]:
@@ -336,3 +336,9 @@ def _runs(flying: Bools) -> list[tuple[int, int]]:
     steps = np.diff(flying.astype(int))
     starts, ends = np.flatnonzero(steps == 1) + 1, np.flatnonzero(steps == -1) + 1
     return [(int(start), int(ends[ends > start][0])) for start in starts if (ends > start).any()]
+
+
+def _smoothed(values: Floats, deviation: float, axis: int = -1) -> Floats:
+    from scipy.ndimage import gaussian_filter1d  # noqa: PLC0415 - slow to load, and who asks for tables needs it not
+
+    return np.asarray(gaussian_filter1d(values, deviation, axis=axis, mode="nearest"))

@@ -13,7 +13,6 @@ angles of both joints of a segment: Camomilla et al., J Biomech 46 (2013) 2216-2
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import bilinear, lfilter
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.articulated import LimbModel, Structure
@@ -140,5 +139,7 @@ def _swinging(centre: Floats, rate: float, tissue: SoftTissue) -> Floats:
     """Answer [mm] of x'' + 2 z w x' + w^2 x = -a to the acceleration a of a limb, about its mean."""
     acceleration = np.gradient(np.gradient(centre, axis=0), axis=0) * rate**2 if len(centre) > 1 else 0 * centre
     spring = 2 * np.pi * tissue.frequency
+    from scipy.signal import bilinear, lfilter  # noqa: PLC0415 - slow to load, and who asks for tables needs it not
+
     above, below = bilinear([-1.0], [1.0, 2 * tissue.damping * spring, spring**2], rate)
     return np.asarray(lfilter(above, below, acceleration - acceleration.mean(axis=0), axis=0))
