@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
     from skelgen.capture.bodies.prediction import PredictionParameters
+    from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.room.sources import RoomSource
@@ -57,12 +58,24 @@ def room_source_of(settings: RoomSettings, text: str | None = None) -> "RoomSour
     return source
 
 
+@dataclass(frozen=True)
+class Ground:
+    """Where an L-frame or three other balls lie on the floor.
+
+    Attributes
+    ----------
+    source : str
+        Their images.
+    arms : sequence of float, mm
+        Along x and along y; of three other balls also the distance between the last two.
+    """
+
+    source: str
+    arms: Sequence[float] = (600.0, 400.0)
+
+
 def calibrate_room(
-    waved: str,
-    wand: Sequence[float],
-    ground: str | None = None,
-    arms: Sequence[float] = (600.0, 400.0),
-    monitor: Monitor = SILENT,
+    waved: str, wand: Sequence[float], ground: Ground | None = None, monitor: Monitor = SILENT
 ) -> "tuple[RoomSettings, WandCalibration]":
     """Calibrate the cameras of a room from images of a wand and of an L-frame.
 
@@ -72,10 +85,8 @@ def calibrate_room(
         Source in which the wand is waved.
     wand : sequence of float, mm
         Where the two or three balls are along it.
-    ground : str, optional
-        Source in which the L-frame lies on the floor; without it the world is the first camera's frame.
-    arms : sequence of float, mm
-        Of the L-frame, along x and along y; of three other balls also the distance between the last two.
+    ground : Ground, optional
+        The L-frame; without it the world is the first camera's frame.
     monitor : Monitor
         Reports how many images are done; may cancel.
 
@@ -84,8 +95,7 @@ def calibrate_room(
     InputError
         If images, wand or frame are not what they must be; see `calibrate_wand` and `find_ground`.
     """
-    from skelgen.capture.room.calibrate import calibrate_wand, on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
+    from skelgen.capture.room.calibrate import calibrate_wand  # noqa: PLC0415 - loads kernels
     from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.wand import check_wand  # noqa: PLC0415
@@ -93,10 +103,53 @@ def calibrate_room(
     check_wand(wand)
     source = open_room_source(waved)
     frames, sizes = balls_of(source, monitor)
-    done = calibrate_wand(frames, wand, sizes, source.cameras)
-    if ground:
-        lying, _ = balls_of(open_room_source(ground), monitor)
-        done = on_ground(done, find_ground(lying, done.rig, arms))
+    return _on_ground(calibrate_wand(frames, wand, sizes, source.cameras), ground, monitor)
+
+
+def calibrate_room_by_boards(
+    held: str, board: "AnyBoard", ground: Ground | None = None, monitor: Monitor = SILENT
+) -> "tuple[RoomSettings, WandCalibration]":
+    """Calibrate the cameras of a room from images of a board that some of them see at a time.
+
+    Parameters
+    ----------
+    held : str
+        Source in which the board is held in many places.
+    board : Board or CharucoBoard
+        What is seen; see `skelgen.capture.room.boards.room_board`.
+    ground : Ground, optional
+        The L-frame; without it the world is the first camera's frame.
+    monitor : Monitor
+        Reports how many images are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        If a camera sees too little of the board, or shares too few views with others.
+    """
+    import numpy as np  # noqa: PLC0415
+
+    from skelgen.capture.room.boards import corners_in  # noqa: PLC0415
+    from skelgen.capture.room.calibrate import calibrate_boards  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.recording import seen_in  # noqa: PLC0415
+    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+
+    source = open_room_source(held)
+    frames, sizes = seen_in(source, lambda image: corners_in(image, board), monitor)
+    return _on_ground(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
+
+
+def _on_ground(
+    done: "WandCalibration", ground: Ground | None, monitor: Monitor
+) -> "tuple[RoomSettings, WandCalibration]":
+    if ground is not None:
+        from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415
+        from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
+        from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+        from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+
+        lying, _ = balls_of(open_room_source(ground.source), monitor)
+        done = on_ground(done, find_ground(lying, done.rig, ground.arms))
     return RoomSettings(done.rig), done
 
 

@@ -1,4 +1,4 @@
-"""`skelgen calibrate room`: the cameras of a room, calibrated with a wand."""
+"""`skelgen calibrate room`: the cameras of a room, calibrated with a wand or a board."""
 
 from __future__ import annotations
 
@@ -24,17 +24,21 @@ def room(
     ] = None,
     arms: Annotated[
         str,
-        typer.Option(
-            "--arms",
-            metavar="MM,MM",
-            help="Arms of the L-frame, and the third side of other triangles.",
-        ),
+        typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, and the third side of other triangles."),
     ] = "600,400",
+    board: Annotated[
+        str | None,
+        typer.Option("--board", metavar="9x6", help="A chessboard instead of the wand, or charuco:10x7:4X4_50."),
+    ] = None,
+    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square of the board.")] = 25.0,
+    marker: Annotated[
+        float | None, typer.Option("--marker", metavar="MM", help="Side of a marker, else 3/4 of a square.")
+    ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate two to sixteen cameras around a room with a wand that is waved through it.
+    """Calibrate two to sixteen cameras around a room with a wand that is waved through it, or with a board.
 
     Parameters
     ----------
@@ -46,6 +50,10 @@ def room(
         Where images of an L-frame on the floor come from; without it the world is the first camera's frame.
     arms : str
         Arms of the L-frame along x and along y, in mm; of three other balls also the distance between the last two.
+    board : str, optional
+        Inner corners of a chessboard, or squares and dictionary of a ChArUco board, which stands in for the wand.
+    square, marker : float, mm
+        Sides of a square and of a marker of the board.
     output : Path
         Settings to write.
     quiet, as_json : bool
@@ -53,12 +61,17 @@ def room(
     """
     import numpy as np
 
-    from skelgen.app.room import calibrate_room, save_room
+    from skelgen.app.room import Ground, calibrate_room, calibrate_room_by_boards, save_room
+    from skelgen.capture.room.boards import room_board
 
     screen = Screen(quiet, as_json)
-    distances, lengths = _numbers(wand, "--wand"), _numbers(arms, "--arms")
+    distances, floor = _numbers(wand, "--wand"), _numbers(arms, "--arms")
+    lying = Ground(ground, floor) if ground else None
     with screen.watching() as monitor:
-        settings, found = calibrate_room(source, distances, ground, lengths, monitor)
+        if board is None:
+            settings, found = calibrate_room(source, distances, lying, monitor)
+        else:
+            settings, found = calibrate_room_by_boards(source, room_board(board, square, marker), lying, monitor)
     save_room(settings, output)
     rows = [
         {

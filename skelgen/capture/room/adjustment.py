@@ -1,13 +1,14 @@
-"""Bundle adjustment of cameras around a room that look at a wand: lenses, places of cameras and of the wand at once.
+"""Bundle adjustment of cameras around a room that look at a wand or a board: lenses, and all places at once.
 
 Gauss and Newton's method with exact derivatives, damped (Levenberg and Marquardt). A wand has five numbers in each
-frame, its first ball and its direction, so that its known distances hold exactly and give the scale. Frames share no
-numbers with each other but the cameras': they are eliminated one by one (Schur complement), and what is left to solve
+frame, its first ball and its direction, a board six, so that known distances hold exactly and give the scale. Frames
+share no numbers but the cameras': they are eliminated one by one (Schur complement), and what is left to solve
 has fifteen numbers a camera. Its inverse gives the standard deviations of all cameras; where the noise is normal that
 is the bound of Cramer and Rao.
 """
 
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -18,15 +19,12 @@ from skelgen.capture.calibration.bundle_adjustment import (
     pixels_and_slopes,
     slope_by_pose,
 )
+from skelgen.capture.room.bundles import RoomBundle
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
 N_CAMERA = N_INTRINSIC + N_POSE
-N_WAND = 5
-"""Numbers of a wand in a frame: its first ball, and two of its direction."""
-
 MAX_STEPS, MAX_ROUNDS = 60, 6
 STANDS_STILL = 1e-9
 """Gain as a part of the sum of squares below which the minimum is reached."""
@@ -39,52 +37,20 @@ LEAST_EIGENVALUE = 1e-13
 """Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
 
 UNDETERMINED = (
-    "the waves of the wand do not determine the cameras: wave it longer, in all parts of the room, near and far from "
-    "each camera, upright and level"
+    "the views do not determine the cameras: move the wand or the board longer, in all parts of the room, near and far "
+    "from each camera, upright and level"
 )
 
-
-@dataclass(frozen=True, eq=False)
-class WandBundle:
-    """What is adjusted, and what it is adjusted to.
-
-    Attributes
-    ----------
-    cameras : tuple of Camera
-        All of them; the first one stays where it is.
-    distances : ndarray, shape (n_balls,), mm
-        Of the balls along the wand, from the first one.
-    first : ndarray, shape (n_frames, 3), mm
-        Places of the first ball.
-    direction : ndarray, shape (n_frames, 3)
-        Along the wand, of length 1.
-    seen : ndarray, shape (n_frames, n_cameras, n_balls, 2), px
-        Where balls were seen; NaN where one was not.
-    """
-
-    cameras: tuple[Camera, ...]
-    distances: Floats
-    first: Floats
-    direction: Floats
-    seen: Floats
-
-    @property
-    def balls(self) -> Floats:
-        """Places of all balls, shape (n_frames, n_balls, 3), mm."""
-        return np.asarray(self.first[:, np.newaxis] + self.distances[:, np.newaxis] * self.direction[:, np.newaxis])
-
-    def of(self, frames: Bools) -> "WandBundle":
-        """Return the bundle of some frames."""
-        return replace(self, first=self.first[frames], direction=self.direction[frames], seen=self.seen[frames])
+_B = TypeVar("_B", bound=RoomBundle)
 
 
 @dataclass(frozen=True, eq=False)
-class AdjustedRoom:
+class AdjustedRoom(Generic[_B]):
     """The most likely bundle.
 
     Attributes
     ----------
-    bundle : WandBundle
+    bundle : RoomBundle
         With adjusted cameras and wands; balls that were left out are NaN in `seen`.
     noise : float, px
         Standard deviation of a ball along one axis, from the residuals and the degrees of freedom.
@@ -96,7 +62,7 @@ class AdjustedRoom:
         Balls that fitted nothing.
     """
 
-    bundle: WandBundle
+    bundle: _B
     noise: float
     covariance: Floats
     residuals: Floats
@@ -119,12 +85,12 @@ def free_numbers(n_cameras: int, intrinsic: tuple[int, ...]) -> Bools:
     return free.ravel()
 
 
-def adjust_room(bundle: WandBundle, free: Bools) -> AdjustedRoom:
+def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
     """Return the most likely cameras and wands, without the balls that fit nothing.
 
     Parameters
     ----------
-    bundle : WandBundle
+    bundle : RoomBundle
         Near the solution.
     free : ndarray of bool, shape (15 n_cameras,)
         Which numbers are adjusted; see `free_numbers`.
@@ -147,8 +113,8 @@ def adjust_room(bundle: WandBundle, free: Bools) -> AdjustedRoom:
         seen[is_out] = np.nan
         bundle = _with_enough(replace(bundle, seen=seen))
     residuals = _residuals(bundle)
-    normal, _, _, _ = _reduced(bundle, free, 0.0)
-    n_numbers = len(normal) + N_WAND * len(bundle.first)
+    normal, _, _ = _reduced(bundle, free, 0.0)
+    n_numbers = len(normal) + bundle.n_own * len(bundle.seen)
     n_values = int(np.isfinite(residuals).sum())
     noise = float(np.sqrt(np.nansum(residuals**2) / max(n_values - n_numbers, 1)))
     covariance = np.zeros((len(free), len(free)))
@@ -156,9 +122,9 @@ def adjust_room(bundle: WandBundle, free: Bools) -> AdjustedRoom:
     return AdjustedRoom(bundle, noise, covariance, residuals, n_seen - int(np.isfinite(bundle.seen[..., 0]).sum()))
 
 
-def _with_enough(bundle: WandBundle) -> WandBundle:
+def _with_enough(bundle: _B) -> _B:
     """The bundle of the frames that show enough to be more than what they determine."""
-    return bundle.of(np.isfinite(bundle.seen).sum(axis=(1, 2, 3)) > N_WAND)
+    return bundle.of(np.isfinite(bundle.seen).sum(axis=(1, 2, 3)) > bundle.n_own)
 
 
 def _robust_spread(residuals: Floats) -> float:
@@ -166,12 +132,12 @@ def _robust_spread(residuals: Floats) -> float:
     return float(1.4826 * np.nanmedian(np.abs(residuals))) or 1.0
 
 
-def _minimised(bundle: WandBundle, free: Bools) -> WandBundle:
+def _minimised(bundle: _B, free: Bools) -> _B:
     damping = FIRST_DAMPING
     bundle = _with_enough(bundle)
     squares = float(np.nansum(_residuals(bundle) ** 2))
     for _ in range(MAX_STEPS):
-        normal, gradient, parts, _ = _reduced(bundle, free, damping)
+        normal, gradient, parts = _reduced(bundle, free, damping)
         step = _solved(normal, gradient)
         moved = _moved(bundle, free, step, parts)
         after = np.inf if moved is None else float(np.nansum(_residuals(moved) ** 2))
@@ -187,9 +153,9 @@ def _minimised(bundle: WandBundle, free: Bools) -> WandBundle:
     return bundle
 
 
-def _residuals(bundle: WandBundle) -> Floats:
+def _residuals(bundle: RoomBundle) -> Floats:
     """Seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
-    balls = bundle.balls
+    balls = bundle.places
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         expected = [
             pixels_and_slopes(eye, balls @ eye.camera_from_world[:3, :3].T + eye.camera_from_world[:3, 3])[0]
@@ -202,16 +168,13 @@ _Parts = tuple[Floats, Floats, Floats]
 """Coupling of cameras and wands, wands' normal matrices and gradients."""
 
 
-def _reduced(bundle: WandBundle, free: Bools, damping: float) -> tuple[Floats, Floats, _Parts, Floats]:
+def _reduced(bundle: RoomBundle, free: Bools, damping: float) -> tuple[Floats, Floats, _Parts]:
     """Normal matrix and gradient of the free numbers of the cameras, the wands eliminated."""
-    n_cameras, n_frames = len(bundle.cameras), len(bundle.first)
-    balls, tangents = bundle.balls, _tangents(bundle.direction)
-    by_wand = np.zeros((n_frames, len(bundle.distances), 3, N_WAND))
-    by_wand[..., :3] = np.eye(3)
-    by_wand[..., 3:] = bundle.distances[:, np.newaxis, np.newaxis] * tangents[:, np.newaxis]
-    own, coupling = np.zeros((n_cameras, N_CAMERA, N_CAMERA)), np.zeros((n_frames, n_cameras, N_CAMERA, N_WAND))
-    gradient, wands = np.zeros((n_cameras, N_CAMERA)), np.zeros((n_frames, N_WAND, N_WAND))
-    pulls = np.zeros((n_frames, N_WAND))
+    n_cameras, n_frames, n_own = len(bundle.cameras), len(bundle.seen), bundle.n_own
+    balls, by_wand = bundle.places, bundle.slopes()
+    own, coupling = np.zeros((n_cameras, N_CAMERA, N_CAMERA)), np.zeros((n_frames, n_cameras, N_CAMERA, n_own))
+    gradient, wands = np.zeros((n_cameras, N_CAMERA)), np.zeros((n_frames, n_own, n_own))
+    pulls = np.zeros((n_frames, n_own))
     for index, eye in enumerate(bundle.cameras):
         turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
         shown = np.flatnonzero(np.isfinite(bundle.seen[:, index, :, 0]).any(axis=1))
@@ -222,15 +185,15 @@ def _reduced(bundle: WandBundle, free: Bools, damping: float) -> tuple[Floats, F
         residual = np.where(valid, residual, 0.0).reshape(len(shown), -1)
         camera = np.concatenate([by_intrinsic, slope_by_pose(by_point, turned)], axis=-1) * valid[..., np.newaxis]
         camera = camera.reshape(len(shown), -1, N_CAMERA)
-        wand = ((by_point @ turn) @ by_wand[shown] * valid[..., np.newaxis]).reshape(len(shown), -1, N_WAND)
+        wand = ((by_point @ turn) @ by_wand[shown] * valid[..., np.newaxis]).reshape(len(shown), -1, n_own)
         flat = camera.reshape(-1, N_CAMERA)
         own[index] = flat.T @ flat
         gradient[index] = flat.T @ residual.ravel()
         coupling[shown, index] = np.swapaxes(camera, 1, 2) @ wand
         wands[shown] += np.swapaxes(wand, 1, 2) @ wand
         pulls[shown] += (np.swapaxes(wand, 1, 2) @ residual[..., np.newaxis])[..., 0]
-    wands[:, range(N_WAND), range(N_WAND)] *= 1.0 + damping
-    whole = coupling.reshape(n_frames, -1, N_WAND)[:, free]
+    wands[:, range(n_own), range(n_own)] *= 1.0 + damping
+    whole = coupling.reshape(n_frames, -1, n_own)[:, free]
     normal = np.zeros((len(free), len(free)))
     for index in range(n_cameras):
         block = slice(index * N_CAMERA, (index + 1) * N_CAMERA)
@@ -242,15 +205,7 @@ def _reduced(bundle: WandBundle, free: Bools, damping: float) -> tuple[Floats, F
     half = (whole @ np.swapaxes(root, 1, 2)).transpose(1, 0, 2).reshape(whole.shape[1], -1)
     reduced = normal[np.ix_(free, free)] - half @ half.T
     pulled = gradient.ravel()[free] - half @ (root @ pulls[..., np.newaxis]).ravel()
-    return reduced, pulled, (whole, wands, pulls), tangents
-
-
-def _tangents(direction: Floats) -> Floats:
-    """Two directions across each, shape (n_frames, 3, 2)."""
-    least = np.eye(3)[np.abs(direction).argmin(axis=1)]
-    across = np.cross(direction, least)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.stack([across, np.cross(direction, across)], axis=2)
+    return reduced, pulled, (whole, wands, pulls)
 
 
 def _scale_of(normal: Floats) -> Floats:
@@ -273,7 +228,7 @@ def _inverse(normal: Floats) -> Floats:
     return np.asarray((vectors / values) @ vectors.T * np.outer(scale, scale))
 
 
-def _moved(bundle: WandBundle, free: Bools, step: Floats, parts: _Parts) -> WandBundle | None:
+def _moved(bundle: _B, free: Bools, step: Floats, parts: _Parts) -> _B | None:
     """The bundle after a step of the cameras and what follows for the wands; None if that is no camera."""
     whole, wands, pulls = parts
     back = np.linalg.solve(wands, (pulls - np.swapaxes(whole, 1, 2) @ step)[..., np.newaxis])[..., 0]
@@ -285,10 +240,7 @@ def _moved(bundle: WandBundle, free: Bools, step: Floats, parts: _Parts) -> Wand
         )
     except InputError:
         return None
-    tangents = _tangents(bundle.direction)
-    turns = np.cross(bundle.direction, (tangents @ back[:, 3:, np.newaxis])[..., 0])
-    direction = (matrix_from_vector(turns) @ bundle.direction[..., np.newaxis])[..., 0]
-    return replace(bundle, cameras=cameras, first=bundle.first + back[:, :3], direction=direction)
+    return replace(bundle.moved(np.asarray(back, dtype=np.float64)), cameras=cameras)
 
 
 def moved_camera(eye: Camera, step: Floats) -> Camera:

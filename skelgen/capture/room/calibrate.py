@@ -1,7 +1,8 @@
-"""Calibration of the cameras of a room with a wand: from what all cameras see to the rig, its deviations, a verdict."""
+"""Calibration of the cameras of a room with a wand or a board: from what all see to the rig, its errors, a verdict."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from skelgen.capture.calibration.board import uncovered
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
 from skelgen.capture.room.accuracy import point_covariances, room_grid
 from skelgen.capture.room.adjustment import N_CAMERA, AdjustedRoom, adjust_room, free_numbers
+from skelgen.capture.room.boards import AnyBoard, board_start
+from skelgen.capture.room.bundles import RoomBundle
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
 from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand import check_wand, wand_views
@@ -26,11 +29,13 @@ LEAST_NOISE = 0.05
 GOOD_SCALE, USABLE_SCALE = 0.0005, 0.005
 """Relative deviations of the distances between cameras."""
 
-ENOUGH_VIEWS = 200
-"""Of each camera: two seconds at 100 Hz in which the wand is where it has not been."""
+ENOUGH_VIEWS, ENOUGH_OF_BOARD = 200, 15
+"""Of each camera: two seconds at 100 Hz in which the wand is where it has not been, and poses of a board."""
 
 MUCH_LEFT_OUT = 0.05
 """Part of the balls that fit nothing from which on something shines besides the wand."""
+
+_B = TypeVar("_B", bound=RoomBundle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +106,49 @@ def calibrate_wand(
     start = start_values(seen, wand, list(sizes), called)
     placed = np.isfinite(start.first[:, 0])
     adjusted = adjust_room(start.of(placed), free_numbers(len(called), LENS))
-    return _calibration(adjusted, called)
+    return _calibration(adjusted, called, _WAND)
 
 
-def _calibration(adjusted: AdjustedRoom, names: Sequence[str]) -> WandCalibration:
+def calibrate_boards(
+    seen: Floats, board: AnyBoard, sizes: Sequence[tuple[int, int]], names: Sequence[str] = ()
+) -> WandCalibration:
+    """Return the cameras that saw a board, some of them at a time.
+
+    Parameters
+    ----------
+    seen : ndarray, shape (n_frames, n_cameras, n_corners, 2), px
+        Where images show its corners; NaN where they do not. See `skelgen.capture.room.boards.corners_in`.
+    board : Board or CharucoBoard
+        What was seen.
+    sizes : sequence of tuple of int, px
+        Width and height of each camera's images.
+    names : sequence of str
+        What the cameras are called; by default they are numbered.
+
+    Raises
+    ------
+    InputError
+        If a camera sees too little of the board, or shares too few views with others.
+    """
+    called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
+    start = board_start(seen, board, sizes, called)
+    return _calibration(adjust_room(start, free_numbers(len(called), LENS)), called, _BOARD)
+
+
+class _Words(NamedTuple):
+    """What the verdict speaks of."""
+
+    parts: str
+    thing: str
+    better: str
+    enough: int
+
+
+_WAND = _Words("balls", "wand", "wave it", ENOUGH_VIEWS)
+_BOARD = _Words("corners", "board", "hold it", ENOUGH_OF_BOARD)
+
+
+def _calibration(adjusted: AdjustedRoom[_B], names: Sequence[str], words: _Words) -> WandCalibration:
     bundle = adjusted.bundle
     cameras = [replace(eye, name=name) for eye, name in zip(bundle.cameras, names, strict=True)]
     covariance = _of_places(adjusted.covariance, cameras)
@@ -112,11 +156,11 @@ def _calibration(adjusted: AdjustedRoom, names: Sequence[str]) -> WandCalibratio
     rig = CameraRig(cameras, max(adjusted.noise, LEAST_NOISE), std)
     shows = np.asarray(np.isfinite(bundle.seen[..., 0]).any(axis=2))
     scale_std = _scale_std(rig, covariance)
-    balls = bundle.balls.reshape(-1, 3)
+    balls = bundle.places.reshape(-1, 3)
     calibrated = point_covariances(rig, covariance, room_grid(balls))[0]
     point_std = float(np.sqrt(3.0 * np.diag(calibrated).mean()))
     n_views, shared = shows.sum(axis=0), shows.T.astype(np.intp) @ shows
-    verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, balls)
+    verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, balls, words)
     return WandCalibration(rig, covariance, n_views, shared, scale_std, point_std, balls, verdict)
 
 
@@ -144,35 +188,42 @@ def _scale_std(rig: CameraRig, covariance: Floats) -> float:
 
 
 def _judge(
-    rig: CameraRig, adjusted: AdjustedRoom, stated: tuple[float, float], n_views: Ints, balls: Floats
+    rig: CameraRig,
+    adjusted: AdjustedRoom[_B],
+    stated: tuple[float, float],
+    n_views: Ints,
+    balls: Floats,
+    words: _Words,
 ) -> Verdict:
     scale_std, point_std = stated
-    is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= ENOUGH_VIEWS
+    is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= words.enough
     is_usable = adjusted.noise <= USABLE_NOISE and scale_std <= USABLE_SCALE
     grade = GOOD if is_good else USABLE if is_usable else REPEAT
     extent = (np.quantile(balls, 0.98, axis=0) - np.quantile(balls, 0.02, axis=0)) / 1000
     spread = " x ".join(f"{length:.1f}" for length in sorted(extent, reverse=True))
     sentences = [
-        f"{grade.capitalize()}: balls lie {adjusted.noise:.2f} px from where they are expected along each axis, in "
-        f"{int(n_views.min())} to {int(n_views.max())} views a camera; points are known to {point_std:.2g} mm, lengths "
-        f"to {100 * scale_std:.2g} %; the wand was in {spread} m."
+        f"{grade.capitalize()}: {words.parts} lie {adjusted.noise:.2f} px from where they are expected along each "
+        f"axis, in {int(n_views.min())} to {int(n_views.max())} views a camera; points are known to "
+        f"{point_std:.2g} mm, lengths to {100 * scale_std:.2g} %; the {words.thing} was in {spread} m."
     ]
     if adjusted.noise > USABLE_NOISE:
         sentences.append(
-            "Errors of more than a pixel are no noise: are all images of one moment, and the wand's distances right?"
+            "Errors of more than a pixel are no noise: are all images of one moment, and the distances right?"
         )
     n_used = int(np.isfinite(adjusted.bundle.seen[..., 0]).sum())
     if adjusted.n_left_out > MUCH_LEFT_OUT * n_used:
         share = 100 * adjusted.n_left_out / (n_used + adjusted.n_left_out)
-        sentences.append(f"{share:.0f} % of the balls fit nothing: cover what shines besides the wand.")
+        sentences.append(f"{share:.0f} % of the {words.parts} fit nothing: cover what shines besides the wand.")
     for camera, count in zip(rig.cameras, n_views.tolist(), strict=True):
-        if count < ENOUGH_VIEWS:
-            sentences.append(f"{camera.name} has only {count} views of the wand: wave it where it looks.")
+        if count < words.enough:
+            sentences.append(
+                f"{camera.name} has only {count} views of the {words.thing}: {words.better} where it looks."
+            )
     for index, camera in enumerate(rig.cameras):
         seen = adjusted.bundle.seen[:, index].reshape(-1, 2)
         gaps = uncovered([seen[np.isfinite(seen[:, 0])]], camera.size)
         if gaps:
-            sentences.append(f"{camera.name} has not seen the wand in the {', '.join(gaps)} of its image.")
+            sentences.append(f"{camera.name} has not seen the {words.thing} in the {', '.join(gaps)} of its image.")
     return Verdict(grade, tuple(sentences))
 
 

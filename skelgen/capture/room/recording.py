@@ -2,10 +2,10 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import islice
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from skelgen.progress import SILENT, Monitor, with_progress
 
 MANY_LOST = 0.001
 """Part of a camera's images that are lost from which on that is told."""
+
+_Seen = TypeVar("_Seen")
 
 
 class BallFinder:
@@ -70,7 +72,7 @@ class BallFinder:
         return correct_eccentricity(camera, detect_balls(image, self._parameters))
 
 
-def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[Views], list[tuple[int, int]]]:
+def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[list[Balls]], list[tuple[int, int]]]:
     """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
 
     Parameters
@@ -86,7 +88,29 @@ def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[Views]
         If a camera has no image at all, or images of two sizes.
     """
     parameters = DetectionParameters()
-    frames: list[Views] = []
+    return seen_in(source, lambda image: _detected(image, parameters), monitor)
+
+
+def seen_in(
+    source: RoomSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
+) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
+    """Return what is found in all images of a source, frame by frame and camera by camera, and the cameras' sizes.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Not yet entered.
+    look : callable
+        Finds it in an image, which is None where it was lost.
+    monitor : Monitor
+        Reports how many sets are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        If a camera has no image at all, or images of two sizes.
+    """
+    frames: list[list[_Seen]] = []
     found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
     monitor.begin("images")
     with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
@@ -94,7 +118,7 @@ def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[Views]
             for sizes_of, image in zip(found, frame.images, strict=True):
                 if image is not None:
                     sizes_of.add((image.shape[1], image.shape[0]))
-            frames.append(list(threads.map(lambda image: _detected(image, parameters), frame.images)))
+            frames.append(list(threads.map(look, frame.images)))
     for name, sizes_of in zip(source.cameras, found, strict=True):
         if len(sizes_of) != 1:
             what = "has no image" if not sizes_of else "has images of several sizes"

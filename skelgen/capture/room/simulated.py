@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.values import balls_at
 from skelgen.capture.values import Balls
-from skelgen.geometry.rotations import transform_from
+from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, CameraRig
 from skelgen.simulation import Structure, Truth, find_structure, simulate
@@ -128,6 +128,30 @@ def wand_scene(
     positions = middle[:, np.newaxis] + offsets[:, np.newaxis] * along[:, np.newaxis]
     covered = smooth_curves(rng, n_frames, rate, len(rig.cameras), _SLOW) > _COVERED
     return RoomScene(positions, np.repeat(covered[..., np.newaxis], len(offsets), axis=2), rate)
+
+
+def board_poses(rig: CameraRig, n_frames: int, seed: int = 0) -> Floats:
+    """Return where a board is held before two neighbouring cameras, shape (n_frames, 4, 4), mm; z away from them.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras.
+    n_frames : int
+        How many places.
+    seed : int
+        Of the places.
+    """
+    rng, places = np.random.default_rng(seed), rig.places
+    one = rng.integers(len(places), size=n_frames)
+    before = (places[one] + places[(one + 1) % len(places)]) / 2 * [1, 1, 0.6]
+    middle = rng.uniform((-900, -900, 500), (900, 900, 1700), (n_frames, 3))
+    away = middle - before
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    across = np.cross([0.0, 0.0, 1.0], away)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turn = np.stack([across, np.cross(away, across), away], axis=2)
+    return transform_from(turn @ matrix_from_vector(rng.uniform(-0.5, 0.5, (n_frames, 3))), middle)
 
 
 FRAME = (600.0, 400.0)

@@ -11,16 +11,19 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
+from skelgen.capture.calibration.board import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.room.live_sources import open_firewire_sets, open_gentl_sets, open_gige_sets
-from skelgen.capture.room.simulated import RoomScene, frame_scene, person_scene, room_rig, wand_scene
+from skelgen.capture.room.simulated import RoomScene, board_poses, frame_scene, person_scene, room_rig, wand_scene
 from skelgen.capture.room.values import FrameSet
-from skelgen.capture.simulated_rig import render_view
+from skelgen.capture.simulated_rig import board_image, render_view
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
 from skelgen.capture.sources.video import next_image
+from skelgen.capture.values import Image
 from skelgen.errors import CaptureError, FormatError, InputError
+from skelgen.geometry.rotations import transform_from
 from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig
 from skelgen.parameters import StageParameters, declare
 
@@ -216,6 +219,39 @@ class SimulatedRoom:
             yield FrameSet(tuple(images), frame / self.scene.rate, frame)
 
 
+ROOM_BOARD = Board(9, 6, 90.0)
+"""The chessboard of the simulated room."""
+
+_FRONT = 0.3  # cosine of the angle at which a board is still seen from its front
+
+
+class SimulatedBoards(SimulatedRoom):
+    """A chessboard that is held here and there in the simulated room.
+
+    Parameters
+    ----------
+    scene : RoomScene
+        How long it goes on, and at which rate.
+    rig : CameraRig
+        The cameras.
+    seed : int
+        Of the places and of the sensors' noise.
+    """
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Render one moment after the other."""
+        half = ROOM_BOARD.points.mean(axis=0)
+        for frame, pose in enumerate(board_poses(self.rig, self.n_frames, self._seed)):
+            held = pose @ transform_from(np.eye(3), -half)
+            images: list[Image] = []
+            for index, (camera, place) in enumerate(zip(self.rig.cameras, self.rig.places, strict=True)):
+                ahead = pose[:3, 3] - place
+                shows = pose[:3, 2] @ ahead > _FRONT * np.linalg.norm(ahead)
+                seen = held if shows else np.full((4, 4), np.nan)
+                images.append(board_image(camera, ROOM_BOARD, seen, (self._seed, frame, index)))
+            yield FrameSet(tuple(images), frame / self.scene.rate, frame)
+
+
 def _open_folder(text: SourceText) -> RoomSource:
     return FolderSets(Path(text.place), FileOptions.from_mapping(text.options, str(text)))
 
@@ -230,6 +266,8 @@ def _open_room(text: SourceText) -> RoomSource:
     n_frames, seed, rate = int(options.frames), int(options.seed), float(options.rate)
     if text.place == "wand":
         return SimulatedRoom(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
+    if text.place == "board":
+        return SimulatedBoards(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
     if text.place == "frame":
         return SimulatedRoom(frame_scene(rig, n_frames), rig, seed)
     return SimulatedRoom(person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
@@ -253,8 +291,8 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
     ----------
     text : str
         ``folder:recording?rate=100`` (a folder for each camera in it), ``video:one.avi,two.avi,...``, or the simulated
-        room: ``room:wand``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the path of a folder;
-        or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``.
+        room: ``room:wand``, ``room:board``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the
+        path of a folder; or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``.
     from_file : bool
         Whether a file names it, and nobody who is there: then it loads no program from a place that is not trusted.
 

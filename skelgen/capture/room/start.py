@@ -14,7 +14,8 @@ import numpy as np
 
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
-from skelgen.capture.room.adjustment import WandBundle, adjust_room, free_numbers
+from skelgen.capture.room.adjustment import adjust_room, free_numbers
+from skelgen.capture.room.bundles import WandBundle
 from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from
@@ -219,7 +220,7 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
     spread = float(1.4826 * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
     second[:3, 3] *= wand[-1] / typical
     cameras = eyes[0], replace(eyes[1], camera_from_world=second)
-    return spread, WandBundle(cameras, wand, np.empty((0, 3)), np.empty((0, 3)), seen)
+    return spread, WandBundle(cameras, seen, wand, np.empty((0, 3)), np.empty((0, 3)))
 
 
 def _meeting(one: Floats, two: Floats, second: Floats) -> Floats:
@@ -304,7 +305,7 @@ def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: 
     then[max(-late, 0) : len(seen) - max(late, 0)] = seen[max(late, 0) : len(seen) - max(-late, 0)]
     usable = np.isfinite(bundle.first[:, 0]) & np.isfinite(then[..., 0]).all(axis=1)
     frames = _some(usable)
-    return _resected(bundle.balls[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
+    return _resected(bundle.places[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
 
 
 def _resected(points: Floats, pixels: Floats, size: tuple[int, int]) -> _Resected:

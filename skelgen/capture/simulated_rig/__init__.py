@@ -2,7 +2,7 @@
 
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_arm
-from skelgen.capture.simulated_rig.board import SimulatedBoard, board_places
+from skelgen.capture.simulated_rig.board import SimulatedBoard, board_image, board_places
 from skelgen.capture.simulated_rig.render import projected_balls, render_pair, render_view
 from skelgen.capture.simulated_rig.scene import (
     Scene,
@@ -20,6 +20,7 @@ __all__ = [
     "SimulatedBoard",
     "SimulatedRig",
     "Wandering",
+    "board_image",
     "board_places",
     "hand_held_target",
     "projected_balls",

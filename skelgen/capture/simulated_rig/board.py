@@ -1,5 +1,6 @@
 """A chessboard before the simulated rig, held here and there as one does to calibrate cameras, with its truth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -101,8 +102,9 @@ class SimulatedBoard(RenderedPairs):
         """
         pose = self._pose(index / self.rate)
         corners = self.board.points @ pose[:3, :3].T + pose[:3, 3]
+        cameras = self.rig.left, self.rig.right
         images = [
-            self._image(camera, pose, (index, side)) for side, camera in enumerate((self.rig.left, self.rig.right))
+            board_image(camera, self.board, pose, (self._seed, index, side)) for side, camera in enumerate(cameras)
         ]
         truth = BoardTruth(pose, project(self.rig.left, corners), project(self.rig.right, corners))
         return FramePair(images[0], images[1], index / self.rate, index, dropped), truth
@@ -121,14 +123,28 @@ class SimulatedBoard(RenderedPairs):
         shift = before[:3, 3] + part * (here[:3, 3] - before[:3, 3])
         return transform_from(before[:3, :3] @ matrix_from_vector(part * turn), shift)
 
-    def _image(self, camera: Camera, pose: Floats, noise_of: tuple[int, int]) -> Image:
-        light = np.full((camera.height, camera.width), _ROOM)
-        _draw_board(light, camera, self.board, pose)
-        light = gaussian_filter(light, _BLUR)
-        noise = np.random.default_rng([self._seed, *noise_of]).normal(0.0, _NOISE, light.shape)
-        image: Image = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
-        image.flags.writeable = False
-        return image
+
+def board_image(camera: Camera, board: Board, pose: Floats, seed: Sequence[int]) -> Image:
+    """Return what a camera sees of a chessboard.
+
+    Parameters
+    ----------
+    camera : Camera
+        What looks.
+    board : Board
+        What is looked at, from its front.
+    pose : ndarray, shape (4, 4), mm
+        Where the board is in the camera's world.
+    seed : sequence of int
+        Of the sensor's noise.
+    """
+    light = np.full((camera.height, camera.width), _ROOM)
+    _draw_board(light, camera, board, pose)
+    light = gaussian_filter(light, _BLUR)
+    noise = np.random.default_rng(seed).normal(0.0, _NOISE, light.shape)
+    image: Image = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
+    image.flags.writeable = False
+    return image
 
 
 def _draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> None:
