@@ -165,7 +165,10 @@ def evaluate(
 
     screen = Screen(as_json=as_json)
     evaluation = scores_of(open_project(find_result(result)), read_truth(truth))
-    show_evaluation(screen, evaluation_tables(evaluation))
+    tables = evaluation_tables(evaluation)
+    show_evaluation(screen, tables)
+    if not tables:
+        screen.say("nothing to compare yet: labels came with the take; limbs and joints have to be found first")
     screen.json(evaluation.as_mapping())
 
 

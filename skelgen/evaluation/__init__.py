@@ -5,7 +5,7 @@ May change with every version; scripts import what they need from `skelgen`.
 
 from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_lines, evaluation_tables
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore
-from skelgen.evaluation.matching import LabelScore, LimbScore, TopologyScore
+from skelgen.evaluation.matching import LabelScore, LimbScore, SpanScore, TopologyScore
 
 __all__ = [
     "Evaluation",
@@ -14,6 +14,7 @@ __all__ = [
     "LengthScore",
     "LimbScore",
     "MarkerScore",
+    "SpanScore",
     "Table",
     "TopologyScore",
     "evaluate",

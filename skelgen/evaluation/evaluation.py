@@ -12,12 +12,14 @@ from skelgen.evaluation.matching import (
     BodyScore,
     LabelScore,
     LimbScore,
+    SpanScore,
     TopologyScore,
     find_identity,
     match_joints,
     match_limbs,
     score_bodies,
     score_limbs,
+    score_spans,
     score_topology,
 )
 from skelgen.model import Poses, Project
@@ -41,6 +43,8 @@ class Evaluation:
         Agreement of the tree.
     bodies : BodyScore or None
         Agreement of the bodies, of which each is a tree.
+    spans : SpanScore or None
+        Joints that hold for a part of the take only; None for takes of markers, in which none is sought.
     joints : tuple of JointScore
         One per joint that the result and the truth share.
     lengths : tuple of LengthScore
@@ -53,6 +57,7 @@ class Evaluation:
     limbs: LimbScore | None = None
     topology: TopologyScore | None = None
     bodies: BodyScore | None = None
+    spans: SpanScore | None = None
     joints: tuple[JointScore, ...] = ()
     lengths: tuple[LengthScore, ...] = ()
     markers: tuple[MarkerScore, ...] = ()
@@ -128,14 +133,14 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
         If the truth is that of another take.
     """
     take = project.take
-    if isinstance(take, Poses):
-        raise InputError("a take of bodies with orientation has no markers to compare with the truth")
     if take.n_frames != truth.n_frames:
         raise InputError(f"the truth has {truth.n_frames} frames, the take {take.n_frames}: it belongs to another take")
     if not project.has("labels"):
         return Evaluation()
     if project.trajectories.n_frames != truth.n_frames:
         raise InputError(f"the result has {project.trajectories.n_frames} frames where the truth has {truth.n_frames}")
+    if isinstance(take, Poses):
+        return _of_bodies(project, take.names, truth)
     true_of_marker, labels = find_identity(project, truth)
     if not project.has("limbs"):
         return Evaluation(labels)
@@ -150,10 +155,23 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
     return _with_motion_scores(found, project, truth, true_of_limb, true_of_marker)
 
 
+def _of_bodies(project: Project, names: tuple[str, ...], truth: Truth) -> Evaluation:
+    """Scores of tree and joints of bodies with orientation, which are known by their names."""
+    unknown = [name for name in names if name not in truth.limb_names]
+    if unknown:
+        raise InputError(f"the truth has no limb {unknown[0]!r}: it belongs to another take")
+    if not project.has("joints"):
+        return Evaluation()
+    true_of_limb = np.array([truth.limb_names.index(name) for name in names], dtype=np.intp)
+    topology = score_topology(project.topology.edges, true_of_limb, truth)
+    spans = score_spans(project.topology.spans, true_of_limb, truth)
+    return _with_motion_scores(Evaluation(topology=topology, spans=spans), project, truth, true_of_limb, None)
+
+
 def _with_motion_scores(
-    found: Evaluation, project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints
+    found: Evaluation, project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints | None
 ) -> Evaluation:
-    """Add the scores of joints, lengths and reconstructed markers."""
+    """Add the scores of joints, lengths and reconstructed markers, where these are known."""
     raw_of_joint = match_joints(project.topology.edges, true_of_limb, truth)
     raw = project.topology.raw_joint_positions
     if not project.has("skeleton"):
@@ -166,8 +184,10 @@ def _with_motion_scores(
     types = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions
     joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, types=types)
-    joints = with_limits(joints, project, true_of_joint, true_of_marker, truth)
     lengths = score_lengths(skeleton, fitted, true_of_joint, truth)
+    if true_of_marker is None:
+        return dataclasses.replace(found, joints=joints, lengths=lengths)
+    joints = with_limits(joints, project, true_of_joint, true_of_marker, truth)
     markers = score_markers(project.trajectories, motion, true_of_marker, truth)
     return dataclasses.replace(found, joints=joints, lengths=lengths, markers=markers)
 
@@ -234,6 +254,9 @@ def _overview(evaluation: Evaluation) -> Table:
     if (bodies := evaluation.bodies) is not None and max(bodies.n_bodies_found, bodies.n_bodies_true) > 1:
         rows.append(("bodies", f"{bodies.n_bodies_found} of {bodies.n_bodies_true}"))
         rows.append(("part of the markers in the tree of their body", f"{bodies.share:.4f}"))
+    if (spans := evaluation.spans) is not None and (spans.n_true or spans.n_extra):
+        off = "" if spans.frames_off is None else f", frames off by {spans.frames_off} at most"
+        rows.append(("joints that hold for a span", f"{spans.n_found} of {spans.n_true}{off}; {spans.n_extra} false"))
     figures = {
         "mean joint error [mm]": evaluation.mean_joint_error,
         "worst joint error [mm]": evaluation.worst_joint_error,

@@ -8,6 +8,7 @@ for multi-target, multi-camera tracking".
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from sklearn.metrics import adjusted_rand_score
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
+from skelgen.model.joint_spans import JointSpan
 from skelgen.model.topology import limbs_of_bodies
 from skelgen.simulation.truth import Truth
 
@@ -305,3 +307,43 @@ def score_topology(edges: Ints, true_of_limb: Ints, truth: Truth) -> TopologySco
     found = tuple(name for index, name in enumerate(truth.joint_names) if index in hit)
     missed = tuple(name for index, name in enumerate(truth.joint_names) if index not in hit)
     return TopologyScore(found, missed, extra, is_exact=not missed and not extra)
+
+
+@dataclass(frozen=True)
+class SpanScore:
+    """How well joints that hold for a part of the take only were found.
+
+    Attributes
+    ----------
+    n_true, n_found, n_extra : int
+        True ones, those of them that were found, and those that were found but are not true.
+    frames_off : int or None
+        How far the first or last frame of one is off at most; None where none was found.
+    """
+
+    n_true: int
+    n_found: int
+    n_extra: int
+    frames_off: int | None
+
+
+def score_spans(spans: Sequence[JointSpan], true_of_limb: Ints, truth: Truth) -> SpanScore:
+    """Compare joints that hold for a part of the take with the true ones.
+
+    Parameters
+    ----------
+    spans : sequence of JointSpan
+        What was found.
+    true_of_limb : ndarray of intp, shape (n_limbs,)
+        The true limb of each.
+    truth : Truth
+        Who held whom, and when.
+    """
+    found = [({int(limb) for limb in true_of_limb[list(span.limbs)]}, span) for span in spans]
+    off = []
+    for pair, (first, last) in zip(truth.hold_limbs.tolist(), truth.hold_frames.tolist(), strict=True):
+        same = [
+            max(abs(one.first_frame - first), abs(one.last_frame - last)) for limbs, one in found if limbs == set(pair)
+        ]
+        off += [min(same)] if same else []
+    return SpanScore(len(truth.hold_limbs), len(off), len(spans) - len(off), max(off, default=None))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import skelgen
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate, evaluation_lines, evaluation_tables
 from skelgen.model import Limbs, Poses, Project, StageReport, Topology, Trajectories
@@ -242,10 +243,9 @@ def test_a_truth_with_other_markers_is_an_input_error(human: SimulatedTake, perf
         evaluate(perfect(human), simulate("rods", n_frames=40).truth)
 
 
-def test_a_take_of_poses_is_an_input_error(human: SimulatedTake) -> None:
+def test_a_take_of_poses_has_no_scores_before_its_joints(human: SimulatedTake) -> None:
     poses = Poses(human.truth.world_from_limb, human.truth.limb_names, 100.0)
-    with pytest.raises(InputError):
-        evaluate(Project(poses), human.truth)
+    assert evaluation_tables(evaluate(Project(poses), human.truth)) == ()
 
 
 def test_bodies_are_scored_by_the_markers_in_their_trees(perfect) -> None:
@@ -261,3 +261,20 @@ def test_bodies_are_scored_by_the_markers_in_their_trees(perfect) -> None:
     joined = evaluate(project.with_topology(topology, StageReport()), two.truth)
     assert (joined.bodies.n_bodies_found, joined.bodies.share, joined.bodies.is_exact) == (1, 0.5, False)
     assert ("bodies", "1 of 2") in evaluation_tables(joined)[0].rows
+
+
+def test_takes_of_sensors_are_scored_by_tree_joints_and_spans():
+    case = simulate("human", seed=3, n_frames=600, hold="tool", sensors=True, noise=0.5, turn_noise=0.1)
+    scores = evaluate(skelgen.reconstruct(case.take), case.truth)
+    assert scores.topology.is_exact and scores.worst_joint_error < 1.0
+    assert (scores.spans.n_true, scores.spans.n_found, scores.spans.n_extra) == (1, 1, 0)
+    assert scores.spans.frames_off <= 1
+    assert "joints that hold for a span" in "\n".join(evaluation_lines(scores))
+    assert json.dumps(scores.as_mapping(), allow_nan=False)
+
+
+def test_bodies_that_the_truth_does_not_know_are_refused():
+    case = simulate("rods", n_frames=50, sensors=True)
+    other = dataclasses.replace(case.take, names=("a", "b", "c"))
+    with pytest.raises(InputError, match="the truth has no limb 'a'"):
+        evaluate(skelgen.reconstruct(other, until="labels"), case.truth)
