@@ -1,6 +1,8 @@
 """A room with many cameras: its settings, its calibration with a wand, its capture."""
 
+import time
 from collections.abc import Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
     from skelgen.capture.room.calibrate import WandCalibration
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.room.sources import RoomSource
+
+TOLD_EVERY = 10.0
+"""s between two sentences on what a wand has covered."""
 
 
 def read_rig_settings(path: Path) -> CaptureSettings | RoomSettings:
@@ -88,22 +93,27 @@ def calibrate_room(
     ground : Ground, optional
         The L-frame; without it the world is the first camera's frame.
     monitor : Monitor
-        Reports how many images are done; may cancel.
+        Reports how many images are done, and now and then what they cover; may cancel.
 
     Raises
     ------
     InputError
         If images, wand or frame are not what they must be; see `calibrate_wand` and `find_ground`.
     """
-    from skelgen.capture.room.calibrate import calibrate_wand  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.recording import detected_balls, seen_in  # noqa: PLC0415 - loads kernels
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
-    from skelgen.capture.room.wand import check_wand  # noqa: PLC0415
+    from skelgen.capture.room.taking import WandTaking  # noqa: PLC0415
 
-    check_wand(wand)
     source = open_room_source(waved)
-    frames, sizes = balls_of(source, monitor)
-    return _on_ground(calibrate_wand(frames, wand, sizes, source.cameras), ground, monitor)
+    with ThreadPoolExecutor(1, "room") as looker:
+        taking = WandTaking(source.cameras, wand, looker)
+        told = time.monotonic()
+        for views, sizes in seen_in(source, detected_balls, monitor):
+            taking.add(views, sizes)
+            if time.monotonic() - told > TOLD_EVERY:
+                monitor.notice(str(taking.progress()))
+                told = time.monotonic()
+    return _on_ground(taking.calibrate(), ground, monitor)
 
 
 def calibrate_room_by_boards(
@@ -131,11 +141,11 @@ def calibrate_room_by_boards(
 
     from skelgen.capture.room.boards import corners_in  # noqa: PLC0415
     from skelgen.capture.room.calibrate import calibrate_boards  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import seen_in  # noqa: PLC0415
+    from skelgen.capture.room.recording import all_seen, seen_in  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
 
     source = open_room_source(held)
-    frames, sizes = seen_in(source, lambda image: corners_in(image, board), monitor)
+    frames, sizes = all_seen(source, seen_in(source, lambda image: corners_in(image, board), monitor))
     return _on_ground(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
 
 

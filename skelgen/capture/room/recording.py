@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import islice
 from typing import NamedTuple, TypeVar
@@ -87,14 +87,48 @@ def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[list[B
     InputError
         If a camera has no image at all, or images of two sizes.
     """
-    parameters = DetectionParameters()
-    return seen_in(source, lambda image: _detected(image, parameters), monitor)
+    return all_seen(source, seen_in(source, detected_balls, monitor))
+
+
+_FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]
+"""What was found in the images of a moment, and their sizes."""
+
+
+def all_seen(
+    source: RoomSource, frames: Iterable[_FrameSeen[_Seen]]
+) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
+    """Return what was found in all images, and the cameras' sizes.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Where they come from.
+    frames : iterable
+        From `seen_in`.
+
+    Raises
+    ------
+    InputError
+        If a camera has no image at all, or images of two sizes.
+    """
+    kept: list[list[_Seen]] = []
+    found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
+    for seen, sizes in frames:
+        kept.append(seen)
+        for sizes_of, size in zip(found, sizes, strict=True):
+            if size is not None:
+                sizes_of.add(size)
+    for name, sizes_of in zip(source.cameras, found, strict=True):
+        if len(sizes_of) != 1:
+            what = "has no image" if not sizes_of else "has images of several sizes"
+            raise InputError(f"{name} {what}: see that it is switched on and set to one size")
+    return kept, [sizes_of.pop() for sizes_of in found]
 
 
 def seen_in(
     source: RoomSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
-) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
-    """Return what is found in all images of a source, frame by frame and camera by camera, and the cameras' sizes.
+) -> Iterator[_FrameSeen[_Seen]]:
+    """Yield what is found in the images of a source, camera by camera, and their sizes; Ctrl-C ends it.
 
     Parameters
     ----------
@@ -104,30 +138,27 @@ def seen_in(
         Finds it in an image, which is None where it was lost.
     monitor : Monitor
         Reports how many sets are done; may cancel.
-
-    Raises
-    ------
-    InputError
-        If a camera has no image at all, or images of two sizes.
     """
-    frames: list[list[_Seen]] = []
-    found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
     monitor.begin("images")
+    n_seen = 0
     with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
-        for frame in with_progress(sets, source.n_frames or 0, monitor):
-            for sizes_of, image in zip(found, frame.images, strict=True):
-                if image is not None:
-                    sizes_of.add((image.shape[1], image.shape[0]))
-            frames.append(list(threads.map(look, frame.images)))
-    for name, sizes_of in zip(source.cameras, found, strict=True):
-        if len(sizes_of) != 1:
-            what = "has no image" if not sizes_of else "has images of several sizes"
-            raise InputError(f"{name} {what}: see that it is switched on and set to one size")
-    return frames, [sizes_of.pop() for sizes_of in found]
+        try:
+            for frame in with_progress(sets, source.n_frames or 0, monitor):
+                yield list(threads.map(look, frame.images)), [_size_of(image) for image in frame.images]
+                n_seen += 1
+        except KeyboardInterrupt:
+            if not n_seen or source.n_frames is not None:
+                raise
+            monitor.notice(f"stopped after {n_seen} sets of images; these are used")
 
 
-def _detected(image: Image | None, parameters: DetectionParameters) -> Balls:
-    return balls_at(np.empty((0, 2)), 1.0) if image is None else detect_balls(image, parameters)
+def _size_of(image: Image | None) -> tuple[int, int] | None:
+    return None if image is None else (image.shape[1], image.shape[0])
+
+
+def detected_balls(image: Image | None) -> Balls:
+    """Return the balls in an image of a camera that is not calibrated; none where it was lost."""
+    return balls_at(np.empty((0, 2)), 1.0) if image is None else detect_balls(image, DetectionParameters())
 
 
 def markers_of_room(
