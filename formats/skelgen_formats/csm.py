@@ -38,7 +38,7 @@ from skelgen_formats.marker_output import (
     trajectories_of,
     write_table,
 )
-from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 
@@ -67,21 +67,21 @@ def read_csm(path: Path) -> Trajectories | PointCloud:
     Raises
     ------
     FormatError
-        If a keyword is missing, a line has the wrong number of numbers, or frames are missing.
+        If a keyword is missing, a line has the wrong number of numbers, or frames are missing between others.
     """
     lines = read_lines(path)
     sections, first = _sections(path, lines)
     _, names = _section(path, sections, "$order")
     rate_line, rate = _section(path, sections, "$rate")
-    rows, numbers = _frames(path, lines, first, len(names))
     notices: list[str] = []
+    rows, numbers = _frames(path, lines, first, len(names), notices)
     first_line, first_words = _section(path, sections, "$firstframe")
     last_line, last_words = _section(path, sections, "$lastframe")
     begin = count_in(path, first_line, first_words[0], "$FirstFrame")
     end = count_in(path, last_line, last_words[0], "$LastFrame")
     if numbers and numbers[0] != begin:
         raise FormatError(path, first + 1, f"the first frame has number {numbers[0]}; $FirstFrame says {begin}")
-    check_frames(path, last_line, end - begin + 1, len(numbers), notices)
+    rows = uncut(lines, rows, end - begin + 1, notices)
     positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
     rate_value = rate_in(path, rate_line, rate[0], "$Rate")
     return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
@@ -156,12 +156,15 @@ def _section(path: Path, sections: _Sections, keyword: str) -> tuple[int, list[s
     return sections[keyword]
 
 
-def _frames(path: Path, lines: Lines, first: int, n_markers: int) -> tuple[Floats, list[int]]:
-    """Return positions, shape (n_frames, 3 n_markers), and the frame numbers."""
+def _frames(path: Path, lines: Lines, first: int, n_markers: int, notices: list[str]) -> tuple[Floats, list[int]]:
+    """Return positions, shape (n_frames, 3 n_markers), and the frame numbers; a line that is cut off is left out."""
     numbers: list[int] = []
 
     def checked() -> Iterator[tuple[int, str]]:
         for number, line in lines.numbered(first):
+            if number == len(lines) and len(line.split()) + 2 * line.upper().count(_DROPOUT) < 3 * n_markers + 1:
+                notices.append(f"line {number}, the last, is cut off and left out")
+                return
             numbers.append(count_in(path, number, line.split(None, 1)[0], "the frame number"))
             if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
                 raise FormatError(path, number, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")

@@ -20,6 +20,11 @@ _MARKERS = "export the markers as C3D or TRC"
 
 _OPENSIM = "coordinates, forces or results of OpenSim, no measured markers; give the .trc that they come from"
 
+_INSTEAD = (
+    (b"version https://git-lfs", "a pointer of Git LFS, not the file; fetch it with `git lfs pull`"),
+    (b"<!doctype html", "a web page, not the file; download the file itself"),
+    (b"<html", "a web page, not the file; download the file itself"),
+)
 _UNTITLED = "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z"
 
 _FOREIGN = (
@@ -60,6 +65,18 @@ _FOREIGN = (
         "a video; markers in it become points with `skelgen motion-capture`, of two calibrated cameras",
     ),
 )
+
+
+def no_file(head: bytes) -> str:
+    """Return what came instead of a file, whatever it is called, or an empty text.
+
+    Parameters
+    ----------
+    head : bytes
+        Its beginning.
+    """
+    begin = head.lstrip().lower()
+    return next((sentence for start, sentence in _INSTEAD if begin.startswith(start)), "")
 
 
 def is_foreign(head: bytes, path: Path) -> str:

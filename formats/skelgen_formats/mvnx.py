@@ -48,17 +48,18 @@ def read_mvnx(path: Path) -> Poses:
     Raises
     ------
     FormatError
-        If it is no well-formed MVNX file, a frame lacks the pose of a segment, or there is no frame.
+        If it is no MVNX file, breaks off before the first frame, or a frame lacks the pose of a segment.
     """
-    frames = _read(path)
+    notices: list[str] = []
+    frames = _read(path, notices)
     shape = (-1, len(frames.names))
     quaternions = np.frombuffer(frames.quaternions).reshape(*shape, _QUATERNION[1])
     places = np.frombuffer(frames.places).reshape(*shape, _PLACE[1])
     numbers = np.concatenate([places, quaternions], axis=2)
-    return take_from_bodies(path, transforms_of(path, numbers, _MM_PER_M), frames.names, frames.rate)
+    return take_from_bodies(path, transforms_of(path, numbers, _MM_PER_M), frames.names, frames.rate, notices)
 
 
-def _read(path: Path) -> _Frames:
+def _read(path: Path, notices: list[str]) -> _Frames:
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
     frames = _Frames([], 0.0, array("d"), array("d"))
@@ -77,7 +78,10 @@ def _read(path: Path) -> _Frames:
                     while element.getprevious() is not None:
                         del element.getparent()[0]
     except etree.XMLSyntaxError as error:
-        raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
+        if not frames.places:
+            raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
+        where = f"in line {error.lineno or '?'} ({error.msg})"
+        notices.append(f"the XML breaks off {where}; the frames before it are taken")
     if not frames.names or not frames.rate:
         raise FormatError(path, "", "no <subject> with its <segments>; export MVNX with segments from MVN")
     return frames

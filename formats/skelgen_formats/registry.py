@@ -50,6 +50,7 @@ from skelgen_formats import (
 )
 from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
+from skelgen_formats.foreign import no_file
 from skelgen_formats.marker_output import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.rest_pose import with_rest_pose
@@ -97,6 +98,8 @@ def recognise(path: Path) -> Format:
     head = read_content(path, SNIFF_BYTES)
     if not head:
         raise FormatError(path, "", "the file is empty")
+    if sentence := no_file(head):
+        raise FormatError(path, "", f"this is {sentence}")
     readable = [entry for entry in known_formats() if entry.read is not None]
     for entry in readable:
         if entry.sniff(head, path):

@@ -46,7 +46,10 @@ _NO_PLACES = re.compile(
 _STATED = re.compile(r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|units?)\W*", re.IGNORECASE)
 _PREAMBLE, _TITLE_LINES = 16, 8  # lines before the titles, and of titles, at most
 _MOST_STATED = 2  # cells of a line before the titles: a word and a value
-_TIMES = ("time", "times", "timestamp", "timestamps", "t", "seconds", "time_s", "time (s)", "time [s]", "time(s)")
+_TIMES = (
+    *("time", "times", "timestamp", "timestamps", "t", "seconds", "zeit", "temps"),
+    *("time_s", "time (s)", "time [s]", "time(s)"),
+)
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
 _DELIMITERS = (",", ";", "\t")

@@ -259,6 +259,15 @@ def test_zeros_behind_the_data_are_no_analogue_values(put, n_bytes):
     assert take.notices == ()
 
 
+def test_bytes_behind_the_data_are_no_analogue_values(put):
+    """What follows is somebody's own, where header and parameters agree on one analogue value per frame."""
+    numbers = {("ANALOG", "RATE"): 100.0, ("ANALOG", "USED"): 1}
+    odd = replace(PLAIN, analog=RNG.uniform(-1, 1, (5, 1)), numbers=numbers)
+    take = read_take(put("more.c3d", odd.content + bytes(range(1, 101)) * 10))
+    np.testing.assert_allclose(take.positions, POSITIONS, rtol=0, atol=F32)
+    assert any("bytes behind the frames, of which nothing says" in notice for notice in take.notices)
+
+
 def test_reserved_bytes_before_the_parameters_say_nothing(put):
     content = bytearray(PLAIN.content)
     content[BLOCK : BLOCK + 2] = b"\0\0"

@@ -53,8 +53,13 @@ def test_missing_frame_names_the_line(refused, put, delivered):
     assert ":18: frame 9 follows frame 7" in refused(put("gap.csm", "\r\n".join(lines)))
 
 
-def test_missing_last_frames_are_an_error(refused, put, delivered):
-    assert "3 frames are announced and 2" in refused(put("cut.csm", delivered[: delivered.index("9  1.0")]))
+def test_frames_before_the_end_of_a_cut_file_are_taken(put, delivered):
+    whole = read_take(put("whole.csm", delivered))
+    take = read_take(put("cut.csm", delivered[: delivered.index("9  1.0")]))
+    np.testing.assert_array_equal(take.positions, whole.positions[:2])
+    assert any("3 frames are announced and 2" in notice for notice in take.notices)
+    halved = read_take(put("half.csm", delivered[: delivered.index("9  1.0") + 6]))
+    np.testing.assert_array_equal(halved.positions, take.positions)
 
 
 @pytest.mark.parametrize("keyword", ["$Rate", "$Order", "$FirstFrame", "$LastFrame", "$Points"])

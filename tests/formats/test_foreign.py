@@ -21,6 +21,12 @@ import pytest
         ("points.txt", b"0.0\t1.5\t-2.5e-3\n", "numbers without titles"),
         ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
         ("skeleton.tsv", b"NO_OF_FRAMES\t1\nDATA_INCLUDED\tSKELETON\n", "holds skeletons; export the 3D data"),
+        (
+            "walk.c3d",
+            b"version https://git-lfs.github.com/spec/v1\n",
+            "a pointer of Git LFS, not the file",
+        ),
+        ("walk.trc", b"\n<!DOCTYPE html><html>", "a web page, not the file"),
         ("walk.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
     ],
 )

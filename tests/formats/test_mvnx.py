@@ -40,9 +40,15 @@ def test_segments_are_bodies_in_millimetres(put, text):
         ("0.1 0.2 1.0", "0.1 0.2", "<position> has 5 numbers where 3 belong to each of 2 segments"),
         ("<position>0 0 0.9 0.1 0.2 1.0</position>", "", "export MVNX with segment position"),
         ("0.1 0.2 1.1", "0.1 0.2 x", "no number"),
-        ("</frames>", "", "broken XML"),
+        ("<subject ", "<subject <", "broken XML"),
         ("<mvnx ", "<!DOCTYPE mvnx []><mvnx ", "document type"),
     ],
 )
 def test_broken_file_is_told(refused, edited, old, new, sentence):
     assert sentence in refused(edited("odd.mvnx", MVNX, old, new))
+
+
+def test_frames_before_the_end_of_a_cut_file_are_taken(put):
+    take = read_take(put("cut.mvnx", MVNX[: MVNX.index("0.1 0.2 1.1")]))
+    assert take.n_frames == 1
+    assert any("the XML breaks off in line" in notice for notice in take.notices)

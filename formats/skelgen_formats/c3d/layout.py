@@ -185,7 +185,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
             raise FormatError(path, "byte 2", what)
     elif used != n_points:
         notices.append(f"POINT:USED says {used:g} points; the {n_points} of the header are what the file has")
-    frames = _frames_held(path, sizes, room, n_frames is None, notices)
+    frames = _frames_held(path, sizes, data_start, room, n_frames is None, notices)
     return C3dLayout(sizes.n_points, frames, sizes.n_analog, rate, sizes.scale, data_start, *known, tuple(notices))
 
 
@@ -224,7 +224,7 @@ def _end_of_points(parameters: Parameters, data_start: int, size: int) -> int:
     return rotations if data_start < rotations < size else size
 
 
-def _frames_held(path: Path, sizes: "_Sizes", room: int, counted: bool, notices: list[str]) -> int:
+def _frames_held(path: Path, sizes: "_Sizes", data_start: int, room: int, counted: bool, notices: list[str]) -> int:
     """Return how many of the frames are there; say so where the file is cut off."""
     held = room // sizes.frame_bytes
     if counted:
@@ -235,6 +235,9 @@ def _frames_held(path: Path, sizes: "_Sizes", room: int, counted: bool, notices:
     if held < sizes.n_frames:
         missing = f"{held} of {sizes.n_frames} frames are there, and are taken; the end of the recording is missing"
         notices.append(f"the file is cut off: {missing}")
+    surplus = room - sizes.n_frames * sizes.frame_bytes
+    if surplus >= BLOCK and not sizes.is_followed_by_zeros(path, data_start, room):
+        notices.append(f"{surplus} bytes behind the frames, of which nothing says what they are, are left out")
     return min(sizes.n_frames, held)
 
 
@@ -290,7 +293,7 @@ def _fitting(stated: _Sizes, parameters: Parameters, samples: int, rate: float, 
     scales = [stated.scale, number_of(parameters, ("POINT", "SCALE"), 0.0)]
     room = n_bytes // (4 if stated.scale < 0 else 2)  # words; analogue values may be what nothing states
     whole = room // max(stated.n_frames, 1) - WORDS_PER_POINT * stated.n_points
-    if whole > stated.n_analog > 0:
+    if whole > stated.n_analog > 0 and channels * ratio != stated.n_analog:
         analog.append(whole - whole % stated.n_analog)
     fitting = [
         sizes
