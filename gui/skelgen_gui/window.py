@@ -38,6 +38,7 @@ from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
+from skelgen_gui.widgets.focus import FocusRing
 from skelgen_gui.widgets.keys import KeyKeeper
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
@@ -89,6 +90,7 @@ class Window(QMainWindow):
         self.setStatusBar(self.status)
         self.commands = WindowCommands(self, self.actions_by_id, context, self.pages, self.view3d, self.corrections)
         self.preloading = Preloading(self.pages, self)
+        self.focus_ring = FocusRing(self)
         self._connect()
         self.setAcceptDrops(True)
         room = self.screen().availableSize() * _PART

@@ -41,7 +41,7 @@ from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
+from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled
 from skelgen_gui.widgets.preferences import AXES
 from skelgen_gui.widgets.theme import PROBLEM_ROLE
 
@@ -169,6 +169,7 @@ class ExportPage(QWidget):
         self.form = ParameterForm(options, self)
         self.form.changed.connect(self._follow)
         self._options.addWidget(self.form)
+        put_behind(self.choice, self.form)
         self.options_box.setVisible(bool(options))
         self._turned = None
         self._turn_upright()
@@ -294,8 +295,8 @@ class _ExportTarget(QWidget):
         super().__init__(parent)
         documents = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.DocumentsLocation)
         self.folder_line = QLineEdit(documents, self)
-        self.name_line = QLineEdit(self)
         self.browse = QPushButton(self.tr("Browse…"), self)
+        self.name_line = QLineEdit(self)
         rows = QFormLayout(self)
         rows.setContentsMargins(0, 0, 0, 0)
         rows.addRow(self.tr("Folder"), row_of(self.folder_line, self.browse))

@@ -34,6 +34,7 @@ class OpenPage(QWidget):
         self.take = QLabel(self)
         self.notices = QLabel(self)
         self.browse = QPushButton(self.tr("Open a file…"), self)
+        self.samples = QPushButton(self.tr("Open a sample"), self)
         self.identities = QPushButton(self.tr("Identities…"), self)
         self.recent = QListWidget(self)
         for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
@@ -43,7 +44,6 @@ class OpenPage(QWidget):
         describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
         self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
         self.identities.setAccessibleName(self.tr("Read identities"))
-        self.samples = QPushButton(self.tr("Open a sample"), self)
         self.samples.setMenu(SampleMenu(context.files, self.samples))
         describe(self.samples, self.tr("Open a sample"), self.tr("A take that is simulated, to see what skelgen does"))
         describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))

@@ -58,11 +58,11 @@ class StagePage(QWidget):
         super().__init__()
         self._stage, self._context = stage, context
         self.setObjectName(f"page-{stage}")
-        self.form = stage_form(parameters_class(stage), self)
-        titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
-        self.number = FoundOrGiven(titles[stage], self) if stage in titles else None
         self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
         self.path, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
+        self.number = FoundOrGiven(titles[stage], self) if stage in titles else None
+        self.form = stage_form(parameters_class(stage), self)
         self.go = QPushButton(self)
         self._box = QGroupBox(self.tr("What came out"), self)
         self.result = QLabel(self)

@@ -90,8 +90,8 @@ class TakesPage(QWidget):
         self._context = context
         self.setObjectName("page-takes")
         self.setAcceptDrops(True)
-        self.takes, self.table = _TakesModel(self), QTableView(self)
         self.add, self.remove = QPushButton(self.tr("Add takes…"), self), QPushButton(self.tr("Remove"), self)
+        self.takes, self.table = _TakesModel(self), QTableView(self)
         self.skeleton, self.subject = QComboBox(self), QLineEdit(self)
         self._browse_subject = QPushButton(self.tr("Choose…"), self)
         self.folder, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)

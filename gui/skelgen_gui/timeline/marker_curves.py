@@ -54,7 +54,7 @@ class MarkerCurves(QWidget):
         self.preview: Preview | None = None
         self._is_stale, self._is_following = True, False
         self.deriver, self._lister = Deriver(self), Deriver(self)
-        self.plot, self.tools, self.quantity = PlotView(session, span, self), GapTools(self), QComboBox(self)
+        self.plot, self.quantity, self.tools = PlotView(session, span, self), QComboBox(self), GapTools(self)
         for quantity, words in zip(
             QUANTITIES, (self.tr("Position"), self.tr("Speed"), self.tr("Distances")), strict=True
         ):

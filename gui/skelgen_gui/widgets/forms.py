@@ -209,9 +209,9 @@ class ParameterForm(QWidget):
         wide = self.fontMetrics().horizontalAdvance  # names and units are as wide in both parts of the form
         self._name_width = max((wide(_CHANGED_MARK + title_of(entry)) for entry in declarations), default=0)
         self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
-        self._expander = QToolButton(self)
         self._boxes = QWidget(self), QWidget(self)
         self._basic = self._filled(self._boxes[0], basic, check)
+        self._expander = QToolButton(self)  # each when it is its turn: Tab goes in this order
         self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
         self._help = QLabel(self)
         self._help.setWordWrap(True)

@@ -66,6 +66,23 @@ def scrolled(parts: Iterable[QWidget | QLayout], area: QScrollArea, *, has_margi
     return area
 
 
+def put_behind(before: QWidget, container: QWidget) -> None:
+    """Let Tab go from a widget to what is in a container that was made later, in the order in which it was made.
+
+    Parameters
+    ----------
+    before : QWidget
+        What Tab leaves.
+    container : QWidget
+        Where it goes on.
+    """
+    for widget in container.findChildren(QWidget):
+        is_reached = widget.focusPolicy() & Qt.FocusPolicy.TabFocus and widget.focusProxy() is None
+        if is_reached and widget.window() is before.window():  # lists that unfold are windows of their own
+            QWidget.setTabOrder(before, widget)
+            before = widget
+
+
 def fill(layout: QBoxLayout, parts: Iterable[QWidget | QLayout]) -> None:
     """Put widgets and layouts behind each other.
 

@@ -41,7 +41,8 @@ _MIDDLE = 128  # of lightness 0 .. 255
 _DOUBT = {False: "#d9480f", True: "#ff922b"}
 _CURSOR = {False: "#e03131", True: "#ff6b6b"}
 _LIMBLESS = "#868e96"
-_COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69db7c", "#74c0fc")}
+# Told apart by people who lack any one of the three cones
+_COMPONENTS = {False: ("#d55e00", "#00876a", "#3b3fb5"), True: ("#ff9d5c", "#4fd6ad", "#8ea2ff")}
 
 
 class Theme(QObject):
