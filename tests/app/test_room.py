@@ -107,8 +107,22 @@ def test_a_folder_without_folders_is_told(tmp_path, recorded):
     with pytest.raises(CaptureError, match="0 folders with images; make one for each camera"):
         open_room_source(str(tmp_path))
     shutil.copytree(recorded / "camera 1", tmp_path / "one")
-    with pytest.raises(CaptureError, match="1 folders with images"):
+    with pytest.raises(CaptureError, match="1 cameras; give the images of each camera"):
         open_room_source(str(tmp_path))
+
+
+def test_sources_of_several_kinds_are_one_room(recorded):
+    source = open_room_source(f"folder:{recorded}+room:human?cameras=2&frames=9&width=480")
+    assert source.cameras == ("camera 1 of 1", "camera 2 of 1", "camera 3", "camera 1 of 2", "camera 2 of 2")
+    with source as sets:
+        frames = list(sets)
+    assert len(frames) == source.n_frames == 9
+    assert [image is None for image in frames[3].images] == [False, True, False, False, False]
+    assert [image is None for image in frames[8].images] == [True, True, True, False, False]
+    with pytest.raises(InputError, match="cameras that run and recordings"):
+        open_room_source(f"folder:{recorded}+gige:10.0.0.2")
+    with pytest.raises(CaptureError, match="different rates"):
+        open_room_source(f"folder:{recorded}?rate=50+room:human?cameras=2&rate=100")
 
 
 def test_videos_that_are_none_are_told(tmp_path):

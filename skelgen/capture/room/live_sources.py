@@ -22,6 +22,8 @@ class LiveSets:
     Every camera's oldest image waits. Those that were taken at the time of the oldest of all are one moment; a camera
     whose image is later lost the one of this moment.
 
+    A camera that has fallen silent is waited for once; after that the others go on at their rate.
+
     Parameters
     ----------
     name : str
@@ -35,21 +37,22 @@ class LiveSets:
     """
 
     def __init__(self, name: str, cameras: tuple[str, ...], opener: Opener, options: CameraOptions) -> None:
-        self.name, self.cameras, self._opener, self._options = name, cameras, opener, options
+        self.name, self.cameras, self.opener, self.options = name, cameras, opener, options
         self.rate: float | None = options.rate or None
         self.worst_skew = 0.0
         self._stack, self._open = ExitStack(), list[LiveCamera]()
         self._waiting: list[Shot | None] = []
+        self._silent: set[int] = set()
 
     @property
     def n_frames(self) -> int | None:
         """Sets after which the source ends; None if it goes on."""
-        return self._options.frames or None
+        return self.options.frames or None
 
     def __enter__(self) -> Self:
         """Open and start all cameras."""
         with ExitStack() as stack:
-            cameras, self.rate = self._opener(stack)
+            cameras, self.rate = self.opener(stack)
             self._stack = stack.pop_all()
         self._open, self._waiting = list(cameras), [None] * len(cameras)
         return self
@@ -81,13 +84,17 @@ class LiveSets:
         """The images of the next moment, None of the cameras that lost theirs."""
         for place, camera in enumerate(self._open):
             if self._waiting[place] is None:
-                self._waiting[place] = camera.take(self._options.timeout)
+                shot = self._waiting[place] = camera.take(0.0 if place in self._silent else self.options.timeout)
+                if shot is None and len(self._silent) < len(self._open) - 1:
+                    self._silent.add(place)
+                elif shot is not None:
+                    self._silent.discard(place)
         there = [shot.time for shot in self._waiting if shot is not None]
         if not there:
             raise CaptureError(
-                f"no camera of {self.name} has sent an image for {self._options.timeout:g} s; check cables and trigger"
+                f"no camera of {self.name} has sent an image for {self.options.timeout:g} s; check cables and trigger"
             )
-        oldest, allowed = min(there), self._options.skew * _MILLISECONDS
+        oldest, allowed = min(there), self.options.skew * _MILLISECONDS
         same_moment = max(0.5 / self.rate if self.rate else 0.0, allowed)
         out: list[Shot | None] = []
         for place, shot in enumerate(self._waiting):
@@ -105,12 +112,12 @@ class LiveSets:
             if skew > allowed:
                 raise CaptureError(
                     f"the images of {camera.name} are {skew / _MILLISECONDS:.3g} ms later than those of others, and "
-                    f"{self._options.skew:g} ms are allowed: trigger all cameras by one line, or allow more: ?skew=..."
+                    f"{self.options.skew:g} ms are allowed: trigger all cameras by one line, or allow more: ?skew=..."
                 )
 
 
 def _named(text: SourceText, places: tuple[str, ...], example: str) -> tuple[str, ...]:
-    if len(set(places)) != len(places) or len(places) < 2:
+    if len(set(places)) != len(places) or not places:
         raise CaptureError(f"{text}: names {len(set(places))} cameras; name each once, in their order, as {example}")
     return places
 

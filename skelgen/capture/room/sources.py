@@ -3,6 +3,7 @@
 A camera whose image is lost delivers None; the others go on.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ import numpy as np
 from skelgen.capture.calibration.board import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
-from skelgen.capture.room.live_sources import open_firewire_sets, open_gentl_sets, open_gige_sets
+from skelgen.capture.room.live_sources import LiveSets, open_firewire_sets, open_gentl_sets, open_gige_sets
+from skelgen.capture.room.mixed import RecordedTogether, run_together
 from skelgen.capture.room.simulated import RoomScene, board_poses, frame_scene, person_scene, room_rig, wand_scene
 from skelgen.capture.room.values import FrameSet
 from skelgen.capture.simulated_rig import board_image, render_view
@@ -62,7 +64,7 @@ class FolderSets:
     Raises
     ------
     CaptureError
-        If there are not at least two folders with images.
+        If there are no folders with images.
     """
 
     def __init__(self, folder: Path, options: FileOptions) -> None:
@@ -71,7 +73,8 @@ class FolderSets:
         below = sorted((path for path in folder.iterdir() if path.is_dir()), key=lambda path: natural_order(path.name))
         found = {path.name: _images_in(path) for path in below}
         found = {name: images for name, images in found.items() if images}
-        _check_count(len(found), f"{folder}: {len(found)} folders with images; make one for each camera")
+        if not found:
+            raise CaptureError(f"{folder}: 0 folders with images; make one for each camera")
         self.name, self.rate, self.cameras = folder.name, options.rate or None, tuple(found)
         stems = sorted(set().union(*found.values()), key=natural_order)
         self._files = [[images.get(stem) for images in found.values()] for stem in stems[: options.frames or None]]
@@ -121,7 +124,6 @@ class VideoSets:
     """
 
     def __init__(self, paths: tuple[Path, ...], options: VideoOptions) -> None:
-        _check_count(len(paths), f"{len(paths)} videos; give one for each camera, with commas between them")
         self.name, self.cameras = paths[0].parent.name or "videos", tuple(path.stem for path in paths)
         self._paths, self._limit, self._stack = paths, options.frames, ExitStack()
         self._videos: list[Any] = []
@@ -273,6 +275,7 @@ def _open_room(text: SourceText) -> RoomSource:
     return SimulatedRoom(person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
 
 
+_BESIDE = re.compile(r"\+(?=(?:folder|video|firewire|gige|gentl|room):)")
 ROOM_SOURCES: Mapping[str, tuple[str, Callable[[SourceText], RoomSource]]] = {
     "folder": ("folder:recording", _open_folder),
     "video": ("video:one.avi,two.avi,three.avi", _open_videos),
@@ -292,7 +295,8 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
     text : str
         ``folder:recording?rate=100`` (a folder for each camera in it), ``video:one.avi,two.avi,...``, or the simulated
         room: ``room:wand``, ``room:board``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the
-        path of a folder; or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``.
+        path of a folder; or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``; or several of
+        these with a plus between them.
     from_file : bool
         Whether a file names it, and nobody who is there: then it loads no program from a place that is not trusted.
 
@@ -303,6 +307,21 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
     CaptureError, FormatError
         If files are not there or cannot be read.
     """
+    parts = _BESIDE.split(text)
+    sources = [_open_one(part, from_file) for part in parts]
+    if len(sources) == 1:
+        (source,) = sources
+    elif all(isinstance(source, LiveSets) for source in sources):
+        source = run_together([source for source in sources if isinstance(source, LiveSets)])
+    elif any(isinstance(source, LiveSets) for source in sources):
+        raise InputError(f"{text}: cameras that run and recordings are not of one moment; give one of both")
+    else:
+        source = RecordedTogether(sources)
+    _check_count(len(source.cameras), f"{text}: {len(source.cameras)} cameras; give the images of each camera")
+    return source
+
+
+def _open_one(text: str, from_file: bool) -> RoomSource:
     parsed = parse_source(text)
     if parsed is not None and parsed.kind in ROOM_SOURCES:
         if from_file and parsed.kind == "gentl":

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.room.live_sources import LiveSets
+from skelgen.capture.room.mixed import run_together
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.sources.pairs import Shot
 from skelgen.capture.sources.table import CameraOptions
@@ -22,7 +23,7 @@ class Camera:
 
     def __init__(self, name, times):
         self.name = name
-        self.shots = [Shot(np.full((3, 4), round(time * RATE), dtype=np.uint8), time) for time in times]
+        self.shots = [Shot(np.full((3, 4), round(time * RATE) % 256, dtype=np.uint8), time) for time in times]
 
     def take(self, timeout):
         return self.shots.pop(0) if self.shots else None
@@ -63,6 +64,30 @@ def test_a_camera_that_falls_silent_does_not_stop_the_others():
     assert [images[1] for images, _, _ in sets_of(one, two)] == [0, 1, None, None]
 
 
+def test_a_silent_camera_is_waited_for_once():
+    waits = []
+
+    class Silent(Camera):
+        def take(self, timeout):
+            waits.append(timeout)
+            return super().take(timeout)
+
+    assert len(list(sets_of(Camera("a", times(0, 1, 2, 3)), Silent("b", times(0)), timeout=2.0))) == 4
+    assert waits == [2.0, 2.0, 0.0, 0.0]
+
+
+def test_cameras_of_several_drivers_are_together_by_their_first_images():
+    def driver(late, *names):
+        cameras = [Camera(name, times(0, 1, 2, 3, late=late)) for name in names]
+        return LiveSets(names[0], names, lambda stack: (cameras, RATE), CameraOptions.from_mapping({}, "test"))
+
+    source = run_together([driver(0.0, "a", "b"), driver(500.0, "c")])
+    assert source.cameras == ("a", "b", "c")
+    with source as sets:
+        frame = next(iter(sets))
+    assert all(image is not None for image in frame.images)
+
+
 def test_cameras_that_all_fall_silent_are_an_error():
     with pytest.raises(CaptureError, match="no camera of test has sent an image"):
         list(sets_of(Camera("a", times(0)), Camera("b", times(0))))
@@ -76,6 +101,8 @@ def test_images_too_far_apart_name_the_camera_and_the_time():
 
 
 def test_cameras_of_a_room_are_named():
-    with pytest.raises(CaptureError, match="names 1 cameras; name each once"):
+    with pytest.raises(CaptureError, match="1 cameras; give the images of each"):
         open_room_source("gige:10.0.0.2")
+    with pytest.raises(CaptureError, match="names 1 cameras; name each once"):
+        open_room_source("gige:10.0.0.2,10.0.0.2")
     assert open_room_source("gige:10.0.0.2,10.0.0.3,10.0.0.4").cameras == ("10.0.0.2", "10.0.0.3", "10.0.0.4")
