@@ -7,6 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skelgen
+from skelgen.app.report import write_report
+from skelgen.app.stage_summary import stage_pointers
+from skelgen.app.tables import project_tables
+from skelgen.geometry.frame_rate import with_rate
 from skelgen.model import Poses
 from skelgen.simulation import simulate
 from skelgen.simulation.motion import smooth_curves
@@ -122,3 +126,10 @@ def test_the_project_holds_and_tells_spans(tmp_path):
     (again,) = saved.topology.spans
     assert (again.limbs, again.first_frame, again.last_frame, again.is_fixed) == (span.limbs, first, last, True)
     np.testing.assert_array_equal(again.in_first, span.in_first)
+    assert [one.frame for one in stage_pointers(project, "joints") if one.sentence == told[0]] == [first]
+    (row,) = project_tables(project)["joint_spans"]
+    assert (row["joint"], row["first_frame"], row["last_frame"]) == (f"{hand}-{tool}", first, last)
+    page = write_report(project, tmp_path / "take.html").read_text()
+    assert "Joints that hold for a part of the take only" in page
+    (half,) = with_rate(project, 50.0).topology.spans
+    assert (half.first_frame, half.last_frame) == (round(first / 2), round(last / 2))
