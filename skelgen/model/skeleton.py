@@ -311,8 +311,8 @@ class Motion:
     rate : float, Hz
         Frame rate.
     joint_std : ndarray, shape (n_frames, n_joints, 3), mm, or None
-        Standard deviations of the joints' positions along the world's axes, of hinges across their axes; None where
-        nothing was estimated.
+        Standard deviations of the joints' positions along the world's axes; of hinges across their axes, unless what is
+        known of any body tells their places along them; None where nothing was estimated.
     compute_angles : callable (motion) -> tuple of JointAngles, or None
         Computes `joint_angles` when they are first asked for. It is not stored in project files.
     """

@@ -107,8 +107,10 @@ def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
 
 def with_joint_prior(
     last: Calibration, correlated: float, astray: Sequence[int] = (), *, others: bool = True
-) -> Calibration:
-    """Return the fit with joints where motion and what is known of any body together place them.
+) -> tuple[Calibration, float]:
+    """Return the fit with joints where motion and what is known of any body together place them, and its growth.
+
+    The information of the fit counts both, if all joints are weighed.
 
     Parameters
     ----------
@@ -120,6 +122,12 @@ def with_joint_prior(
         Limbs below the joints that motion alone places out of reach, from `out_of_reach`.
     others : bool
         Whether the other joints are weighed as well.
+
+    Returns
+    -------
+    tuple of Calibration and float
+        The fit, and how many frames determine as much as one independent frame, errors that markers of a limb share
+        counted.
     """
     some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
     shared = TOGETHER * max(1 - LASTING / correlated, 0.0)
@@ -142,9 +150,25 @@ def with_joint_prior(
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
-    if not others or better.squares <= MOST * last.squares:
-        return better
-    return replace(last, chain=_along_hinges(last, known).chain)
+    if not others:
+        return better, correlated
+    if better.squares > MOST * last.squares:
+        better = replace(last, chain=_along_hinges(last, known).chain)
+    # Soft tissue that was fitted counts what markers share already
+    growth = correlated * (1.0 if last.known_information is not None else 1 + shared)
+    return _with_information(better, known, growth), growth
+
+
+def _with_information(fit: Calibration, known: list[JointPlace], growth: float) -> Calibration:
+    """The fit with the information of its joints' expected places added."""
+    pulls, tails = pulls_to_places(fit.chain, [replace(one, weight=1.0) for one in known])
+    towards = pulls @ places(fit.chain).ravel()
+    follow, seem = _turns_of_frames(fit.chain)
+    pulls -= pulls @ follow @ seem
+    information = fit.information.copy()
+    kept = pulls.T / (1 + (towards / tails) ** 2)
+    information[: len(kept), : len(kept)] += growth * fit.noise**2 * kept @ pulls
+    return replace(fit, known_information=information)
 
 
 def _drawn_back(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:

@@ -123,7 +123,8 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         found = _with_joint_prior(found, astray) if lasts else found
         found = fitter.closed(found, loops)
     last, types, poses = found.last, found.types, found.poses
-    freedom = body_joints.axis_freedom(types, last.noise)
+    # What is known of joints places hinges along their axes, too, and its information says how well
+    freedom = np.zeros(len(types) + 1) if lasts else body_joints.axis_freedom(types, last.noise)
     shifts = {} if lasts else body_joints.shifts_along_axes(last.chain, types, freedom)
     chain, closed = body_joints.shifted(last.chain, types, shifts), found.loops
     if parameters.fit == "whole-chain":
@@ -136,7 +137,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
     shared = evenly_spread(found.used, ROTATION_FRAMES)
     covariances = errors.turns(poses[shared], found.inliers[shared])
     unseen = np.asarray(~seen.all(axis=1))
-    deviations = body_joints.joint_deviations(last, chain, poses, found.inliers, unseen, found.correlated)
+    deviations = body_joints.joint_deviations(last, chain, poses, found.inliers, unseen, found.correlated, lasts)
     chain, poses, rotation = _with_reference_axes(chain, poses, reference)
     above = rotation[np.maximum(chain.parents, 0)]
     return FittedBody(
@@ -281,9 +282,9 @@ class _Fitter:
 
 def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True) -> _Fit:
     """Weigh what motion says of joints against what is known of any body, of all or of those that lie out of reach."""
-    last = with_joint_prior(found.last, found.correlated, astray, others=others)
+    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
-    return replace(found, last=last, types=types, poses=poses)
+    return replace(found, last=last, types=types, poses=poses, correlated=growth)
 
 
 def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:

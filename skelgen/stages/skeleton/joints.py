@@ -278,7 +278,7 @@ def correlation_time(fit: Calibration, positions: Floats) -> float:
 
 
 def joint_deviations(
-    last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats, unseen: Bools, correlated: float
+    last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats, unseen: Bools, correlated: float, along: bool
 ) -> Floats:
     """Return standard deviations [mm] of joints along the world's axes, of hinges across theirs, by frame and limb.
 
@@ -300,6 +300,8 @@ def joint_deviations(
         Frames that show too little of a limb.
     correlated : float
         Frames of residuals that are worth one independent frame.
+    along : bool
+        Whether hinges count along their axes, too, as their places there are known.
 
     Returns
     -------
@@ -308,7 +310,7 @@ def joint_deviations(
     even = spread_frames(len(unseen), EXACT_FRAMES)
     frames = np.unique(np.concatenate([even, np.flatnonzero(unseen)[:EXACT_FRAMES]]))
     articulation, some = last.articulation, poses[frames]
-    axes = articulation.hinge_axes(chain.parents, some.rotations)
+    axes = articulation.hinge_axes(chain.parents, some.rotations) * (not along)
     covariances = pose_covariances(observed(chain, articulation, some, positions[frames]), last.noise).origins
     shared = correlated * _shared(last, chain, poses, positions)
     held = contiguous(covariances, some.rotations, chain.parents, shared, axes)

@@ -9,6 +9,7 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.calibration.joint_places import joint_places, out_of_reach
 from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
+from skelgen.kinematics.calibration.limb_errors import HingeShifts, deviations, limb_errors
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.model import Limbs, Trajectories
@@ -77,9 +78,12 @@ def test_a_hinge_far_along_its_axis_comes_back_between_its_limbs():
     hinge = Articulation(("ball", "hinge"), axes, axes, np.zeros(2))
     fit = observed(chain, hinge, poses, poses.markers(chain))
     last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
-    found = with_joint_prior(last, correlated=10.0)
+    found, growth = with_joint_prior(last, correlated=10.0)
     assert np.linalg.norm(found.chain.joints[1]) < 40.0
     assert np.abs(found.residuals).max() < 1.0
+    shifts = HingeShifts(np.zeros((2, 2, 3)), np.zeros(2), np.zeros((27, 0)))
+    across, other, along = deviations(limb_errors(found, shifts, growth).joint(1, 0))
+    assert max(across, other) < 10.0 < along < 100.0  # mm; the limbs' middles are some 150 mm apart
 
 
 def test_what_is_known_is_asked_only_where_residuals_last(true_chain):
@@ -103,7 +107,8 @@ def test_the_longer_a_take_lasts_the_less_counts_what_is_known():
         seen = poses.markers(chain) + np.random.default_rng(0).normal(0, 1.0, (n_frames, 8, 3))
         fit = observed(chain, Articulation.free(2), poses, seen)
         last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
-        off.append(np.linalg.norm(with_joint_prior(last, correlated=10.0).chain.joints[1] - joint))
+        found, _ = with_joint_prior(last, correlated=10.0)
+        off.append(np.linalg.norm(found.chain.joints[1] - joint))
     assert off[0] > 10.0 and off[1] < off[0] / 3
 
 
@@ -119,6 +124,6 @@ def test_a_joint_out_of_reach_is_drawn_back_and_hinges_elsewhere_stay():
     fit = observed(chain, Articulation(("ball", "hinge", "ball"), axes, axes, np.zeros(3)), poses, poses.markers(chain))
     last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
     assert out_of_reach(last) == [2]
-    found = with_joint_prior(last, 10.0, [2], others=False)
+    found, _ = with_joint_prior(last, 10.0, [2], others=False)
     assert out_of_reach(found) == []
     assert found.chain.joints[1] == pytest.approx(joints[1], abs=1.0)

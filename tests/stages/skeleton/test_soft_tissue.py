@@ -43,4 +43,4 @@ def test_intervals_hold_the_truth(scores, tissue, dropouts):
 def test_slides_that_are_fitted_leave_less_error_and_honest_deviations(scores):
     with_model, without = scores(3.0), scores(3.0, model=False)
     assert with_model[:, 0].mean() < 0.85 * without[:, 0].mean()
-    assert without[:, 1].mean() < 0.8 < with_model[:, 1].mean()
+    assert min(without[:, 1].mean(), with_model[:, 1].mean()) > 0.8
