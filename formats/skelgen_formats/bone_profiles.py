@@ -53,7 +53,9 @@ def with_bone_names(value: Writable, profile: str) -> Writable:
     skeleton = value.skeleton
     kept = _kept(skeleton, names)
     called = tuple(names.get(limb, skeleton.limb_names[limb]) for limb in range(skeleton.n_limbs))
-    return _of_limbs(value, replace(skeleton, limb_names=called), kept)
+    named = _of_limbs(value, replace(skeleton, limb_names=called), kept)
+    root = _profiles()[profile].get("root")
+    return named if root is None else _on_still_root(named, str(root))
 
 
 def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:
@@ -79,6 +81,8 @@ def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:
     remarks += [f"{title} has no bone for {', '.join(odd)}, which carry others: kept by their names."] if odd else []
     if names and hung is not project:
         remarks.append(f"{title} has the pelvis as root: the bones hang on it.")
+    if names and "root" in _profiles()[profile]:
+        remarks.append(f"{title} has a bone {_profiles()[profile]['root']!r} below all: it stays at the origin.")
     return tuple(remarks)
 
 
@@ -153,3 +157,36 @@ def _of_limbs(project: Project, skeleton: Skeleton, kept: Ints) -> Project:
         None if motion.joint_std is None else motion.joint_std[:, joints],
     )
     return project.with_skeleton(reduced, moved, project.reports["skeleton"])
+
+
+def _on_still_root(project: Project, name: str) -> Project:
+    """The project with one limb more, at the origin of the world, that stays still and carries all roots."""
+    skeleton, motion = project.skeleton, project.motion
+    root, roots = skeleton.n_limbs, skeleton.roots
+    parents = skeleton.parents.copy()
+    parents[roots] = root
+    joints = [
+        Joint(root, int(limb), skeleton.reference_pose[limb, :3, 3], np.zeros(3), "undetermined", None, np.zeros(3))
+        for limb in roots
+    ]
+    children = joint_children(np.append(parents, -1)).tolist()
+    places = dict(zip((joint.child for joint in (*skeleton.joints, *joints)), (*skeleton.joints, *joints), strict=True))
+    columns = {joint.child: motion.joint_positions[:, index] for index, joint in enumerate(skeleton.joints)}
+    columns |= {int(limb): motion.world_from_limb[:, limb, :3, 3] for limb in roots}
+    still = np.broadcast_to(np.eye(4), (motion.n_frames, 1, 4, 4))
+    carried = replace(
+        skeleton,
+        parents=np.append(parents, -1),
+        joints=tuple(places[child] for child in children),
+        reference_pose=np.concatenate([skeleton.reference_pose, np.eye(4)[np.newaxis]]),
+        length_std=None,
+        limb_names=(*skeleton.limb_names, name),
+    )
+    moved = replace(
+        motion,
+        world_from_limb=np.concatenate([motion.world_from_limb, still], axis=1),
+        joint_positions=np.stack([columns[child] for child in children], axis=1),
+        limb_seen=np.concatenate([motion.limb_seen, np.ones((motion.n_frames, 1), dtype=bool)], axis=1),
+        joint_std=None,
+    )
+    return project.with_skeleton(carried, moved, project.reports["skeleton"])

@@ -78,6 +78,25 @@ def bone_transforms(poses: Floats, parent: int, limb: int) -> tuple[Floats, Floa
     return parent_from_child(poses[..., parent, :, :], poses[..., limb, :, :])
 
 
+_STILL_MM = 1e-3  # rounding of places in a parent's frame far from the origin
+
+
+def free_limbs(skeleton: Skeleton, poses: Floats) -> tuple[int, ...]:
+    """Return the limbs that no joint holds in place: the roots, and those that move along on a root that stays still.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    poses : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+        world_from_limb in every frame.
+    """
+    roots = skeleton.roots.tolist()
+    carried = [limb for limb in range(skeleton.n_limbs) if int(skeleton.parents[limb]) in roots]
+    places = {limb: bone_transforms(poses, int(skeleton.parents[limb]), limb)[0] for limb in carried}
+    return (*roots, *(limb for limb, place in places.items() if np.ptp(place, axis=0).max(initial=0.0) > _STILL_MM))
+
+
 LARGEST_MM = 1e9
 """No place of a motion lies farther from the origin: a thousand kilometres; what does is a damaged number."""
 

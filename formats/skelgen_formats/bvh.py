@@ -28,7 +28,7 @@ them are written with an OFFSET of zero, where both are the same. Several roots 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,7 @@ from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import COLON, bone_names, bone_tip, bone_transforms, lost_in_animations
+from skelgen_formats.bones import COLON, bone_names, bone_tip, bone_transforms, free_limbs, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
 from skelgen_formats.options import (
     AXES,
@@ -87,36 +87,39 @@ def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = 
     project = moving_project(value, _TITLE)
     rows = with_progress(_rows(project, unit), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in _hierarchy(project.skeleton, unit))
+        stream.writelines(f"{line}\n" for line in _hierarchy(project, unit))
         stream.write(f"MOTION\nFrames: {project.motion.n_frames}\nFrame Time: {1 / project.motion.rate:.12g}\n")
         stream.writelines(rows)
     return [path]
 
 
-def _hierarchy(skeleton: Skeleton, unit: str) -> Iterator[str]:
+def _hierarchy(project: Project, unit: str) -> Iterator[str]:
     yield "HIERARCHY"
-    # each joint in its parent's bone [mm], shape (n_limbs, 3): in the axes of the world at rest; zero for roots
+    skeleton, free = project.skeleton, free_limbs(project.skeleton, project.motion.world_from_limb)
+    # each joint in its parent's bone [mm], shape (n_limbs, 3), in the axes of the world at rest; zero of free limbs
     offsets = np.zeros((skeleton.n_limbs, 3))
-    for joint in skeleton.joints:
+    for joint in (one for one in skeleton.joints if one.child not in free):
         offsets[joint.child] = skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
     offsets = offsets * per_mm(unit)
     if len(skeleton.roots) > 1:
         yield from (f"ROOT {_WORLD}", "{", f"  OFFSET 0 0 0\n  CHANNELS 6 {_PLACES} {_TURNS}")
     for root in skeleton.roots.tolist():
-        word = "ROOT" if len(skeleton.roots) == 1 else "JOINT"
-        yield from _bone(skeleton, offsets, root, word, "" if word == "ROOT" else "  ", unit)
+        yield from _bone(skeleton, offsets, root, "" if len(skeleton.roots) == 1 else "  ", unit, free)
     if len(skeleton.roots) > 1:
         yield "}"
 
 
-def _bone(skeleton: Skeleton, offsets: Floats, limb: int, word: str, margin: str, unit: str) -> Iterator[str]:
-    channels = f"6 {_PLACES} {_TURNS}" if skeleton.parents[limb] < 0 else f"3 {_TURNS}"
+def _bone(
+    skeleton: Skeleton, offsets: Floats, limb: int, margin: str, unit: str, free: Container[int]
+) -> Iterator[str]:
+    word = "JOINT" if margin else "ROOT"
+    channels = f"6 {_PLACES} {_TURNS}" if limb in free else f"3 {_TURNS}"
     yield from (f"{margin}{word} {bone_names(skeleton, COLON)[limb]}", margin + "{")
     yield f"{margin}  OFFSET {_place(offsets[limb], unit)}"
     yield f"{margin}  CHANNELS {channels}"
     children = np.flatnonzero(skeleton.parents == limb).tolist()
     for child in children:
-        yield from _bone(skeleton, offsets, child, "JOINT", margin + "  ", unit)
+        yield from _bone(skeleton, offsets, child, margin + "  ", unit, free)
     if not children:
         tip = skeleton.reference_pose[limb, :3, :3] @ bone_tip(skeleton, limb) * per_mm(unit)
         yield from (f"{margin}  End Site", f"{margin}  {{", f"{margin}    OFFSET {_place(tip, unit)}", f"{margin}  }}")
@@ -127,14 +130,14 @@ def _rows(project: Project, unit: str) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
     world_from_bone = motion.world_from_limb.copy()
     world_from_bone[..., :3, :3] = motion.rotations @ skeleton.reference_pose[:, :3, :3].swapaxes(-1, -2)
-    columns, template = [], []
+    columns, template, free = [], [], free_limbs(skeleton, motion.world_from_limb)
     for limb in _downward(skeleton):
         if limb == _WORLD_LIMB:
             columns.append(np.zeros((motion.n_frames, 6)))
             template.append(" ".join(["%g"] * 6))
             continue
         place, turn = bone_transforms(world_from_bone, int(skeleton.parents[limb]), limb)
-        if skeleton.parents[limb] < 0:
+        if limb in free:
             columns.append(place * per_mm(unit))
             template.append(_template(unit))
         columns.append(np.rad2deg(euler_angles("ZXY", turn)))

@@ -34,6 +34,7 @@ from skelgen_formats.bones import (
     bone_transforms,
     check_single_precision,
     end_names,
+    free_limbs,
     limb_from_bone,
     lost_in_animations,
     scaled_poses,
@@ -203,6 +204,7 @@ def _markers(project: Project, scale: float, data: _Data) -> dict[str, object]:
 def _animation(project: Project, scale: float, turns: Floats, data: _Data, monitor: Monitor) -> dict[str, object]:
     skeleton, poses = project.skeleton, turned_bones(project.motion.world_from_limb, turns)
     keys = data.add(project.motion.times, bounds=True)
+    free = free_limbs(skeleton, poses)
     samplers: list[dict[str, object]] = []
     channels: list[dict[str, object]] = []
 
@@ -213,7 +215,7 @@ def _animation(project: Project, scale: float, turns: Floats, data: _Data, monit
     for limb in with_progress(skeleton.outward.tolist(), skeleton.n_limbs, monitor, every=1):
         parent = int(skeleton.parents[limb])
         translation, rotation = bone_transforms(poses, parent, limb)
-        if parent < 0:
+        if limb in free:
             move(limb, "translation", translation * scale)
         # of the two signs of a quaternion, the one nearer to the frame before
         quaternions = xyzw_from_matrix(rotation)

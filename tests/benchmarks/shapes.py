@@ -41,12 +41,23 @@ def of_all(truth):
 
 
 def is_right(project, wanted, edges=None):
-    """Whether limbs are the body's and joined as they are; pieces of a person's segment count as one."""
+    """Whether limbs are the body's and joined to one tree as they are; pieces of a person's segment count as one."""
     plain = [name if edges else name.rstrip("0123456789 ") for name in wanted]
     joined = {frozenset((plain[joint.parent], plain[joint.child])) for joint in project.skeleton.joints}
     if edges is not None:
         return joined == edges
-    return joined <= {frozenset(pair) for pair in PARENTS.items()} | {frozenset((name,)) for name in plain}
+    if len(project.skeleton.roots) > 1:
+        return False
+    return joined <= {frozenset((name, inward(name, plain))) for name in plain} | {frozenset((name,)) for name in plain}
+
+
+def inward(name, names):
+    """Return the next segment towards the pelvis that is one of some names."""
+    while name in PARENTS:
+        name = PARENTS[name]
+        if name in names:
+            break
+    return name
 
 
 def sides(name):

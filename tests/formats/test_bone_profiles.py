@@ -36,7 +36,7 @@ def test_a_bvh_for_mixamo_has_the_standard_names_and_moves_as_our_own(person, tm
 @pytest.mark.parametrize("profile", BONE_NAMES.choices[1:])
 def test_every_profile_calls_each_bone_otherwise(person, profile):
     named = with_bone_names(person, profile)
-    lost = person.skeleton.n_limbs - named.skeleton.n_limbs
+    lost = person.skeleton.n_limbs - named.skeleton.n_limbs + (profile == "unreal")
     assert lost == (1 if profile == "opensim" else 0)  # the head is part of OpenSim's torso
     assert not set(named.skeleton.limb_names) & {"left thigh", "chest"}
     assert named.motion.joint_positions.shape[1] == named.skeleton.n_joints
@@ -54,6 +54,17 @@ def test_places_and_joints_of_what_is_kept_stay_as_they_are(person):
 def test_what_a_profile_lacks_is_said(person, tmp_path):
     remarks = preview_export(person, find_format("bvh"), tmp_path / "a.bvh", {"bone_names": "opensim"}).remarks
     assert "OpenSim has no bone for head: left out." in remarks
+
+
+def test_unreal_has_a_root_that_stays_still_below_the_pelvis(person, tmp_path):
+    skelgen.write(person, tmp_path / "own.bvh")
+    skelgen.write(person, tmp_path / "unreal.bvh", bone_names="unreal")
+    own, unreal = (bones_of_bvh(tmp_path / f"{name}.bvh", 60) for name in ("own", "unreal"))
+    assert np.allclose(unreal["root"], np.eye(4), atol=1e-6)
+    for name, bone in (("left_forearm", "lowerarm_l"), ("pelvis", "pelvis"), ("right_foot", "foot_r")):
+        assert np.allclose(own[name], unreal[bone], atol=1e-6)
+    remarks = preview_export(person, find_format("gltf"), tmp_path / "a.glb", {"bone_names": "unreal"}).remarks
+    assert any("'root' below all" in remark for remark in remarks)
 
 
 def test_limbs_of_nobody_have_no_such_names(person, tmp_path):

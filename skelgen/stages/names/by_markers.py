@@ -18,6 +18,7 @@ from skelgen.stages.names.marker_sets import MarkerSet, plain_name
 _SIDE_WORDS = {"l": "left", "left": "left", "lt": "left", "r": "right", "right": "right", "rt": "right"}
 SIDES = ("left", "right")
 _MIDDLE = frozenset({"head", "chest", "abdomen", "pelvis"})
+_OUTWARD = ("upper arm", "forearm", "hand", "thigh", "shank", "foot", "toes")
 _FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 _AT_JOINT = 0.6
 """How much a marker beside a joint says of its limb; one amid a segment says 1."""
@@ -59,7 +60,7 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
         if stem and not (votes and (worn or " " not in stem)):
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
-            named[limb] = max((weight, name) for name, weight in votes.items())
+            named[limb] = max(((weight, name) for name, weight in votes.items()), key=_outermost)
     return unique_names(named, limbs.n_limbs)
 
 
@@ -194,6 +195,13 @@ def _votes(on_limb: Sequence[str], segments: Mapping[str, tuple[str, float]]) ->
     if len(votes) > 1:  # fingers on one limb are a hand
         votes = sum((Counter({_with_hand(name): weight}) for name, weight in votes.items()), Counter())
     return Counter({name: weight for name, weight in votes.items() if weight >= _LEAST_SHARE * votes.total()})
+
+
+def _outermost(vote: tuple[float, str]) -> tuple[float, int, str]:
+    """Weight, then how far out: a limb with markers at the elbow and at the wrist is the forearm between them."""
+    weight, name = vote
+    segment = name.removeprefix("left ").removeprefix("right ")
+    return weight, _OUTWARD.index(segment) if segment in _OUTWARD else -1, name
 
 
 def _with_hand(name: str) -> str:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from skelgen.model import Motion, Skeleton
 from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
 from skelgen.stages.names.facing import side_evidence
-from skelgen.stages.names.moving_tree import MovingTree, moving_trees
+from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together
 from skelgen.stages.names.person import find_person
 
 SURE = 3.0
 """Log odds from which sides are told: nineteen of twenty would be right if signs were independent."""
 
-_CHAIN = "a chain"
+_LEAST_OTHERS = 1.0
+"""Log odds of all signs but the knees, which have to agree with them."""
+
+_CHAIN, _PERSON = "a chain", "a person"
 _STATED = 99.0
 _MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
 
@@ -50,16 +55,27 @@ def names_by_shape(skeleton: Skeleton, motion: Motion, stated: Mapping[int, str]
     """
     named: dict[int, tuple[float, str]] = {}
     sentences = []
-    trees = moving_trees(skeleton, motion)
-    for tree in trees:
-        found = _recognised(tree)
-        if found is None or (found[0] == _CHAIN and len(trees) > 1):  # beside others, a piece of them
-            continue
-        what, shape = found
+    for tree, what, shape in _shapes(moving_trees(skeleton, motion)):
         evidence = _stated_evidence(shape, stated) or shape.evidence
         named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
         sentences.append(_sentence(what, shape, evidence))
     return ShapeNames(unique_names(named, skeleton.n_limbs), tuple(sentences))
+
+
+def _shapes(trees: Sequence[MovingTree]) -> list[tuple[MovingTree, str, Shape]]:
+    """What trees are, in words, and their shapes; those that alone are nothing may be pieces of one person."""
+    found, rest = [], []
+    for tree in trees:
+        what, shape = _recognised(tree) or ("", None)
+        if shape is None or (what == _CHAIN and len(trees) > 1):  # beside others, a piece of them
+            rest.append(tree)
+        else:
+            found.append((tree, what, shape))
+    if len(rest) > 1:
+        whole = together(rest)
+        shape = _person(whole, is_whole=False)
+        found += [(whole, _PERSON, shape)] if shape else []
+    return found
 
 
 def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:
@@ -74,7 +90,7 @@ def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:
     """
     for tree in moving_trees(skeleton, motion):
         found = _recognised(tree)
-        if found is not None and found[0] == "a person" and abs(found[1].evidence) >= SURE:
+        if found is not None and found[0] == _PERSON and abs(found[1].evidence) >= SURE:
             stated = _stated_evidence(found[1], dict(enumerate(skeleton.limb_names)))
             if stated * found[1].evidence < 0:
                 return True
@@ -87,12 +103,19 @@ def _recognised(tree: MovingTree) -> tuple[str, Shape] | None:
         shape = find(tree)
         if shape is not None:
             return what, shape
+    shape = _person(tree)
+    return None if shape is None else (_PERSON, shape)
+
+
+def _person(tree: MovingTree, is_whole: bool = True) -> Shape | None:
+    """The shape of the person that a tree is, or None if it is none; the sides of pieces without joints stay unsure."""
     person = find_person(tree)
     if person is None:
         return None
     signs = side_evidence(tree, person)
-    evidence = sum(signs.values()) if signs["knees"] * sum(signs.values()) > 0 else 0.0
-    return "a person", Shape(dict(person.segments), dict(person.sides), evidence)
+    knees, total = signs["knees"], sum(signs.values())
+    agrees = knees * total > 0 and (total - knees) * np.sign(knees) >= _LEAST_OTHERS and is_whole
+    return Shape(dict(person.segments), dict(person.sides), total if agrees else 0.0)
 
 
 def _stated_evidence(shape: Shape, stated: Mapping[int, str]) -> float:

@@ -32,8 +32,10 @@ def side_evidence(tree: MovingTree, person: Person) -> dict[str, float]:
     """
     legs, arms = person.legs, person.arms
     left = unit(legs[0].joints[0] - legs[1].joints[0])
-    hips, shoulders = ((one.joints[0] + other.joints[0]) / 2 for one, other in (legs, arms))
-    forward = unit(np.cross(left, unit(shoulders - hips)))
+    if along(left, _middle(tree, legs[0]) - _middle(tree, legs[1])).mean() < 0:  # hinges whose joints are found beyond
+        left = -left
+    hips = (legs[0].joints[0] + legs[1].joints[0]) / 2
+    forward = unit(np.cross(left, unit(person.chest - hips)))
     found = {"knees": sum(_bending(leg, left) for leg in legs) / 2 * _KNEES}
     found["knees"] = float(np.clip(found["knees"], -_MOST_KNEES, _MOST_KNEES))
     others = {
@@ -46,6 +48,10 @@ def side_evidence(tree: MovingTree, person: Person) -> dict[str, float]:
     return found | {name: float(np.clip(_OTHERS * sign, -_MOST_OTHERS, _MOST_OTHERS)) for name, sign in others.items()}
 
 
+def _middle(tree: MovingTree, chain: Chain) -> Floats:
+    return tree.middle(limb for limbs in chain.limbs.values() for limb in limbs)
+
+
 def _bending(chain: Chain, left: Floats) -> float:
     """Sine of how far a knee or an elbow bends about the axis to the left, positive for knees."""
     start, middle, end = chain.joints
@@ -54,7 +60,7 @@ def _bending(chain: Chain, left: Floats) -> float:
 
 def _pointing(tree: MovingTree, leg: Chain, left: Floats) -> float:
     """By how much a foot reaches farther forward than backward from the shank, of its length."""
-    limbs = [limb for limb, name in leg.segments.items() if name in {"foot", "toes"}]
+    limbs = [*leg.limbs.get("foot", ()), *leg.limbs.get("toes", ())]
     if not limbs:
         return 0.0
     markers = np.concatenate([tree.markers[limb] for limb in limbs], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -52,6 +53,10 @@ class MovingTree:
     def centres(self) -> dict[int, Floats]:
         """Middle of each limb's markers, shape (n_frames, 3)."""
         return {limb: markers.mean(axis=1) for limb, markers in self.markers.items()}
+
+    def middle(self, limbs: Iterable[int]) -> Floats:
+        """Middle of all markers of some limbs, shape (n_frames, 3)."""
+        return np.asarray(np.concatenate([self.markers[limb] for limb in limbs], axis=1).mean(axis=1))
 
     def path(self, first: int, last: int) -> tuple[int, ...]:
         """Limbs on the way from one to another, both included."""
@@ -137,3 +142,16 @@ def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
 def _placed(poses: Floats, offsets: Floats) -> Floats:
     """Points of a limb in the world, shape (n_frames, n_points, 3)."""
     return np.asarray(np.einsum("fij,pj->fpi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3])
+
+
+def together(trees: Sequence[MovingTree]) -> MovingTree:
+    """Return trees as one without joints between them.
+
+    Parameters
+    ----------
+    trees : sequence of MovingTree
+        Of one skeleton, one and more.
+    """
+    joints = {pair: places for tree in trees for pair, places in tree.joints.items()}
+    markers = {limb: placed for tree in trees for limb, placed in tree.markers.items()}
+    return MovingTree(tuple(sorted(markers)), joints, trees[0].rotations, markers, trees[0].rate)

@@ -1,0 +1,228 @@
+"""Which segment of a person each limb is, by how far limbs are from each other and which of them are joined.
+
+The distance between the middles of two limbs in statures, and how much it changes, are those of a thigh and a shank, or
+of a hand and a foot: normal distributions of their logarithms, learned from simulated people in all marker sets by
+``tests/benchmarks/learn_names.py``. The segments of all limbs are those that make all pairs together likeliest, found
+by a beam search in each of some statures.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.names.moving_tree import MovingTree
+
+TRUNK = ("pelvis", "chest", "head")
+CHAINS = (("upper arm", "forearm", "hand"), ("thigh", "shank", "foot", "toes"))
+STIFF_ARM = "arm"  # a limb with markers at elbow and wrist, without another on the upper arm
+_ON_SIDES = (*(segment for chain in CHAINS for segment in chain), STIFF_ARM)
+LABELS = (*((segment, -1) for segment in TRUNK), *((segment, side) for side in (0, 1) for segment in _ON_SIDES))
+"""What a limb may be: a segment, and its side, 0 or 1, or -1 of those in the middle."""
+
+NOISE, SMALLEST = 8.0, 5.0  # mm: what is added to ranges of distances, and to sizes, before their logarithms
+_OUTLIERS = 0.02  # of the pairs are as any pair
+_LEAST_JOINED = 0.005
+_JOINED = {"neighbours": 0.75, "pieces": 0.7, "feet": 0.15, "beyond": 0.06}
+"""How often limbs are joined in the trees that are found; the rest as `_LEAST_JOINED`."""
+
+_PIECE = 1.5  # log odds against another limb of the same segment
+_GAP, _UNEVEN = 1.0, 1.5
+"""Against a segment whose neighbour towards the trunk has no limb, and against one that is on one side alone."""
+
+_STATURES = np.geomspace(0.7, 1.45, 13)  # times the one that the median distance tells
+_MEDIAN_DISTANCE = 0.38  # statures
+_FEW, _MANY = 40, 200  # states of the beam, to find the stature and then the segments
+
+
+@dataclass(frozen=True, eq=False)
+class Likely:
+    """The likeliest segments of limbs.
+
+    Attributes
+    ----------
+    labels : tuple of int, length n_limbs
+        Indices into `LABELS`.
+    odds : float
+        Log odds of a pair, in the mean, to be those of a person rather than any two limbs.
+    """
+
+    labels: tuple[int, ...]
+    odds: float
+
+
+def pair_features(centres: Floats) -> Floats:
+    """Return logarithms of the distances of limbs and of their ranges, shape (n_limbs, n_limbs, 2).
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n_frames, n_limbs, 3), mm
+        Middles of the limbs' markers.
+    """
+    distances = np.linalg.norm(centres[:, :, np.newaxis] - centres[:, np.newaxis], axis=-1)
+    low, middle, high = np.percentile(distances, [5.0, 50.0, 95.0], axis=0)
+    return np.asarray(np.log(np.stack([np.maximum(middle, 1.0), (high - low) / 2 + NOISE], axis=-1)))
+
+
+def size_of(markers: Floats) -> float:
+    """Return the root mean square distance of a limb's markers from their middle [mm].
+
+    Parameters
+    ----------
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        All of the limb.
+    """
+    apart = markers - markers.mean(axis=1, keepdims=True)
+    return float(np.sqrt(np.median((apart**2).sum(axis=2).mean(axis=1))))
+
+
+def relation(first: int, second: int) -> str:
+    """Return what two labels are to each other, the key of the table: ``foot, shank, same``.
+
+    Parameters
+    ----------
+    first, second : int
+        Indices into `LABELS`.
+    """
+    (one, side), (other, other_side) = LABELS[first], LABELS[second]
+    how = [] if min(side, other_side) < 0 else ["same" if side == other_side else "other"]
+    return ", ".join([*sorted((one, other)), *how])
+
+
+def likely_segments(tree: MovingTree, tables: Tables | None = None) -> Likely:
+    """Return the segments of a person that the limbs of a tree are most likely.
+
+    Parameters
+    ----------
+    tree : MovingTree
+        With two limbs and more.
+    tables : Tables, optional
+        What is learned of people; that of the package, if none is given.
+    """
+    centres = np.stack([tree.centres[limb] for limb in tree.limbs], axis=1)
+    features = pair_features(centres)
+    sizes = [size_of(tree.markers[limb]) if tree.markers[limb].shape[1] > 1 else np.nan for limb in tree.limbs]
+    joined = np.array([[other in tree.neighbours[limb] for other in tree.limbs] for limb in tree.limbs])
+    order = np.argsort([-tree.markers[limb].shape[1] for limb in tree.limbs], kind="stable")
+    n_limbs = len(tree.limbs)
+    stature = np.exp(np.median(features[..., 0][np.triu_indices(n_limbs, 1)])) / _MEDIAN_DISTANCE
+    tables = tables or learned_tables()
+
+    def searched(tall: float, width: int) -> tuple[float, Ints]:
+        return _search(tables.pairs(features - np.log(tall), joined), tables.limbs(sizes, tall), order, width)
+
+    tall = max((stature * _STATURES).tolist(), key=lambda one: searched(one, _FEW)[0])
+    score, labels = searched(tall, _MANY)
+    return Likely(tuple(labels.tolist()), score / max(n_limbs * (n_limbs - 1) / 2, 1))
+
+
+def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[float, Ints]:
+    """The best labels of all limbs, shape (n_limbs,), and their log odds, by a beam search limb by limb."""
+    every = np.arange(len(LABELS))
+    states, scores = np.zeros((1, 0), dtype=np.intp), np.zeros(1)
+    for done, limb in enumerate(order):
+        gain = np.repeat(limbs[limb][np.newaxis], len(states), axis=0)
+        for index in range(done):
+            taken = states[:, index]
+            gain += pairs[order[index], limb][taken] - _PIECE * (taken[:, np.newaxis] == every)
+        total = (scores[:, np.newaxis] + gain).ravel()
+        kept = np.argsort(-total, kind="stable")[:width]
+        states = np.column_stack([states[kept // len(LABELS)], kept % len(LABELS)])
+        scores = total[kept]
+    scores = scores - _odd(states)
+    best = int(np.argmax(scores))
+    labels = np.empty(len(order), dtype=np.intp)
+    labels[order] = states[best]
+    return float(scores[best]), labels
+
+
+def _odd(states: Ints) -> Floats:
+    """Log odds against segments beyond one that has no limb, and against those on one side alone, shape (n_states,)."""
+    present = (states[:, :, np.newaxis] == np.arange(len(LABELS))).any(axis=1)
+    found = np.zeros(len(states))
+    for side in (0, 1):
+        arm, *whole = (LABELS.index((segment, side)) for segment in (STIFF_ARM, *CHAINS[0][:2]))
+        found += _GAP * (present[:, arm] & present[:, whole].any(axis=1))
+        present[:, whole] |= present[:, [arm]]
+    for chain in CHAINS:
+        first, second = (present[:, [LABELS.index((segment, side)) for segment in chain]] for side in (0, 1))
+        found += _UNEVEN * (first != second).sum(axis=1)
+        for has in (first, second):
+            found += _GAP * (has[:, 1:] & ~has[:, :-1]).sum(axis=1)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Means and precisions of pairs of labels, shapes (n_labels, n_labels, ...), and what limbs of labels are like."""
+
+    means: Floats
+    precisions: Floats
+    log_volumes: Floats
+    joined: Floats
+    any_pair: Floats
+    of_segments: Floats
+
+    def pairs(self, features: Floats, joined: Bools) -> Floats:
+        """Log odds of each pair of limbs to be each pair of labels, shape (n_limbs, n_limbs, n_labels, n_labels)."""
+        off = features[:, :, np.newaxis, np.newaxis] - self.means
+        squares = np.einsum("ijabk,abkl,ijabl->ijab", off, self.precisions, off)
+        of_any = -0.5 * (((features - self.any_pair[0]) / self.any_pair[1]) ** 2).sum(axis=-1)
+        of_any = (of_any - np.log(self.any_pair[1]).sum())[:, :, np.newaxis, np.newaxis]
+        odds = np.logaddexp(-0.5 * squares - self.log_volumes, of_any + np.log(_OUTLIERS)) - of_any
+        at_joint = np.where(joined[:, :, np.newaxis, np.newaxis], np.log(self.joined), np.log(1.0 - self.joined))
+        return np.asarray(odds + at_joint)
+
+    def limbs(self, sizes: Sequence[float], stature: float) -> Floats:
+        """Log likelihood of each limb by its size and by how often there is one, shape (n_limbs, n_labels)."""
+        mean, deviation, often = self.of_segments.T
+        off = (np.log((np.array(sizes)[:, np.newaxis] + SMALLEST) / stature) - mean) / deviation
+        return np.asarray(np.nan_to_num(-0.5 * off**2 - np.log(deviation), nan=0.0) + often)
+
+
+@cache
+def learned_tables() -> Tables:
+    """Return the package's table."""
+    text = Path(__file__).with_name("tables").joinpath("distances.toml").read_text(encoding="utf-8")
+    return tables_of(tomllib.loads(text))
+
+
+def tables_of(rows: Mapping[str, Mapping[str, Sequence[float]]]) -> Tables:
+    """Return the distributions of all labels from the rows of the table: of `pairs`, of `segments`, of `any` pair.
+
+    Parameters
+    ----------
+    rows : mapping
+        For each relation the means of both features, their variances and their covariance; for each segment the mean
+        and the deviation of its size, and the logarithm of how many limbs are one; for any pair means and deviations.
+    """
+    n_labels = len(LABELS)
+    found = [[rows["pairs"][relation(one, other)] for other in range(n_labels)] for one in range(n_labels)]
+    values = np.array(found, dtype=np.float64)
+    covariances = values[..., [2, 4, 4, 3]].reshape(n_labels, n_labels, 2, 2)
+    return Tables(
+        values[..., :2],
+        np.asarray(np.linalg.inv(covariances)),
+        0.5 * np.log(np.linalg.det(covariances)),
+        np.array([[_joined(relation(one, other)) for other in range(n_labels)] for one in range(n_labels)]),
+        np.array([rows["any"]["mean"], rows["any"]["deviation"]]),
+        np.array([rows["segments"][segment] for segment, _ in LABELS]),
+    )
+
+
+def _joined(pair: str) -> float:
+    """How often limbs of two labels are joined."""
+    one, other, *side = pair.split(", ")
+    lines = [TRUNK, ("chest", *CHAINS[0]), ("chest", STIFF_ARM, "hand"), ("pelvis", *CHAINS[1])]
+    if side == ["other"]:
+        return {("foot", "foot"): _JOINED["feet"]}.get((one, other), _LEAST_JOINED)
+    if one == other:
+        return _JOINED["pieces"]
+    steps = [abs(line.index(one) - line.index(other)) for line in lines if one in line and other in line]
+    return {1: _JOINED["neighbours"], 2: _JOINED["beyond"]}.get(min(steps, default=0), _LEAST_JOINED)
