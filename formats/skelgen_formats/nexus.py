@@ -13,13 +13,14 @@ Layout, comma-separated text (or tab-separated, as .txt), blocks one after the o
 
 Trajectories is read; where there is none, the bodies of Objects (of Vicon Tracker) or Segments that have quaternions::
 
-    ,,Wand:Wand,,,,,,,
+    ,,Wand:Wand,,,,,,,                           or: Global Angle (Quaternion) Wand:Wand
     Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ         global; in any order
 
 Frames that the file leaves out are unseen. Workstation and early versions of Nexus write
 ``TRAJECTORIES``, ``100,Hz``, ``,LASI,,,RASI,,,`` and ``Field #,X,Y,Z,X,Y,Z,...`` without sub-frames and units.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -96,7 +97,14 @@ def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
     names_in_file = [names[first] for first in columns]
     if title == BLOCKS[0]:
         return take_from_markers(path, scaled(path, numbers, unit), names_in_file, rate, notices)
-    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), unit), names_in_file, rate, notices)
+    bodies = [_body_name(name) for name in names_in_file]
+    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), unit), bodies, rate, notices)
+
+
+def _body_name(title: str) -> str:
+    """Return the name of a body: Wand of the title ``Global Angle (Quaternion) Wand:Wand``."""
+    subject, _, segment = re.sub(r"^Global Angle \([^)]*\) *", "", title).partition(":")
+    return subject if subject == segment or not segment else f"{subject}:{segment}"
 
 
 def _blocks(lines: Lines) -> Iterator[_Block]:

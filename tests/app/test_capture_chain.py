@@ -80,7 +80,7 @@ def test_targets_are_as_large_as_they_are(settings):
     [
         (["--start", "elbow=1,2,3"], "must be NAME=X,Y,Z:X,Y,Z in mm"),
         (["--start", "knee=1,2,3:4,5,6"], "names joint 'knee', which no --joint names"),
-        (["--use-frames", "some"], "it must be a number, or indices like 0,10,20"),
+        (["--use-frames", "some"], "it must be a number of frames, or indices like 0,10,20"),
         (["--use-frames", "0,7"], "there is no frame 7: 4 were captured"),
     ],
 )

@@ -99,9 +99,10 @@ OBJECTS = (
 )
 
 
-def test_objects_with_quaternions_are_bodies(put):
-    take = read_take(put("tracker.csv", OBJECTS))
-    assert (take.names, take.rate) == (("Wand:Wand", "Box:Box"), 100.0)
+@pytest.mark.parametrize("text", [OBJECTS, OBJECTS.replace(",,Wand:Wand", ",,Global Angle (Quaternion) Wand:Wand")])
+def test_objects_with_quaternions_are_bodies(put, text):
+    take = read_take(put("tracker.csv", text))
+    assert (take.names, take.rate) == (("Wand", "Box"), 100.0)
     np.testing.assert_allclose(
         take.world_from_body[0, 0], [[-1, 0, 0, 10], [0, -1, 0, 20], [0, 0, 1, 30], [0, 0, 0, 1]]
     )
