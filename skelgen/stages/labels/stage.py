@@ -26,6 +26,9 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
+from skelgen.stages.labels.merging.likelihood import evidence_of_labels
+from skelgen.stages.labels.merging.limbs import merge_on_limbs
+from skelgen.stages.labels.merging.markers import sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -34,6 +37,12 @@ from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
 from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take
+
+PIECE_SECONDS = 0.1
+"""Shortest tracks that are labelled limb by limb."""
+
+MOST_PIECES = 2000
+"""Most of them: memory and time grow with their square."""
 
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
@@ -202,14 +211,35 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
 
 def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points."""
-    cloud = task.cloud
     monitor.begin("merging tracklets")
-    group = merge_tracklets(cloud.points, tracklets, task.rate, task.spacing, monitor)
-    by_distances = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(cloud.n_points)]
-    by_distances = _most_seen(by_distances, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
-    found = refine_labels(task, tracks, by_distances, monitor)
-    found = point_labels.with_unexplained(by_distances, found, task.least_alone)
+    group = merge_tracklets(task.cloud.points, tracklets, task.rate, task.spacing, monitor)
+    found = _refined(task, tracks, tracklets, group, monitor)
+    pieces = find_tracklets(task.cloud, tracks, task.rate, replace(task.parameters, min_range=_least_piece(task)))
+    at_once = pieces.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
+    if found.max(initial=-1) >= at_once and 0 < len(pieces) <= MOST_PIECES:  # some may have been found twice
+        group = merge_on_limbs(task.cloud.points, pieces, task.rate, task.spacing)
+        other = _refined(task, tracks, pieces, group, monitor)
+        found = max(found, other, key=lambda labels: _evidence(task, labels))
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
+
+
+def _refined(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, group: Ints, monitor: Monitor) -> Ints:
+    """Marker of each point from groups of tracklets and the skeleton that they imply."""
+    cloud = task.cloud
+    start = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(cloud.n_points)]
+    start = _most_seen(start, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
+    return point_labels.with_unexplained(start, refine_labels(task, tracks, start, monitor), task.least_alone)
+
+
+def _evidence(task: LabelTask, found: Ints) -> float:
+    """How well labels explain the take [nats]."""
+    return evidence_of_labels(sampled_distances(task.cloud, found, task.rate), task.spacing)
+
+
+def _least_piece(task: LabelTask) -> int:
+    """Frames of the shortest track that is labelled by what is on its limb."""
+    usual = least_length(task.cloud.n_frames, task.rate, task.parameters)
+    return max(1, round(min(PIECE_SECONDS * task.rate, usual))) + 2 * task.parameters.trim_range
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

@@ -61,6 +61,12 @@ SLOW_FREEDOM = 4.0
 EXACT = 1e-6
 """mm; keeps the deviation of exact takes above zero."""
 
+EXISTENCE = 8.0
+"""nats that a marker more costs."""
+
+STEADIEST, LEAST_DEVIATION = 3, 0.02
+"""Distances that fix a marker's place, and the deviation of a distance that is expected beforehand, in spacings."""
+
 
 class _Deviations(NamedTuple):
     """Usual deviations of a distance [mm]: on one limb, and between any two markers; and the markers' spacing."""
@@ -198,6 +204,27 @@ def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
         total[block] += distance
         squares[block] += distance**2
     return count, total, squares
+
+
+def evidence_of_labels(sums: Floats, spacing: float) -> float:
+    """How well markers explain the points [nats]: each is fixed by the steadiest distances that it has; more cost.
+
+    Labels that are wrong for a while make distances vary, points that are left out and markers that are found twice
+    explain less. Only labels of one take can be compared.
+
+    Parameters
+    ----------
+    sums : ndarray, shape (3, n_markers, n_markers)
+        From `distance_sums`.
+    spacing : float, mm
+        How far apart markers are.
+    """
+    count, total, squares = sums
+    scatter = np.maximum(squares - total**2 / np.maximum(count, 1.0), 0.0)
+    variance = (2.0 * (LEAST_DEVIATION * spacing) ** 2 + scatter) / (2.0 + np.maximum(count - 1.0, 0.0))
+    gain = count * np.maximum(0.5 * np.log(spacing**2 / np.maximum(variance, EXACT**2)), 0.0)
+    np.fill_diagonal(gain, 0.0)
+    return float(np.sort(gain, axis=1)[:, -STEADIEST:].sum()) - EXISTENCE * len(gain)
 
 
 def merge_likely(record: DistanceRecord) -> Ints:

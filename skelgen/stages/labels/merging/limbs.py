@@ -1,0 +1,267 @@
+r"""Tracklets merged limb by limb, with many hypotheses kept.
+
+While two tracklets are seen together, the deviation of their distance tells whether they are on one limb, even in a
+tenth of a second if the body moves. Tracklets are parted into limbs by the sum of these odds (greedy edge contraction;
+Keuper et al. 2015, *Efficient decomposition of image and mesh graphs by lifted multicuts*). On each limb the most
+probable markers of all its tracklets are sought at once (`skelgen._kernels.tracklet_labels`), so that three of a
+limb's five markers that come back together are told by the distances between them, where one by one each could be any.
+A limb that was not seen for a moment is found again by its shape.
+"""
+
+from __future__ import annotations
+
+import itertools
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen._kernels import contiguous
+from skelgen._kernels.tracklet_labels import FREEDOM, LabelLaw, LimbTracklets, most_probable_labels, sum_pair_distances
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.tracklets import TrackletPoints
+from skelgen.stages.labels.merging.likelihood import EXACT, EXISTENCE, SAMPLE_SECONDS
+from skelgen.stages.labels.merging.windows import continuity_evidence
+
+LEAST_TOGETHER = 8
+"""Frames that show two tracklets together before their distance tells anything."""
+
+STEADY_TOGETHER = 25
+"""Frames from which the least deviations of distances are those of limbs."""
+
+SPANS = (LEAST_TOGETHER, 12, 18, 27, 40, 60, 90, 135, 200, 10**9)
+"""Frames by which pairs are parted: the deviation of a distance between limbs grows with time."""
+
+RIGID_PRIOR = 0.1
+"""Prior probability that two tracklets are on one limb."""
+
+OUTLIERS = 1e-3
+"""Density of deviations (natural logarithm) that are of neither kind."""
+
+MOST_ODDS = 6.0
+"""nats that one pair says at most."""
+
+MOST_CONTINUITY = 8.0
+"""nats that a prediction over a gap says at most."""
+
+HYPOTHESES = 100
+"""Hypotheses that are kept for each limb."""
+
+MOST_MARKERS = 16
+"""Markers of a limb; what moves together and has more, such as a person who stands still, is left alone."""
+
+SHAPE_MARKERS = 6
+"""Markers by which shapes are compared, those that are seen most."""
+
+SAME_LIMB = 1.0
+"""nats beyond those of chance with which two sets of tracklets are one limb that was not seen for a moment: more limbs
+than can be seen at once hardly exist."""
+
+
+class _Pairs(NamedTuple):
+    """Tracklets, how long two are seen together (in independent moments), their mean distances [mm], odds that they
+    are on one limb [nats], evidence that one goes on where another ended [nats], and the law of distances.
+    """
+
+    tracklets: TrackletPoints
+    weight: Floats
+    distance: Floats
+    odds: Floats
+    continuity: Floats
+    deviation: float
+    spacing: float
+
+
+def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> Ints:
+    """Group tracklets into markers.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        The cloud's points.
+    tracklets : TrackletPoints
+        What to group.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_tracklets,)
+        Group of each tracklet, from 0 without holes; tracklets of one group never overlap in time.
+    """
+    pairs = _pairs(points, tracklets, rate, spacing)
+    limbs = [np.flatnonzero(part == number) for part in [_parted(pairs.odds)] for number in range(part.max() + 1)]
+    marker = np.full(len(tracklets), -1, dtype=np.intp)
+    for members, labels in _joined(pairs, [(members, _labelled(pairs, members)) for members in limbs]):
+        marker[members] = marker.max(initial=-1) + 1 + labels
+    return marker
+
+
+def _pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> _Pairs:
+    """Measure all distances between tracklets."""
+    order = np.argsort(tracklets.frames, kind="stable")
+    starts = np.searchsorted(tracklets.frames[order], np.arange(tracklets.n_frames + 1))
+    arrays = points[tracklets.points[order]], tracklets.tracklet_of_point[order].astype(np.intp), starts
+    count, total, squares = sum_pair_distances(len(tracklets), *contiguous(*arrays))
+    np.fill_diagonal(count, 0.0)
+    several = np.maximum(count, 1.0)
+    mean = total / several
+    deviation = np.sqrt(np.maximum(squares - several * mean**2, 0.0) / np.maximum(count - 1.0, 1.0))
+    odds, rigid = rigid_odds(count, np.maximum(deviation, EXACT))
+    continuity = np.zeros(count.shape)
+    before, after, evidence = continuity_evidence(points, tracklets, rate, spacing)
+    continuity[before, after] = np.clip(evidence, -MOST_CONTINUITY, MOST_CONTINUITY)
+    weight = np.where(count > 0.0, 1.0 + count / (SAMPLE_SECONDS * rate), 0.0)
+    return _Pairs(tracklets, weight, mean, odds, continuity, rigid, spacing)
+
+
+def rigid_odds(count: Floats, deviation: Floats) -> tuple[Floats, float]:
+    """Logarithm of the odds [nats] that tracklets are on one limb, shape (n, n), and the usual deviation there [mm].
+
+    On a limb deviations are what the two steadiest partners of tracklets have; else they are what pairs that are seen
+    together as long usually have, most of which are on different limbs.
+
+    Parameters
+    ----------
+    count : ndarray, shape (n, n)
+        Frames that show two together.
+    deviation : ndarray, shape (n, n), mm
+        Deviation of their distance, above 0.
+    """
+    width = np.log(deviation)
+    steadiest = np.sort(np.where(count >= STEADY_TOGETHER, width, np.inf), axis=1)[:, :2]
+    steadiest = steadiest[np.isfinite(steadiest).all(axis=1)].ravel()
+    if not len(steadiest):
+        return np.zeros(count.shape), EXACT
+    middle, spread = _middle_and_spread(steadiest, 0.1)
+    odds = np.zeros(count.shape)
+    for least, most in itertools.pairwise(SPANS):
+        some = (count >= least) & (count < most)
+        if not some.any():
+            continue
+        usual, scatter = _middle_and_spread(width[some], 0.3)
+        own = np.hypot(spread, np.sqrt(0.5 / (least - 1)))
+        rigid = -0.5 * (np.maximum(width[some] - middle, 0.0) / own) ** 2 - np.log(own)
+        loose = np.logaddexp(-0.5 * ((width[some] - usual) / scatter) ** 2 - np.log(scatter), np.log(OUTLIERS))
+        odds[some] = np.clip(rigid - loose + np.log(RIGID_PRIOR), -MOST_ODDS, MOST_ODDS)
+    return odds, float(np.exp(middle))
+
+
+def _middle_and_spread(values: Floats, least: float) -> tuple[float, float]:
+    """Median and robust deviation, at least so much."""
+    middle = float(np.median(values))
+    return middle, max(SIGMA_OF_MEDIAN * float(np.median(np.abs(values - middle))), least)
+
+
+def _parted(odds: Floats) -> Ints:
+    """Parts with the largest sums of odds, greedily: the limb of each tracklet, from 0 without holes."""
+    odds = odds.copy()
+    np.fill_diagonal(odds, -np.inf)
+    part = np.arange(len(odds))
+    best, value = odds.argmax(axis=1), odds.max(axis=1, initial=-np.inf)
+    while len(part) and value.max() > 0.0:
+        one = int(value.argmax())
+        other = int(best[one])
+        odds[one] += odds[other]
+        odds[:, one] = odds[one]
+        odds[one, one] = -np.inf
+        odds[other] = odds[:, other] = -np.inf
+        part[part == other] = one
+        value[other] = -np.inf
+        changed = np.flatnonzero((best == one) | (best == other) | (odds[one] >= value))
+        for row in {one, *changed.tolist()}:
+            best[row], value[row] = odds[row].argmax(), odds[row].max()
+    return np.asarray(np.unique(part, return_inverse=True)[1], dtype=np.intp)
+
+
+def _labelled(pairs: _Pairs, members: Ints) -> Ints:
+    """Markers of a limb's tracklets, from 0; each one by itself where there are too many."""
+    tracklets = pairs.tracklets
+    order = members[np.argsort(tracklets.first[members], kind="stable")]
+    spans = np.stack([tracklets.first[order], tracklets.last[order]], axis=1).astype(np.intp)
+    at_once = int((spans[:, :1] <= spans[:, 0]).__and__(spans[:, 1:] >= spans[:, 0]).sum(axis=0).max())
+    if at_once > MOST_MARKERS:
+        return np.arange(len(members))
+    n_found = min(len(order), MOST_MARKERS)
+    block = np.ix_(order, order)
+    limb = LimbTracklets(
+        *contiguous(spans, np.full(len(order), -1, dtype=np.intp), pairs.weight[block]),
+        *contiguous(pairs.distance[block], pairs.continuity[block]),
+    )
+    law = LabelLaw(np.full(n_found, pairs.deviation), pairs.spacing, EXISTENCE, n_found, HYPOTHESES)
+    found = most_probable_labels(limb, law)
+    missing = np.flatnonzero(found < 0)
+    found[missing] = found.max(initial=-1) + 1 + np.arange(len(missing))
+    return np.asarray(found[np.argsort(np.argsort(tracklets.first[members], kind="stable"), kind="stable")])
+
+
+class _Shape(NamedTuple):
+    """Distances between the markers of a limb that are seen most [mm], and their weights."""
+
+    weight: Floats
+    distance: Floats
+
+
+def _joined(pairs: _Pairs, limbs: list[tuple[Ints, Ints]]) -> list[tuple[Ints, Ints]]:
+    """Join limbs of one shape that are not seen together: members and labels of each limb."""
+    found = dict(enumerate(limbs))
+    shapes = {number: _shape(pairs, *limb) for number, limb in found.items()}
+    evidence = {
+        (one, other): _evidence(pairs, (found[one], found[other]), (shapes[one], shapes[other]))
+        for one, other in itertools.combinations(found, 2)
+    }
+    while evidence:
+        (one, other), best = max(evidence.items(), key=lambda item: item[1])
+        if best < SAME_LIMB:
+            break
+        members = np.concatenate([found[one][0], found.pop(other)[0]])
+        found[one] = members, _labelled(pairs, members)
+        shapes[one] = _shape(pairs, *found[one])
+        evidence = {both: value for both, value in evidence.items() if one not in both and other not in both}
+        for third, limb in found.items():
+            if third != one:
+                evidence[one, third] = _evidence(pairs, (found[one], limb), (shapes[one], shapes[third]))
+    return list(found.values())
+
+
+def _shape(pairs: _Pairs, members: Ints, labels: Ints) -> _Shape:
+    """The markers of a limb that are seen most."""
+    among = (labels[:, np.newaxis] == np.arange(labels.max() + 1)).astype(np.float64)
+    block = np.ix_(members, members)
+    weight = among.T @ pairs.weight[block] @ among
+    total = among.T @ (pairs.weight[block] * pairs.distance[block]) @ among
+    seen = np.sort(np.argsort(-weight.sum(axis=1), kind="stable")[:SHAPE_MARKERS])
+    block = np.ix_(seen, seen)
+    return _Shape(weight[block], total[block] / np.maximum(weight[block], 1.0))
+
+
+def _evidence(
+    pairs: _Pairs, limbs: tuple[tuple[Ints, Ints], tuple[Ints, Ints]], shapes: tuple[_Shape, _Shape]
+) -> float:
+    """Evidence [nats] that two sets of tracklets are one limb, by their shapes, over all ways in which they may fit."""
+    few, many = sorted(shapes, key=lambda shape: len(shape.weight))
+    n_few = len(few.weight)
+    if n_few < 3:
+        return -np.inf
+    odds = float(pairs.odds[np.ix_(limbs[0][0], limbs[1][0])].sum())
+    if odds < -MOST_ODDS:
+        return -np.inf
+    ways = _ways(n_few, len(many.weight))
+    first, second = np.triu_indices(n_few, 1)
+    weight, distance = (table[ways[:, first], ways[:, second]] for table in many)
+    known = (few.weight[first, second] > 0.0) & (weight > 0.0)
+    narrow = 1.0 / np.maximum(few.weight[first, second], 1.0) + 1.0 / np.maximum(weight, 1.0)
+    narrow *= pairs.deviation**2
+    wide = narrow + pairs.spacing**2
+    squares = (few.distance[first, second] - distance) ** 2 / FREEDOM
+    gain = 0.5 * np.log(wide / narrow) + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
+    return float(np.logaddexp.reduce(np.where(known, gain, 0.0).sum(axis=1)) - np.log(len(ways))) + min(odds, 0.0)
+
+
+@cache
+def _ways(few: int, many: int) -> Ints:
+    """Ways in which few markers may be some of many, shape (n_ways, few)."""
+    return np.array(list(itertools.permutations(range(many), few)), dtype=np.intp)
