@@ -9,6 +9,7 @@ over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
@@ -27,7 +28,7 @@ from skelgen.stages.labels.input_checks import (
     with_jitter,
 )
 from skelgen.stages.labels.merging.likelihood import evidence_of_labels
-from skelgen.stages.labels.merging.limbs import merge_on_limbs
+from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs
 from skelgen.stages.labels.merging.markers import sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
@@ -210,36 +211,70 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
 
 
 def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
-    """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points."""
+    """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
+
+    Where there may be too many markers, shorter tracklets are merged limb by limb, too: from nothing, and by what the
+    skeleton found. What explains the take best is kept.
+    """
     monitor.begin("merging tracklets")
     group = merge_tracklets(task.cloud.points, tracklets, task.rate, task.spacing, monitor)
-    found = _refined(task, tracks, tracklets, group, monitor)
-    pieces = find_tracklets(task.cloud, tracks, task.rate, replace(task.parameters, min_range=_least_piece(task)))
-    at_once = pieces.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
-    if found.max(initial=-1) >= at_once and 0 < len(pieces) <= MOST_PIECES:  # some may have been found twice
-        group = merge_on_limbs(task.cloud.points, pieces, task.rate, task.spacing)
-        other = _refined(task, tracks, pieces, group, monitor)
-        found = max(found, other, key=lambda labels: _evidence(task, labels))
+    start = by_distances = _grouped(task, tracklets, group)
+    at_once = tracklets.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
+    pieces = _pieces(task, tracks)
+    if pieces is not None and start.max(initial=-1) >= at_once:
+        by_limbs = _on_limbs(task, pieces, np.full(len(tracks), -1))
+        more = _evidence(task, by_limbs)[0] > _evidence(task, by_distances)[0]
+        start = by_limbs if more and by_limbs.max() <= by_distances.max() else by_distances
+    found = _refined(task, tracks, start, monitor)
+    if pieces is not None and start is by_distances and found.max(initial=-1) >= at_once:
+        other = _filled(task, _on_limbs(task, pieces, found), found)
+        evidence, chance = _evidence(task, found)
+        if _evidence(task, other)[0] > evidence + chance:
+            again = _refined(task, tracks, other, monitor)
+            found = again if _evidence(task, again)[0] > evidence + chance else found
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
-def _refined(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, group: Ints, monitor: Monitor) -> Ints:
-    """Marker of each point from groups of tracklets and the skeleton that they imply."""
-    cloud = task.cloud
-    start = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(cloud.n_points)]
-    start = _most_seen(start, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
+def _on_limbs(task: LabelTask, pieces: TrackletPoints, found: Ints) -> Ints:
+    """Marker of each point, merged limb by limb; which limbs there are is told by the markers found so far."""
+    known = main_groups(found[pieces.points], pieces.tracklet_of_point)
+    return _grouped(task, pieces, merge_on_limbs(task.cloud.points, pieces, task.rate, task.spacing, known))
+
+
+def _filled(task: LabelTask, labels: Ints, found: Ints) -> Ints:
+    """Labels of pieces, with points between them as they were found: of the markers that have most in common."""
+    together = point_labels.counts_together(found, labels)[1:, 1:]
+    rows, columns = linear_sum_assignment(together, maximize=True)
+    same = np.full(len(together) + 1, -1, dtype=labels.dtype)
+    same[rows] = columns
+    return point_labels.one_point_a_frame(task.cloud, np.where(labels < 0, same[found], labels))
+
+
+def _grouped(task: LabelTask, tracklets: TrackletPoints, group: Ints) -> Ints:
+    """Marker of each point from groups of tracklets."""
+    found = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(task.cloud.n_points)]
+    return _most_seen(found, MOST_KEPT * max(1, int(np.median(task.cloud.points_per_frame))))
+
+
+def _refined(task: LabelTask, tracks: Ints, start: Ints, monitor: Monitor) -> Ints:
+    """Marker of each point by the skeleton that a first labelling implies."""
     return point_labels.with_unexplained(start, refine_labels(task, tracks, start, monitor), task.least_alone)
 
 
-def _evidence(task: LabelTask, found: Ints) -> float:
-    """How well labels explain the take [nats]."""
+def _evidence(task: LabelTask, found: Ints) -> tuple[float, float]:
+    """How well labels explain the take [nats], and how far that may be chance."""
     return evidence_of_labels(sampled_distances(task.cloud, found, task.rate), task.spacing)
 
 
-def _least_piece(task: LabelTask) -> int:
-    """Frames of the shortest track that is labelled by what is on its limb."""
+def _pieces(task: LabelTask, tracks: Ints) -> TrackletPoints | None:
+    """Tracklets that are long enough to be merged limb by limb; None if these are too many, or none."""
     usual = least_length(task.cloud.n_frames, task.rate, task.parameters)
-    return max(1, round(min(PIECE_SECONDS * task.rate, usual))) + 2 * task.parameters.trim_range
+    least = max(1, round(min(PIECE_SECONDS * task.rate, usual))) + 2 * task.parameters.trim_range
+    n_pieces = int((np.bincount(np.maximum(tracks, -1) + 1)[1:] >= least).sum())
+    if not 0 < n_pieces <= MOST_PIECES:
+        return None
+    pieces = find_tracklets(task.cloud, tracks, task.rate, replace(task.parameters, min_range=least))
+    return pieces if len(pieces) else None
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

@@ -9,14 +9,18 @@ import pytest
 
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.simulation import simulate
+from skelgen.stages.labels import label_markers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels
-from skelgen.stages.labels.merging.limbs import merge_on_limbs, rigid_odds
+from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs, rigid_odds
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.point_labels import counts_together, find_points
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 
 RATE, SPACING = 100.0, 30.0
-PLACES = np.array([[[0, 0, 0], [40, 0, 0], [0, 25, 0], [10, 10, 50.0]], [[0, 0, 0], [35, 5, 0], [5, 45, 0], [0, 20, 30.0]]])
+PLACES = np.array(
+    [[[0, 0, 0], [40, 0, 0], [0, 25, 0], [10, 10, 50.0]], [[0, 0, 0], [35, 5, 0], [5, 45, 0], [0, 20, 30.0]]]
+)
 
 
 def two_limbs(rng, n_frames):
@@ -47,7 +51,7 @@ def test_limb_that_vanishes_whole_is_found_again_by_its_shape():
     pieces = [(marker, first, last) for first, last in ((0, 180), (220, 400)) for marker in range(4)]
     pieces += [(marker, 0, 400) for marker in range(4, 8)]
     points, tracklets = cut_up(positions, pieces)
-    group = merge_on_limbs(points, tracklets, RATE, SPACING)
+    group = merge_on_limbs(points, tracklets, RATE, SPACING, np.arange(len(tracklets)))
     assert group[:4].tolist() == group[4:8].tolist()
     assert len(np.unique(group)) == 8
 
@@ -56,7 +60,7 @@ def test_markers_that_come_back_together_are_told_by_the_distances_between_them(
     positions = two_limbs(np.random.default_rng(1), 400)
     pieces = [(marker, first, last) for first, last in ((0, 200), (230, 400)) for marker in (1, 2, 3)]
     points, tracklets = cut_up(positions, [(0, 0, 400), *pieces, *((marker, 0, 400) for marker in range(4, 8))])
-    group = merge_on_limbs(points, tracklets, RATE, SPACING)
+    group = merge_on_limbs(points, tracklets, RATE, SPACING, np.arange(len(tracklets)))
     assert group[1:4].tolist() == group[4:7].tolist()
 
 
@@ -78,7 +82,8 @@ def test_labels_that_are_exchanged_for_a_while_have_less_evidence():
     wrong[40:, [0, 1]] = wrong[40:, [1, 0]]
     parted = np.concatenate([positions, positions[:, :1]], axis=1)
     parted[:30, 8] = parted[30:, 0] = np.nan
-    right, *others = (evidence_of_labels(np.array(distance_sums(one)), SPACING) for one in (positions, wrong, parted))
+    sums = [np.array(distance_sums(one)) for one in (positions, wrong, parted)]
+    right, *others = (evidence_of_labels(one, SPACING)[0] for one in sums)
     assert right > max(others)
 
 
@@ -86,6 +91,22 @@ def test_tracklets_of_one_group_never_overlap():
     made = simulate("tree:4", seed=0, n_frames=400, dropouts=0.3, dropout_seconds=0.2, noise=0.3, labelled=False)
     tracks, _ = follow_points(made.take, LabelParameters())
     tracklets = find_tracklets(made.take, tracks, RATE, replace(LabelParameters(), min_range=14))
-    group = merge_on_limbs(made.take.points, tracklets, RATE, typical_spacing(made.take))
+    group = merge_on_limbs(made.take.points, tracklets, RATE, typical_spacing(made.take), np.arange(len(tracklets)))
     same = group[:, np.newaxis] == group
     assert not (same & tracklets.overlaps & ~np.eye(len(group), dtype=bool)).any()
+
+
+def test_tracklets_belong_to_the_label_that_most_of_their_points_have():
+    tracklet = np.array([0, 0, 0, 1, 1, 2, 3])
+    assert main_groups(np.array([4, 4, 1, -1, -1, 1, -1]), tracklet)[[0, 2]].tolist() == [4, 1]
+    groups = main_groups(np.array([4, 4, 1, -1, -1, 1, -1]), tracklet)
+    assert len(np.unique(groups)) == 4
+
+
+def test_fast_trees_of_which_a_fourth_is_hidden_are_labelled():
+    options = {"n_frames": 600, "spacing": 25.0, "dropouts": 0.25, "dropout_seconds": 0.35, "noise": 0.3}
+    made = simulate("tree:5", seed=2, labelled=False, **options)
+    trajectories, _ = label_markers(made.take, LabelParameters())
+    found, true = find_points(made.take, trajectories.positions), made.truth.marker_of_point
+    together = counts_together(found, true)[1:, 1:]
+    assert together.max(axis=0).sum() > 0.97 * len(true)

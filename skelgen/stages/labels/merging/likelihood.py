@@ -64,8 +64,8 @@ EXACT = 1e-6
 EXISTENCE = 8.0
 """nats that a marker more costs."""
 
-STEADIEST, LEAST_DEVIATION = 3, 0.02
-"""Distances that fix a marker's place, and the deviation of a distance that is expected beforehand, in spacings."""
+LEAST_DEVIATION = 0.02
+"""Deviation of a distance on a limb that is expected beforehand, in spacings."""
 
 
 class _Deviations(NamedTuple):
@@ -206,11 +206,11 @@ def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
     return count, total, squares
 
 
-def evidence_of_labels(sums: Floats, spacing: float) -> float:
-    """How well markers explain the points [nats]: each is fixed by the steadiest distances that it has; more cost.
+def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
+    """How well markers explain the points [nats], by the steadiest distances of each; and how far that may be chance.
 
-    Labels that are wrong for a while make distances vary, points that are left out and markers that are found twice
-    explain less. Only labels of one take can be compared.
+    Labels that are wrong for a while make distances vary, points that are left out explain nothing, and a marker that
+    is found twice costs. Only labels of one take can be compared.
 
     Parameters
     ----------
@@ -224,7 +224,9 @@ def evidence_of_labels(sums: Floats, spacing: float) -> float:
     variance = (2.0 * (LEAST_DEVIATION * spacing) ** 2 + scatter) / (2.0 + np.maximum(count - 1.0, 0.0))
     gain = count * np.maximum(0.5 * np.log(spacing**2 / np.maximum(variance, EXACT**2)), 0.0)
     np.fill_diagonal(gain, 0.0)
-    return float(np.sort(gain, axis=1)[:, -STEADIEST:].sum()) - EXISTENCE * len(gain)
+    chosen = np.argsort(gain, axis=1)[:, -WITNESSES:]
+    evidence, n_distances = (float(np.take_along_axis(table, chosen, axis=1).sum()) for table in (gain, count))
+    return evidence - EXISTENCE * len(gain), float(np.sqrt(n_distances))
 
 
 def merge_likely(record: DistanceRecord) -> Ints:

@@ -51,6 +51,21 @@ HYPOTHESES = 100
 MOST_MARKERS = 16
 """Markers of a limb; what moves together and has more, such as a person who stands still, is left alone."""
 
+MOST_OVERLAPS = 64
+"""Tracklets of a limb that one of them may overlap."""
+
+ANCHORS = 8
+"""Markers of other limbs that help to tell a limb's markers apart, those whose distances vary least."""
+
+ANCHOR_MOMENTS = 6.0
+"""Independent moments that show an anchor with a marker before it counts."""
+
+ANCHOR_SPACINGS = 1.0
+"""Of the spacing of markers: a distance that varies by more tells little."""
+
+TURNS = 2
+"""Turns in which each limb is labelled by what the others are."""
+
 SHAPE_MARKERS = 6
 """Markers by which shapes are compared, those that are seen most."""
 
@@ -71,9 +86,21 @@ class _Pairs(NamedTuple):
     continuity: Floats
     deviation: float
     spacing: float
+    variance: Floats
 
 
-def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> Ints:
+class _Anchors(NamedTuple):
+    """Tracklets of other limbs whose markers are known: members, markers from 0, how distances to these vary [mm]."""
+
+    members: Ints
+    labels: Ints
+    deviation: Floats
+
+
+NO_ANCHORS = _Anchors(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
+
+
+def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float, known: Ints) -> Ints:
     """Group tracklets into markers.
 
     Parameters
@@ -86,6 +113,8 @@ def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spaci
         Frame rate.
     spacing : float, mm
         Typical distance of neighbouring markers.
+    known : ndarray of intp, shape (n_tracklets,)
+        Groups of tracklets that are on one limb; from `main_groups`.
 
     Returns
     -------
@@ -93,11 +122,64 @@ def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spaci
         Group of each tracklet, from 0 without holes; tracklets of one group never overlap in time.
     """
     pairs = _pairs(points, tracklets, rate, spacing)
-    limbs = [np.flatnonzero(part == number) for part in [_parted(pairs.odds)] for number in range(part.max() + 1)]
-    marker = np.full(len(tracklets), -1, dtype=np.intp)
-    for members, labels in _joined(pairs, [(members, _labelled(pairs, members)) for members in limbs]):
-        marker[members] = marker.max(initial=-1) + 1 + labels
+    among = _table(known)
+    part = _parted(among.T @ pairs.odds @ among)[np.unique(known, return_inverse=True)[1]]
+    limbs = [np.flatnonzero(part == number) for number in range(part.max() + 1)]
+    marker, limb = np.full((2, len(tracklets)), -1, dtype=np.intp)
+    for number, (members, labels) in enumerate(_joined(pairs, [(part, _labelled(pairs, part)) for part in limbs])):
+        marker[members], limb[members] = marker.max(initial=-1) + 1 + labels, number
+    for _ in range(TURNS):
+        for number in range(limb.max() + 1):
+            members = np.flatnonzero(limb == number)
+            if 2 < len(np.unique(marker[members])) < len(members):
+                found = _labelled(pairs, members, _anchors(pairs, members, marker))
+                marker[members] = marker.max() + 1 + found
+        marker = np.unique(marker, return_inverse=True)[1]
     return marker
+
+
+def main_groups(label: Ints, tracklet: Ints) -> Ints:
+    """Return the label that most points of each tracklet have; of those without labels a number of its own.
+
+    Parameters
+    ----------
+    label : ndarray of intp, shape (n,)
+        Label of each point, -1 for none.
+    tracklet : ndarray of intp, shape (n,)
+        Its tracklet; each has a point.
+    """
+    n_labels = int(label.max(initial=-1)) + 1
+    counts = np.zeros((int(tracklet.max(initial=-1)) + 1, n_labels + 1), dtype=np.intp)
+    np.add.at(counts, (tracklet, np.where(label < 0, n_labels, label)), 1)
+    most = counts.argmax(axis=1)
+    return np.where(most < n_labels, most, n_labels + np.arange(len(most)))
+
+
+def _anchors(pairs: _Pairs, members: Ints, marker: Ints) -> _Anchors:
+    """The markers of other limbs whose distances to a limb's markers vary least."""
+    outside = np.setdiff1d(np.arange(len(marker)), members)
+    among = [_table(marker[members]), _table(marker[outside])]
+    block = np.ix_(members, outside)
+    weight, mean = pairs.weight[block], pairs.distance[block]
+    total = among[0].T @ weight @ among[1]
+    middle = among[0].T @ (weight * mean) @ among[1] / np.maximum(total, 1.0)
+    squares = among[0].T @ (weight * (mean**2 + pairs.variance[block])) @ among[1] / np.maximum(total, 1.0)
+    known = total >= ANCHOR_MOMENTS
+    deviation = np.sqrt(np.maximum(squares - middle**2, pairs.deviation**2))
+    deviation[~known] = np.nan
+    usual = np.full(deviation.shape[1], np.inf)
+    usual[known.any(axis=0)] = np.nanmedian(deviation[:, known.any(axis=0)], axis=0)
+    chosen = np.argsort(usual, kind="stable")[:ANCHORS]
+    chosen = chosen[usual[chosen] < ANCHOR_SPACINGS * pairs.spacing]
+    which = np.full(len(usual), -1, dtype=np.intp)
+    which[chosen] = np.arange(len(chosen))
+    label = which[np.unique(marker[outside], return_inverse=True)[1]]
+    return _Anchors(outside[label >= 0], label[label >= 0], usual[chosen])
+
+
+def _table(labels: Ints) -> Floats:
+    """Which tracklets are which of the markers that these have, shape (n, n_markers)."""
+    return np.asarray(labels[:, np.newaxis] == np.unique(labels), dtype=np.float64)
 
 
 def _pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> _Pairs:
@@ -115,7 +197,7 @@ def _pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: floa
     before, after, evidence = continuity_evidence(points, tracklets, rate, spacing)
     continuity[before, after] = np.clip(evidence, -MOST_CONTINUITY, MOST_CONTINUITY)
     weight = np.where(count > 0.0, 1.0 + count / (SAMPLE_SECONDS * rate), 0.0)
-    return _Pairs(tracklets, weight, mean, odds, continuity, rigid, spacing)
+    return _Pairs(tracklets, weight, mean, odds, continuity, rigid, spacing, deviation**2)
 
 
 def rigid_odds(count: Floats, deviation: Floats) -> tuple[Floats, float]:
@@ -177,25 +259,30 @@ def _parted(odds: Floats) -> Ints:
     return np.asarray(np.unique(part, return_inverse=True)[1], dtype=np.intp)
 
 
-def _labelled(pairs: _Pairs, members: Ints) -> Ints:
+def _labelled(pairs: _Pairs, members: Ints, anchors: _Anchors = NO_ANCHORS) -> Ints:
     """Markers of a limb's tracklets, from 0; each one by itself where there are too many."""
     tracklets = pairs.tracklets
-    order = members[np.argsort(tracklets.first[members], kind="stable")]
-    spans = np.stack([tracklets.first[order], tracklets.last[order]], axis=1).astype(np.intp)
-    at_once = int((spans[:, :1] <= spans[:, 0]).__and__(spans[:, 1:] >= spans[:, 0]).sum(axis=0).max())
-    if at_once > MOST_MARKERS:
+    overlaps = pairs.tracklets.first[members][:, np.newaxis] <= pairs.tracklets.last[members]
+    if (overlaps & overlaps.T).sum(axis=1).max() > MOST_OVERLAPS:
         return np.arange(len(members))
-    n_found = min(len(order), MOST_MARKERS)
-    block = np.ix_(order, order)
+    n_found = min(len(members), MOST_MARKERS)
+    all_members = np.concatenate([members, anchors.members])
+    given = np.concatenate([np.full(len(members), -1, dtype=np.intp), n_found + anchors.labels])
+    order = np.argsort(tracklets.first[all_members], kind="stable")
+    chosen = all_members[order]
+    spans = np.stack([tracklets.first[chosen], tracklets.last[chosen]], axis=1).astype(np.intp)
+    block = np.ix_(chosen, chosen)
     limb = LimbTracklets(
-        *contiguous(spans, np.full(len(order), -1, dtype=np.intp), pairs.weight[block]),
-        *contiguous(pairs.distance[block], pairs.continuity[block]),
+        *contiguous(spans, given[order], pairs.weight[block], pairs.distance[block], pairs.continuity[block])
     )
-    law = LabelLaw(np.full(n_found, pairs.deviation), pairs.spacing, EXISTENCE, n_found, HYPOTHESES)
-    found = most_probable_labels(limb, law)
+    deviation = np.concatenate([np.full(n_found, pairs.deviation), anchors.deviation])
+    law = LabelLaw(deviation, pairs.spacing, EXISTENCE, n_found, HYPOTHESES)
+    found = np.empty(len(chosen), dtype=np.intp)
+    found[order] = most_probable_labels(limb, law)
+    found = found[: len(members)]
     missing = np.flatnonzero(found < 0)
     found[missing] = found.max(initial=-1) + 1 + np.arange(len(missing))
-    return np.asarray(found[np.argsort(np.argsort(tracklets.first[members], kind="stable"), kind="stable")])
+    return found
 
 
 class _Shape(NamedTuple):
