@@ -120,8 +120,8 @@ class Topology:
         return next(set(body.tolist()) for body in self.bodies if limb in body)
 
     def for_take(self, n_frames: int) -> Topology:
-        """Return the same tree for another take, where joints were not sought frame by frame."""
-        return replace(self, raw_joint_positions=np.full((n_frames, self.n_joints, 3), np.nan))
+        """Return the same tree for another take, where joints were not sought frame by frame, nor those of a span."""
+        return replace(self, raw_joint_positions=np.full((n_frames, self.n_joints, 3), np.nan), spans=())
 
     @property
     def n_limbs(self) -> int:

@@ -131,5 +131,6 @@ def test_the_project_holds_and_tells_spans(tmp_path):
     assert (row["joint"], row["first_frame"], row["last_frame"]) == (f"{hand}-{tool}", first, last)
     page = write_report(project, tmp_path / "take.html").read_text()
     assert "Joints that hold for a part of the take only" in page
+    assert project.topology.for_take(50).spans == ()
     (half,) = with_rate(project, 50.0).topology.spans
     assert (half.first_frame, half.last_frame) == (round(first / 2), round(last / 2))
