@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
-from skelgen.app.inputs import body_of, check_take, trajectories_from_poses
+from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
 from skelgen.model import (
@@ -27,7 +27,9 @@ from skelgen.model import (
     Trajectories,
 )
 from skelgen.model.arrays import Floats
+from skelgen.model.joint_spans import JointSpan
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints import find_joint_spans
 from skelgen.stages.labels import PointLabels, history_of, labelling_of_cloud, labelling_of_markers
 from skelgen.stages.subject import (
     SensorShift,
@@ -211,13 +213,21 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     notice = _where_from(subject)
     trajectories = Trajectories(positions, names, take.rate, take.name, take.notices)
     done = project.with_trajectories(trajectories, StageReport({}, 0.0, (notice, *sentences)))
-    limbs = Limbs(skeleton.limb_of_marker, np.full((len(names), len(names)), np.nan))
+    limbs = Limbs(skeleton.limb_of_marker, np.full((len(names), len(names)), np.nan), skeleton.limb_names)
     posing = StageReport(settings.skeleton.as_mapping(), time.perf_counter() - started, (notice,))
-    return _with_skeleton(done, subject, limbs, (skeleton, motion), posing)
+    spans, _ = find_joint_spans(poses_of_markers(trajectories), subject.topology.parents, take.rate)
+    for span in spans:
+        monitor.notice(span.told_of(skeleton.limb_names))
+    return _with_skeleton(done, subject, limbs, (skeleton, motion), posing, spans)
 
 
 def _with_skeleton(
-    project: Project, subject: Project, limbs: Limbs, found: tuple[Skeleton, Motion], report: StageReport
+    project: Project,
+    subject: Project,
+    limbs: Limbs,
+    found: tuple[Skeleton, Motion],
+    report: StageReport,
+    spans: tuple[JointSpan, ...] = (),
 ) -> Project:
     if np.array_equal(limbs.limb_of_marker, subject.limbs.limb_of_marker):
         limbs = replace(limbs, membership=subject.limbs.membership)
@@ -225,7 +235,9 @@ def _with_skeleton(
         bodies, sure = subject.limbs.body_of_limb, subject.limbs.body_probability
         limbs = replace(limbs, body_of_limb=bodies, body_probability=sure)
     done = project.with_limbs(limbs, StageReport({}, 0.0, report.notices))
-    done = done.with_topology(subject.topology.for_take(project.take.n_frames), StageReport({}, 0.0, report.notices))
+    told = tuple(span.told_of(found[0].limb_names) for span in spans)
+    topology = replace(subject.topology.for_take(project.take.n_frames), spans=spans)
+    done = done.with_topology(topology, StageReport({}, 0.0, (*report.notices, *told)))
     return done.with_skeleton(*found, report)
 
 

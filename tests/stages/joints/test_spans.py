@@ -134,3 +134,13 @@ def test_the_project_holds_and_tells_spans(tmp_path):
     assert project.topology.for_take(50).spans == ()
     (half,) = with_rate(project, 50.0).topology.spans
     assert (half.first_frame, half.last_frame) == (round(first / 2), round(last / 2))
+
+
+def test_takes_of_a_body_that_is_known_are_searched_too():
+    simulated = simulate("rods", seed=3, **{**SENSORS, "n_frames": 900}, hold="tool")
+    first, last = simulated.truth.hold_frames[0].tolist()
+    known = skelgen.reconstruct(simulated.take)
+    again = skelgen.apply_subject(simulated.take, known)
+    (span,) = again.topology.spans
+    assert abs(span.first_frame - first) <= FEW_FRAMES and abs(span.last_frame - last) <= FEW_FRAMES
+    assert span.told_of(again.limbs.names) in again.reports["joints"].notices
