@@ -258,11 +258,21 @@ def _markers_of_segments(project: Project, marker_set: str) -> list[tuple[str, .
     return [tuple(markers) for markers in segments.values()]
 
 
+def names_by_markers(project: Project) -> tuple[str, ...]:
+    """What limbs are called by their markers, whatever the user calls them."""
+    from skelgen.stages.names import find_marker_set, name_limbs, recognised_set  # noqa: PLC0415 - reads tables
+
+    markers, report = project.trajectories.names, project.reports.get("limbs")
+    stated = str(report.parameters.get("marker_set", "auto")) if report else "auto"
+    worn = recognised_set(markers) if stated in {"auto", "none"} else find_marker_set(stated, markers)
+    return name_limbs(project.limbs, markers, worn)
+
+
 def joints_of_person(project: Project) -> dict[tuple[int, int], bool]:
     """Joints between the segments of a person that limbs are named by; a segment that is missing is passed over."""
     from skelgen.stages.names import PARENTS  # noqa: PLC0415 - reads tables
 
-    limb_of = {name: limb for limb, name in enumerate(project.limbs.names)}
+    limb_of = {name: limb for limb, name in enumerate(names_by_markers(project))}
     joints = {}
     for name, limb in limb_of.items():
         parent = PARENTS.get(name, "")
@@ -323,7 +333,7 @@ def read_hierarchy(path: Path | str) -> dict[str, str]:
 def read_limb_names(path: Path | str) -> dict[str, str]:
     """Read names of limbs: a line ``marker,name`` calls the limb of the marker by the name.
 
-    Lines that begin with ``#`` and empty lines are skipped.
+    Lines that begin with ``#``, empty lines, and a header ``marker,name`` are skipped.
 
     Raises
     ------
@@ -345,7 +355,7 @@ def _read_pairs(path: Path, form: str, what: str) -> dict[str, str]:
         raise FormatError(path, "", "is no text in UTF-8") from error
     pairs: dict[str, str] = {}
     for number, line in enumerate(lines, start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
+        if not line.strip() or line.lstrip().startswith("#") or (not pairs and line.replace(" ", "").lower() == form):
             continue
         first, _, second = (part.strip() for part in line.partition(","))
         if not first or "," in second:

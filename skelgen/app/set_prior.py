@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelgen.app.constraints import names_by_markers
 from skelgen.model import Limbs, Project, Topology
 from skelgen.progress import Monitor
 
@@ -179,7 +180,7 @@ def with_tree(
     monitor : Monitor
         Is told which joints the data refuse.
     """
-    names = [name.rstrip("0123456789 ") for name in project.limbs.names]
+    names = [name.rstrip("0123456789 ") for name in names_by_markers(project)]
     found = {frozenset((names[one], names[other])) for one, other in topology.edges.tolist()}
     missing = [pair for pair in wanted if frozenset((names[pair[0]], names[pair[1]])) not in found]
     probability = topology.edge_probability

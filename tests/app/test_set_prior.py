@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.constraints import read_limb_names
 from skelgen.stages.names import PARENTS
 
 
@@ -28,6 +29,15 @@ def test_limbs_and_tree_are_those_of_the_set(walking):
     assert set(project.limbs.names) == set(truth.limb_names)
     assert edges_of(project) == {frozenset((truth.limb_names[a], truth.limb_names[b])) for a, b in truth.edges}
     assert edges_of(project) <= {frozenset(pair) for pair in PARENTS.items()}
+
+
+def test_a_limb_that_the_user_calls_otherwise_stays_where_the_set_has_it(walking, tmp_path):
+    (tmp_path / "names.csv").write_text("marker, name\nLFIN, racket\n")
+    assert read_limb_names(tmp_path / "names.csv") == {"LFIN": "racket"}
+    project = skelgen.correct(skelgen.reconstruct(walking.take, until="limbs"), "name", ["LFIN"], "racket")
+    named = skelgen.reconstruct(project)
+    assert named.skeleton.limb_names[named.limbs.limb_of_marker[walking.take.names.index("LFIN")]] == "racket"
+    assert frozenset(("racket", "left forearm")) in edges_of(named)
 
 
 def test_a_marker_that_surely_moves_with_another_limb_stays_there_with_a_note():

@@ -27,7 +27,7 @@ LABELS = (*((segment, -1) for segment in TRUNK), *((segment, side) for side in (
 """What a limb may be: a segment, and its side, 0 or 1, or -1 of those in the middle."""
 
 NOISE, SMALLEST = 8.0, 5.0  # mm: what is added to ranges of distances, and to sizes, before their logarithms
-_OUTLIERS = 0.02  # of the pairs are as any pair
+_OUTLIERS = 0.04  # of the pairs are as any pair
 _LEAST_JOINED = 0.005
 _JOINED = {"neighbours": 0.75, "pieces": 0.7, "feet": 0.15, "beyond": 0.06}
 """How often limbs are joined in the trees that are found; the rest as `_LEAST_JOINED`."""
