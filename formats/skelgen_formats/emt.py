@@ -66,7 +66,9 @@ def read_emt(path: Path) -> Trajectories | PointCloud:
     unit, rate, frames = (_value(path, header, key) for key in ("measure unit", "frequency", "frames"))
     rate_hz = rate_in(path, rate[0], rate[1].removesuffix("Hz").strip(), "Frequency")
     notices: list[str] = []
-    rows = parse_rows(path, whole_lines(lines, number, len(titles), "\t", notices), len(titles), "\t", columns)
+    rows = parse_rows(
+        path, whole_lines(lines.numbered(number), len(lines), len(titles), "\t", notices), len(titles), "\t", columns
+    )
     rows = uncut(lines, rows, count_in(path, *frames, "Frames"), notices)
     positions = scaled(path, rows.reshape(len(rows), len(names), 3), mm_per_unit(path, *unit))
     return take_from_markers(path, positions, list(names.values()), rate_hz, notices)

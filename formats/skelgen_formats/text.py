@@ -238,16 +238,16 @@ def rate_in(path: Path, place: str | int, text: str, what: str) -> float:
 
 
 def whole_lines(
-    lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[str]
+    numbered: Iterable[tuple[int, str]], n_lines: int, n_cells: int, delimiter: str, notices: list[str]
 ) -> Iterator[tuple[int, str]]:
-    """Yield the lines that are not blank with their numbers; the last of a file that is cut off is left out.
+    """Yield lines with their numbers; the last of a file that is cut off is left out.
 
     Parameters
     ----------
-    lines : Lines
+    numbered : iterable of (number, line)
+        From `Lines.numbered`.
+    n_lines : int
         Of the file.
-    first : int
-        Index of the first line with numbers.
     n_cells : int
         Cells that each must have.
     delimiter : str
@@ -255,8 +255,8 @@ def whole_lines(
     notices : list of str
         Gets a sentence if the last line is cut off.
     """
-    for number, line in lines.numbered(first):
-        if number == len(lines) and line.count(delimiter) < n_cells - 1:
+    for number, line in numbered:
+        if number == n_lines and line.count(delimiter) < n_cells - 1:
             notices.append(f"line {number}, the last, is cut off and left out")
             return
         yield number, line

@@ -41,7 +41,16 @@ from skelgen_formats.marker_output import (
 )
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
-from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
+from skelgen_formats.text import (
+    Lines,
+    count_in,
+    decoded_head,
+    parse_rows,
+    rate_in,
+    read_lines,
+    whole_lines,
+    without_trailing_empty,
+)
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
@@ -106,7 +115,8 @@ def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     table = _table(path, lines, start, delimiter, announced, notices)
     if not table.names:
         raise FormatError(path, start + 4, "no marker is named and none has columns: nothing can be read from it")
-    rows = parse_rows(path, _rows(lines, start, table), table.n_cells, delimiter, leading=_LEADING_CELLS)
+    whole = whole_lines(_rows(lines, start, table), len(lines), table.n_cells, delimiter, notices)
+    rows = parse_rows(path, whole, table.n_cells, delimiter, leading=_LEADING_CELLS)
     n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, n_frames, rows, notices)
     positions = zeros_unseen(rows.reshape(len(rows), len(table.names), 3))

@@ -92,12 +92,15 @@ def test_missing_file_and_folder_are_format_errors(refused, tmp_path, name):
     assert "cannot be read" in refused(tmp_path, name)
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in MARKER_FILES if name not in {"c3d", "csm"}]
-)  # whose whole part is read
-def test_half_a_file_is_a_format_error(refused, put, valid_file, name):
+@pytest.mark.parametrize("name", MARKER_FILES)
+def test_whole_frames_of_a_cut_file_are_read(put, valid_file, name):
     content = valid_file(name).read_bytes()
-    refused(put(f"half.{name}", content[: len(content) // 2]), name)
+    missing = 600 if name == "c3d" else 60 if name in {"trc", "csm"} else 12  # more than a block, or than a cell
+    whole, cut = read_take(valid_file(name)), read_take(put(f"cut.{name}", content[:-missing]), name)
+    assert 0 < cut.n_frames < whole.n_frames
+    seen = cut.seen
+    np.testing.assert_array_equal(cut.positions[seen], whole.positions[: cut.n_frames][seen])
+    assert any("cut off" in notice for notice in cut.notices)
 
 
 def test_unknown_option_is_named(walk, tmp_path):
