@@ -113,7 +113,8 @@ def calibrate_room(
             if time.monotonic() - told > TOLD_EVERY:
                 monitor.notice(str(taking.progress()))
                 told = time.monotonic()
-    return _on_ground(taking.calibrate(), ground, monitor)
+    found = on_floor(taking.calibrate(), ground, monitor)
+    return RoomSettings(found.rig), found
 
 
 def calibrate_room_by_boards(
@@ -146,21 +147,36 @@ def calibrate_room_by_boards(
 
     source = open_room_source(held)
     frames, sizes = all_seen(source, seen_in(source, lambda image: corners_in(image, board), monitor))
-    return _on_ground(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
+    found = on_floor(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
+    return RoomSettings(found.rig), found
 
 
-def _on_ground(
-    done: "WandCalibration", ground: Ground | None, monitor: Monitor
-) -> "tuple[RoomSettings, WandCalibration]":
-    if ground is not None:
-        from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415
-        from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
-        from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
-        from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = SILENT) -> "WandCalibration":
+    """Return a calibration whose world is the floor; the calibration as it is without one.
 
-        lying, _ = balls_of(open_room_source(ground.source), monitor)
-        done = on_ground(done, find_ground(lying, done.rig, ground.arms))
-    return RoomSettings(done.rig), done
+    Parameters
+    ----------
+    done : WandCalibration
+        In any world.
+    ground : Ground or None
+        Where the L-frame lies.
+    monitor : Monitor
+        Reports how many images are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        As `skelgen.capture.room.ground.find_ground`.
+    """
+    if ground is None:
+        return done
+    from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
+    from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+
+    lying, _ = balls_of(open_room_source(ground.source), monitor)
+    return on_ground(done, find_ground(lying, done.rig, ground.arms))
 
 
 def save_room(settings: RoomSettings, path: Path) -> None:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication
 
 from skelgen.app.capture_jobs.messages import CameraImage
 from skelgen.capture.live import Captured
-from skelgen_gui.capture.pictures import PicturePair
+from skelgen_gui.capture.pictures import Pictures
 
 INTERVAL = 0.04
 """s between two pictures: more would only delay the capture."""
@@ -26,7 +26,7 @@ class LivePictures:
     def __init__(self, names: Sequence[str]) -> None:
         self._app = QApplication.instance() or QApplication(["skelgen"])
         self._names, self._shown_at = tuple(names), -INTERVAL
-        self.view = PicturePair()
+        self.view = Pictures()
         self.view.setWindowTitle(self.view.tr("Cameras"))
 
     def __enter__(self) -> Self:

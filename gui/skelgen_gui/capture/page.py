@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
-from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot
-from skelgen.model.rig import StereoRig
+from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot, WandShot
+from skelgen.capture.calibration.board import LEAST_CORNERS
+from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
 from skelgen_gui.capture.forms import FileField
 from skelgen_gui.capture.joint_step import JointStep
 from skelgen_gui.capture.live import LivePanel
-from skelgen_gui.capture.pictures import PicturePair
+from skelgen_gui.capture.pictures import Pictures
+from skelgen_gui.capture.room_step import RoomStep
 from skelgen_gui.capture.space import Space
 from skelgen_gui.capture.target_step import TargetStep
 from skelgen_gui.project.context import Context
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class CapturePage(QWidget):
-    """Captures with two cameras.
+    """Captures with two cameras, and calibrates those of a room.
 
     Attributes
     ----------
@@ -51,11 +53,13 @@ class CapturePage(QWidget):
         self.tabs.setAccessibleName(self.tr("Capture or calibrate"))
         self.tabs.setToolTip(self.tr("Calibrate cameras, targets and joints in this order, then capture with them"))
         self.camera_step = CameraStep(context.jobs, context.report_error, lambda: self.live.choice.settings.path, self)
+        self.room = RoomStep(context.jobs, context.report_error, self)
         self.target = TargetStep(context.jobs, context.report_error, self)
         self.joints = JointStep(context.jobs, context.report_error, self)
         for panel, title, tip in (
             (self.live, self.tr("Live"), self.tr("Capture, see and record")),
             (self.camera_step, self.tr("Cameras"), self.tr("Measure the cameras with a chessboard")),
+            (self.room, self.tr("Room"), self.tr("Measure many cameras around a room with a wand")),
             (self.target, self.tr("Rigid body"), self.tr("Measure the balls of a target")),
             (self.joints, self.tr("Joints"), self.tr("Measure the joints between targets")),
         ):
@@ -66,6 +70,8 @@ class CapturePage(QWidget):
         self.live.ended.connect(self._remember)
         self.camera_step.shot.connect(lambda shot: self.view.pictures.show_pair(shot.left, shot.right))
         self.camera_step.calibrated.connect(self._show_calibrated)
+        self.room.shot.connect(self._show_waved)
+        self.room.calibrated.connect(self._show_calibrated)
         self.camera_step.forgotten.connect(self.view.pictures.clear)
         self.camera_step.forgotten.connect(self.view.space.clear)
         self._fields = [one.settings for one in (self.live.choice, self.target.form, self.joints.form)]
@@ -82,9 +88,15 @@ class CapturePage(QWidget):
             if ended.settings is not None:
                 self._cameras.remember(recorded.path, ended.settings.rig)
 
-    def _show_calibrated(self, rig: StereoRig, boards: FoundInSpace) -> None:
+    def _show_calibrated(self, rig: StereoRig | CameraRig, found: FoundInSpace) -> None:
         self.view.space.show_rig(rig)
-        self.view.space.show_found(boards)
+        self.view.space.show_found(found)
+
+    def _show_waved(self, shot: WandShot) -> None:
+        progress = shot.progress
+        covered = progress.covered >= LEAST_CORNERS
+        titles = [f"{name}: {views}" for name, views in zip(progress.names, progress.n_views.tolist(), strict=True)]
+        self.view.pictures.show_all(shot.images, titles, tuple(covered))
 
     def _show_target(self, shot: TargetShot[BodyProgress] | TargetShot[JointProgress]) -> None:
         self.view.pictures.show_pair(shot.left, shot.right)
@@ -114,7 +126,7 @@ class _CaptureView(QSplitter):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
-        self.pictures, self.space = PicturePair(self), Space(self)
+        self.pictures, self.space = Pictures(self), Space(self)
         self.addWidget(self.pictures)
         self.addWidget(self.space)
         self.setStretchFactor(0, 1)

@@ -1,4 +1,6 @@
-"""Both cameras' pictures side by side, with what was found in them."""
+"""The pictures of two or more cameras beside each other, with what was found in them."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
@@ -7,19 +9,22 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.capture_jobs.messages import NO_BODY, CameraImage
 from skelgen.app.drawing.colours import limb_colour
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.widgets.painting import draw_lines
 
 LOOSE = QColor("#f2c94c")
 """Of balls that belong to no body; pictures are dark on light desktops too."""
 
 BOARD = QColor("#3ddc84")
-"""Of the corners of a board."""
+"""Of the corners of a board, and of the parts of a picture in which a wand has been."""
 
 _GROUND, _FRAME, _TEXT = QColor("#111316"), QColor("#4a515b"), QColor("#e6e8eb")
 _GAP = 6.0  # px, between the pictures
 _RING, _CORNER = 6.0, 2.5  # px, radii of marks on the screen
 _INK = 1.6  # px
+_VEIL = 0.18  # how much of the colour lies over parts that are covered
+TWO = 2
+"""Pictures that always stand side by side."""
 
 
 def group_colour(group: int) -> QColor:
@@ -27,8 +32,8 @@ def group_colour(group: int) -> QColor:
     return LOOSE if group == NO_BODY else QColor(limb_colour(group, dark=True))
 
 
-class PicturePair(QWidget):
-    """The newest pictures of both cameras.
+class Pictures(QWidget):
+    """The newest pictures of all cameras, as large as there is room for.
 
     Parameters
     ----------
@@ -38,39 +43,57 @@ class PicturePair(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._images: tuple[CameraImage, CameraImage] | None = None
-        self.setAccessibleName(self.tr("Pictures of both cameras"))
+        self._images: tuple[CameraImage, ...] = ()
+        self._titles: tuple[str, ...] = ()
+        self._covered: tuple[Bools, ...] = ()
+        self.setAccessibleName(self.tr("Pictures of the cameras"))
         self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
     def show_pair(self, left: CameraImage, right: CameraImage) -> None:
-        """Show other pictures; they replace those before.
+        """Show other pictures of two cameras; they replace those before.
 
         Parameters
         ----------
         left, right : CameraImage
             What both cameras see.
         """
-        self._images = left, right
+        self.show_all((left, right), (self.tr("left"), self.tr("right")))
+
+    def show_all(
+        self, images: Sequence[CameraImage], titles: Sequence[str], covered: Sequence[Bools] | None = None
+    ) -> None:
+        """Show other pictures; they replace those before.
+
+        Parameters
+        ----------
+        images : sequence of CameraImage
+            What all cameras see.
+        titles : sequence of str
+            What they are called.
+        covered : sequence of ndarray of bool, shape (rows, columns), optional
+            In which parts of each picture a wand has been.
+        """
+        self._images, self._titles = tuple(images), tuple(titles)
+        self._covered = () if covered is None else tuple(covered)
         self.update()
 
     def clear(self) -> None:
         """Show none."""
-        self._images = None
+        self._images = ()
         self.update()
 
-    def place_of(self, side: int, x: float, y: float) -> QPointF:
-        """Return where a place [px] in the left (0) or right (1) picture is in this widget.
+    def place_of(self, camera: int, x: float, y: float) -> QPointF:
+        """Return where a place [px] in a picture is in this widget.
 
         Parameters
         ----------
-        side : int
-            0 is the left picture, 1 the right one.
+        camera : int
+            Which picture; of two, 0 is the left one, 1 the right one.
         x, y : float, px
             The place in the picture.
         """
-        seen = self._images[side] if self._images is not None else None
-        box, scale = self._box(side, seen)
+        box, scale = self._box(camera)
         return box.topLeft() + QPointF((x + 0.5) * scale, (y + 0.5) * scale)
 
     def sizeHint(self) -> QSize:
@@ -82,31 +105,62 @@ class PicturePair(QWidget):
         return QSize(240, 90)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Paint both pictures."""
+        """Paint all pictures."""
         with QPainter(self) as painter:
             painter.fillRect(self.rect(), _GROUND)
-            if self._images is None:
+            if not self._images:
                 painter.setPen(_TEXT)
                 flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
-                words = self.tr("Pictures of both cameras are shown here")
+                words = self.tr("Pictures of the cameras are shown here")
                 painter.drawText(self.rect().adjusted(12, 12, -12, -12), flags, words)
                 return
-            for side, title in enumerate((self.tr("left"), self.tr("right"))):
-                box, scale = self._box(side, self._images[side])
+            for camera, (seen, title) in enumerate(zip(self._images, self._titles, strict=True)):
+                box, scale = self._box(camera)
                 painter.save()
                 painter.setClipRect(box)
-                _paint_image(painter, self._images[side], box, scale)
+                _paint_image(painter, seen, box, scale)
+                if self._covered:
+                    _paint_covered(painter, box, self._covered[camera])
                 painter.setPen(_TEXT)
                 painter.drawText(box.adjusted(8, 5, -8, -5), Qt.AlignmentFlag.AlignLeft, title)
                 painter.restore()
 
-    def _box(self, side: int, seen: CameraImage | None) -> tuple[QRectF, float]:
+    def _box(self, camera: int) -> tuple[QRectF, float]:
         """Where a picture lies in the widget, and how many pixels of the widget one of its pixels takes."""
-        height, width = (480, 640) if seen is None else seen.image.shape
-        half = (self.width() - _GAP) / 2
-        scale = min(half / width, self.height() / height)
-        left = side * (half + _GAP) + (half - scale * width) / 2
-        return QRectF(left, (self.height() - scale * height) / 2, scale * width, scale * height), scale
+        shapes = [seen.image.shape for seen in self._images] or [(480, 640)]
+        height, width = shapes[camera] if camera < len(shapes) else shapes[0]
+        columns, cell = _grid(max(len(shapes), camera + 1), width / height, (self.width(), self.height()))
+        scale = min(cell[0] / width, cell[1] / height)
+        row, column = divmod(camera, columns)
+        left = column * (cell[0] + _GAP) + (cell[0] - scale * width) / 2
+        top = row * (cell[1] + _GAP) + (cell[1] - scale * height) / 2
+        return QRectF(left, top, scale * width, scale * height), scale
+
+
+def _grid(count: int, ratio: float, size: tuple[int, int]) -> tuple[int, tuple[float, float]]:
+    """How many columns let pictures be largest, and the room for each."""
+    best, largest = (count, (1.0, 1.0)), 0.0
+    for columns in range(count, 0, -1):
+        rows = -(-count // columns)
+        cell = (size[0] - (columns - 1) * _GAP) / columns, (size[1] - (rows - 1) * _GAP) / rows
+        shown = min(cell[0], cell[1] * ratio)
+        if shown > largest and (count != TWO or columns == TWO):
+            best, largest = (columns, cell), shown
+    return best
+
+
+def _paint_covered(painter: QPainter, box: QRectF, covered: Bools) -> None:
+    """Parts of a picture in which a wand has been in colour, the others framed."""
+    rows, columns = covered.shape
+    for row in range(rows):
+        for column in range(columns):
+            colour = QColor(BOARD)
+            colour.setAlphaF(_VEIL if covered[row, column] else 0.0)
+            painter.setBrush(colour)
+            painter.setPen(_FRAME)
+            width, height = box.width() / columns, box.height() / rows
+            painter.drawRect(QRectF(box.left() + column * width, box.top() + row * height, width, height))
+    painter.setBrush(Qt.BrushStyle.NoBrush)
 
 
 def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float) -> None:

@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.capture_jobs.messages import NO_BODY, FoundInSpace
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import StereoRig
-from skelgen_gui.model.cameras import DEPTH, cameras_of
+from skelgen.model.rig import CameraRig, StereoRig
+from skelgen_gui.model.cameras import DEPTH, cameras_of, up_axis
 from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.view3d.backdrop import paint_background
@@ -44,7 +44,9 @@ class Space(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._canvas = Canvas(_HOME, 1, 1)
-        self._rig: StereoRig | None = None
+        self._rig: StereoRig | CameraRig | None = None
+        self._names: tuple[str, ...] = ()
+        self._shown_from_world = _SHOWN_FROM_RIG
         self._frustums: Floats = np.zeros((0, 2, 3))
         self._found = FoundInSpace()
         self._is_home = True
@@ -56,13 +58,20 @@ class Space(QWidget):
             self.tr("Dragging turns, the right button moves, the wheel zooms; F fits, 1 looks from the cameras")
         )
 
-    def show_rig(self, rig: StereoRig) -> None:
+    def show_rig(self, rig: StereoRig | CameraRig) -> None:
         """Show the cameras of a rig, and what they look at."""
         if rig is self._rig:
             return
         self._rig, self._is_home, self._found = rig, True, FoundInSpace()
         self._canvas = replace(self._canvas, viewpoint=_HOME)
-        self._lay_frustums(2 * rig.baseline)  # a typical distance, before anything was seen
+        if isinstance(rig, CameraRig):
+            self._names = rig.names
+            is_on_floor = up_axis(cameras_of(rig)) == _HOME.up
+            self._shown_from_world = np.eye(3) if is_on_floor else _SHOWN_FROM_RIG
+            self._lay_frustums(float(np.linalg.norm(rig.places - rig.places.mean(axis=0), axis=1).mean()))
+        else:
+            self._names, self._shown_from_world = (self.tr("left"), self.tr("right")), _SHOWN_FROM_RIG
+            self._lay_frustums(2 * rig.baseline)  # a typical distance, before anything was seen
 
     def clear(self) -> None:
         """Show nothing: what was found belongs to other images."""
@@ -74,13 +83,13 @@ class Space(QWidget):
         """Show what was found in a pair of images."""
         is_first = not len(self._found.points) and len(found.points) > 0
         self._found = found
-        if is_first and self._is_home:
+        if is_first and self._is_home and isinstance(self._rig, StereoRig):
             self._lay_frustums(float(np.median(np.linalg.norm(found.points, axis=1))))
         self.update()
 
     def fit(self) -> None:
         """Look at the cameras and all that was found."""
-        everything = np.concatenate([self._frustums.reshape(-1, 3), _shown(self._found.points)])
+        everything = np.concatenate([self._frustums.reshape(-1, 3), self._shown(self._found.points)])
         canvas = self._canvas
         self._canvas = replace(canvas, viewpoint=canvas.viewpoint.fitted(everything, canvas.width, canvas.height))
         self.update()
@@ -165,7 +174,7 @@ class Space(QWidget):
     def _lay_frustums(self, distance: float) -> None:
         if self._rig is not None:
             lines = [camera.lines(DEPTH * distance) for camera in cameras_of(self._rig)]
-            self._frustums = _shown(np.concatenate(lines).reshape(-1, 3)).reshape(-1, 2, 3)
+            self._frustums = self._shown(np.concatenate(lines).reshape(-1, 3)).reshape(-1, 2, 3)
             self.fit()
 
     def _paint_lines(self, painter: QPainter, lines: Floats) -> None:
@@ -174,7 +183,7 @@ class Space(QWidget):
 
     def _paint_names_of_cameras(self, painter: QPainter, colours: Colours) -> None:
         painter.setPen(colours.ink)
-        for lines, name in zip(np.split(self._frustums, 2), (self.tr("left"), self.tr("right")), strict=True):
+        for lines, name in zip(np.split(self._frustums, max(len(self._names), 1)), self._names, strict=False):
             if len(lines):
                 (place,), _ = self._canvas.project(lines[:1, 0])
                 if not np.isnan(place).any():
@@ -182,7 +191,7 @@ class Space(QWidget):
 
     def _paint_points(self, painter: QPainter) -> None:
         """Points, the farthest first."""
-        places, depths = self._canvas.project(_shown(self._found.points))
+        places, depths = self._canvas.project(self._shown(self._found.points))
         known = np.flatnonzero(~np.isnan(depths))
         order = known[np.argsort(-depths[known], kind="stable")]
         for place, group in zip(places[order].tolist(), self._found.groups[order].tolist(), strict=True):
@@ -194,7 +203,7 @@ class Space(QWidget):
         for body in self._found.bodies.values():
             pose = body.world_from_body
             ends = np.stack([np.repeat(pose[None, :3, 3], 3, axis=0), pose[:3, 3] + _AXIS * pose[:3, :3].T], axis=1)
-            shown = _shown(ends.reshape(-1, 3)).reshape(-1, 2, 3)
+            shown = self._shown(ends.reshape(-1, 3)).reshape(-1, 2, 3)
             for axis, colour in enumerate(colours.axes):
                 painter.setPen(QPen(colour, 2.0))
                 self._paint_lines(painter, shown[axis : axis + 1])
@@ -203,6 +212,5 @@ class Space(QWidget):
                 painter.setPen(colours.ink)
                 painter.drawText(QPointF(place[0] + 8, place[1] + 14), body.name)
 
-
-def _shown(points: Floats) -> Floats:
-    return np.asarray(points @ _SHOWN_FROM_RIG.T)
+    def _shown(self, points: Floats) -> Floats:
+        return np.asarray(points @ self._shown_from_world.T)

@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import Camera, StereoRig, check_pose
+from skelgen.model.rig import Camera, CameraRig, StereoRig, check_pose
 from skelgen_gui.model.viewpoint import DOWN
 
 DEPTH = 1 / 3
@@ -47,9 +47,9 @@ class ShownCamera:
         return self.lines(DEPTH * (float(np.median(distances)) if len(known) else _DISTANCE))
 
 
-def cameras_of(rig: StereoRig) -> tuple[ShownCamera, ...]:
-    """Return both cameras of a rig."""
-    return tuple(_shown(camera) for camera in (rig.left, rig.right))
+def cameras_of(rig: StereoRig | CameraRig) -> tuple[ShownCamera, ...]:
+    """Return the cameras of a rig."""
+    return tuple(_shown(camera) for camera in (rig.cameras if isinstance(rig, CameraRig) else (rig.left, rig.right)))
 
 
 def _shown(camera: Camera) -> ShownCamera:

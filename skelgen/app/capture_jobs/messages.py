@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from skelgen.capture.angles import JointAngle
     from skelgen.capture.calibration.board import BoardView
     from skelgen.capture.calibration.joints import JointMotion
+    from skelgen.capture.room.taking import WandProgress
     from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
 
 _T = TypeVar("_T")
@@ -372,3 +373,19 @@ class TargetShot(Generic[_Progress]):
     found: FoundInSpace
     rig: StereoRig
     progress: _Progress
+
+
+@dataclass(frozen=True, eq=False)
+class WandShot:
+    """What the window shows of one moment of a waved wand.
+
+    Attributes
+    ----------
+    images : tuple of CameraImage
+        What all cameras see.
+    progress : WandProgress
+        What is covered so far.
+    """
+
+    images: tuple[CameraImage, ...]
+    progress: WandProgress

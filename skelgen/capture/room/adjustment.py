@@ -33,6 +33,9 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e8
 OUTLIER = 5.0
 """Standard deviations beyond which a ball is left out: of a million true ones one is."""
 
+LEVEL = 1e-9
+"""Added to the information of each wand, for those that fit nothing and run off to where no camera tells them apart."""
+
 LEAST_EIGENVALUE = 1e-13
 """Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
 
@@ -124,7 +127,9 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
 
 def _with_enough(bundle: _B) -> _B:
     """The bundle of the frames that show enough to be more than what they determine."""
-    return bundle.of(np.isfinite(bundle.seen).sum(axis=(1, 2, 3)) > bundle.n_own)
+    shown = np.isfinite(bundle.seen[..., 0])
+    is_enough = (2 * shown.sum(axis=(1, 2)) > bundle.n_own) & (shown.any(axis=2).sum(axis=1) >= bundle.fewest_cameras)
+    return bundle.of(np.asarray(is_enough))
 
 
 def _robust_spread(residuals: Floats) -> float:
@@ -193,6 +198,7 @@ def _reduced(bundle: RoomBundle, free: Bools, damping: float) -> tuple[Floats, F
         wands[shown] += np.swapaxes(wand, 1, 2) @ wand
         pulls[shown] += (np.swapaxes(wand, 1, 2) @ residual[..., np.newaxis])[..., 0]
     wands[:, range(n_own), range(n_own)] *= 1.0 + damping
+    wands[:, range(n_own), range(n_own)] += LEVEL
     whole = coupling.reshape(n_frames, -1, n_own)[:, free]
     normal = np.zeros((len(free), len(free)))
     for index in range(n_cameras):

@@ -27,8 +27,8 @@ class RoomBundle(ABC):
     cameras: tuple[Camera, ...]
     seen: Floats
 
-    n_own = 0
-    """Numbers of the thing in each frame."""
+    n_own, fewest_cameras = 0, 1
+    """Numbers of the thing in each frame, and cameras that determine them."""
 
     @property
     @abstractmethod
@@ -66,7 +66,7 @@ class WandBundle(RoomBundle):
     first: Floats
     direction: Floats
 
-    n_own = 5
+    n_own, fewest_cameras = 5, 2
 
     @property
     def places(self) -> Floats:

@@ -4,7 +4,7 @@ import pytest
 from PySide6.QtWidgets import QApplication
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.live_pictures import LivePictures
-from skelgen_gui.capture.pictures import PicturePair
+from skelgen_gui.capture.pictures import Pictures
 
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.simulated_rig import simulated_rig
@@ -47,11 +47,11 @@ def test_the_command_shows_pictures_unless_it_is_told_not_to(qapp, captured, tmp
     path, shown = tmp_path / "settings.xml", []
     write_settings(captured[0], path)
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
-    monkeypatch.setattr(PicturePair, "show_pair", lambda self, left, right: shown.append((left, right)))
+    monkeypatch.setattr(Pictures, "show_pair", lambda self, left, right: shown.append((left, right)))
     source = ["--source", "simulated:arm?frames=2"]
     assert main(["motion-capture", "-sn", str(path), *source]) == 0
     assert not shown
     assert main(["motion-capture", "-s", str(path), *source]) == 0
     assert shown
-    assert not any(isinstance(widget, PicturePair) and widget.isVisible() for widget in QApplication.topLevelWidgets())
+    assert not any(isinstance(widget, Pictures) and widget.isVisible() for widget in QApplication.topLevelWidgets())
     assert "note" not in capsys.readouterr().err
