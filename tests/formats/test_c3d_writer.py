@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import resource
 import warnings
+from dataclasses import replace
 
 import c3d as independent
 import ezc3d
@@ -118,6 +119,15 @@ def test_ezc3d_finds_markers_and_joints_and_tells_them_apart(with_joints, small_
     assert (residuals[:, n_markers:] == 0).all()
     expected = np.where(small_project.trajectories.seen, 1, -1)
     assert np.array_equal(residuals[:, :n_markers], expected)
+
+
+def test_joints_that_motion_leaves_open_say_so_in_their_descriptions(small_project, tmp_path):
+    first, *others = small_project.skeleton.joints
+    joints = (replace(first, open_directions=2), *(replace(one, kind="ball", open_directions=0) for one in others))
+    marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
+    content = ezc3d.c3d(str(write_file(marked, tmp_path / "walk.joints.c3d")[0]))
+    told = content["parameters"]["POINT"]["DESCRIPTIONS"]["value"][small_project.trajectories.n_markers :]
+    assert told == ["not determined by the motion", *[""] * len(others)]
 
 
 def test_c3d_finds_the_joints_in_their_places(with_joints, small_project):

@@ -50,6 +50,9 @@ __all__ = [
 PLAIN = Options()
 """Options of a file in mm with what was measured."""
 
+NOT_DETERMINED = "not determined by the motion"
+"""Description of a joint whose place is a choice."""
+
 _TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
 
@@ -118,7 +121,8 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     """Write measured markers and joints as the points of a C3D file.
 
     Joints have residual 0 and no camera, as c3d.org has it for points that are computed; measured markers have residual
-    1 and camera 1, unseen ones residual -1.
+    1 and camera 1, unseen ones residual -1. Joints whose place the motion does not determine say so in their
+    descriptions, POINT:DESCRIPTIONS.
 
     Parameters
     ----------
@@ -147,7 +151,9 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     )
     measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
-    write_points(points, path, unit, np.concatenate([measured, computed], axis=1))
+    marks = ["" if joint.is_determined else NOT_DETERMINED for joint in project.skeleton.joints]
+    descriptions = [""] * markers.n_markers + marks
+    write_points(points, path, unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
     return [path]
 
 

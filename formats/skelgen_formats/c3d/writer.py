@@ -42,7 +42,12 @@ Words = NDArray[np.float32]
 
 
 def write_points(
-    take: Trajectories, path: Path, unit: str, source: Ints | None = None, companions: Companions | None = None
+    take: Trajectories,
+    path: Path,
+    unit: str,
+    source: Ints | None = None,
+    companions: Companions | None = None,
+    descriptions: Sequence[str] = (),
 ) -> None:
     """Write the points of a C3D file.
 
@@ -59,6 +64,8 @@ def write_points(
         computed ones residual 0 and no camera. Without it all points have residual 0.
     companions : Companions, optional
         What is written beside them.
+    descriptions : sequence of str
+        Of the points, empty where there is none; none at all if not given.
 
     Raises
     ------
@@ -69,7 +76,7 @@ def write_points(
     if take.n_frames == 0:
         raise WriteError(f"{path}: a C3D file needs at least one frame")
     with replacing(path) as temporary, temporary.open("wb") as content:
-        stream = C3dStream(content, names, take.rate, unit, companions)
+        stream = C3dStream(content, names, take.rate, unit, companions, descriptions)
         for first in range(0, take.n_frames, _FRAMES_AT_ONCE):
             chosen = slice(first, first + _FRAMES_AT_ONCE)
             positions = take.positions[chosen] * per_mm(unit)
@@ -137,6 +144,8 @@ class C3dStream:
         Of the lengths.
     companions : Companions, optional
         What is written beside the points.
+    descriptions : sequence of str
+        Of the points, or none.
 
     Attributes
     ----------
@@ -145,10 +154,16 @@ class C3dStream:
     """
 
     def __init__(
-        self, content: BinaryIO, names: Sequence[str], rate: float, unit: str, companions: Companions | None = None
+        self,
+        content: BinaryIO,
+        names: Sequence[str],
+        rate: float,
+        unit: str,
+        companions: Companions | None = None,
+        descriptions: Sequence[str] = (),
     ) -> None:
         self._content, self.n_frames = content, 0
-        records = _Records(names, rate, unit, {} if companions is None else companions.groups)
+        records = _Records(names, descriptions, rate, unit, {} if companions is None else companions.groups)
         self._first, n_analog, samples = 1, 0, 0
         if companions is not None:
             self._first, n_analog, samples = companions.first_frame, companions.layout.n_analog, companions.samples
@@ -207,7 +222,14 @@ class C3dStream:
 class _Records:
     """The chain of groups and parameters behind four bytes of its own, with the place of each parameter's values."""
 
-    def __init__(self, names: Sequence[str], rate: float, unit: str, others: Mapping[tuple[str, str], Values]) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        descriptions: Sequence[str],
+        rate: float,
+        unit: str,
+        others: Mapping[tuple[str, str], Values],
+    ) -> None:
         self.chain, self.place_of = bytearray(4), dict[str, int]()
         self._group, self._number = "", 0
         self._add_group("POINT")
@@ -219,7 +241,9 @@ class _Records:
         self._add("LONG_FRAMES", _FLOATS, bytes(4))
         self._add("UNITS", _TEXT, unit.encode(), len(unit.encode()))
         for number, first in enumerate(range(0, len(names), _MOST_TEXTS), start=1):
-            self._add_texts(names[first : first + _MOST_TEXTS], "" if number == 1 else str(number))
+            chosen, suffix = slice(first, first + _MOST_TEXTS), "" if number == 1 else str(number)
+            self._add_texts(f"LABELS{suffix}", names[chosen])
+            self._add_texts(f"DESCRIPTIONS{suffix}", descriptions[chosen] or [""] * len(names[chosen]))
         others = {key: values for key, values in others.items() if "ACTUAL_" not in key[1] or key[0] != "TRIAL"}
         if not any(group == "ANALOG" for group, _ in others):
             self._add_no_analog()
@@ -262,11 +286,10 @@ class _Records:
         place = self.place_of[name]
         self.chain[place : place + len(values)] = values
 
-    def _add_texts(self, names: Sequence[str], number: str) -> None:
-        coded = [name.encode() for name in names]
+    def _add_texts(self, name: str, texts: Sequence[str]) -> None:
+        coded = [text.encode() for text in texts]
         width = max(map(len, coded))
-        self._add(f"LABELS{number}", _TEXT, b"".join(name.ljust(width) for name in coded), width, len(coded))
-        self._add(f"DESCRIPTIONS{number}", _TEXT, b"", 0, len(coded))
+        self._add(name, _TEXT, b"".join(text.ljust(width) for text in coded), width, len(coded))
 
     def _add_group(self, name: str) -> None:
         self._group, self._number = name, self._number + 1
