@@ -107,6 +107,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | Visual3D ASCII export | targets and landmarks of one trial | layout |
 | C3D of Theia | segments with rotations, beside points or alone | layout of C-Motion's extension, against ezc3d |
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
+| NDI First Principles, Simi Motion as text | rate and unit before the titles, or neither | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0 | written by NumPy |
 
