@@ -265,21 +265,29 @@ def _path(project: Project, marker: int) -> Floats:
     positions = np.array(project.trajectories.positions[:, marker])
     if not stated:
         return positions
-    if any(one.value == BY_SKELETON for one in stated) and project.has("skeleton"):
-        base = _by_skeleton(project.trajectories, project.skeleton, project.motion)
-    else:
-        seen = project.trajectories.seen
-        source = np.where(seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
-        base = Filled(project.trajectories, project.trajectories.positions, source, np.where(seen, 0.0, np.nan))
-    filled = with_stated(base, stated)
-    for one in stated:
-        part = _filled_part(filled, (marker, one.first_frame or 0, _last(one, project)))
+    by_skeleton = any(one.value == BY_SKELETON for one in stated) and project.has("skeleton")
+    of_skeleton = (project.skeleton, project.motion) if by_skeleton else None
+    for part in _stated_parts(project.trajectories, of_skeleton, marker, tuple(stated)):
         positions[part.frames] = part.positions
     return positions
 
 
-def _last(correction: Correction, project: Project) -> int:
-    return project.trajectories.n_frames - 1 if correction.last_frame is None else correction.last_frame
+@lru_cache(maxsize=16)
+def _stated_parts(
+    trajectories: Trajectories, of_skeleton: tuple[Skeleton, Motion] | None, marker: int, stated: tuple[Correction, ...]
+) -> tuple[GapFill, ...]:
+    """What is stated for the gaps of a marker; kept, since every other curve needs it again."""
+    if of_skeleton is not None:
+        base = _by_skeleton(trajectories, *of_skeleton)
+    else:
+        seen = trajectories.seen
+        source = np.where(seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
+        base = Filled(trajectories, trajectories.positions, source, np.where(seen, 0.0, np.nan))
+    filled, last = with_stated(base, list(stated)), trajectories.n_frames - 1
+    return tuple(
+        _filled_part(filled, (marker, one.first_frame or 0, last if one.last_frame is None else one.last_frame))
+        for one in stated
+    )
 
 
 def _spread(project: Project, preview: Preview) -> Floats:

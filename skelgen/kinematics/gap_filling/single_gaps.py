@@ -19,6 +19,7 @@ from skelgen.model.labelling import seen_runs
 _EDGE_SECONDS = 0.08  # of motion beside a gap, from which its velocity is told
 _FEWEST_EDGE = 4  # frames of it
 _MOST_TRIALS = 24  # stretches on which a way is tried
+_REACH_SECONDS, _REACH_LENGTHS = 10.0, 40  # around a gap that is looked at: long takes cost no more than short ones
 _FEWEST_MATES = 3  # markers that fix a rigid body
 
 _Method = Callable[["_Marker", Ints], Floats]
@@ -97,8 +98,11 @@ def fill_marker(
     for first, last in gaps_of(trajectories.seen[:, marker]):
         low, high = max(first, span[0]), min(last, span[1])
         if low <= high:
-            positions = _METHODS[method](carried, np.arange(first, last + 1))[low - first : high - first + 1]
-            std, n_tried = _tried(carried, _METHODS[method], first, last)
+            reach = max(round(_REACH_SECONDS * trajectories.rate), _REACH_LENGTHS * (last - first + 1))
+            start = max(first - reach, 0)
+            near, gap = carried.part(start, last + reach + 1), np.arange(first, last + 1) - start
+            positions = _METHODS[method](near, gap)[low - first : high - first + 1]
+            std, n_tried = _tried(near, _METHODS[method], first - start, last - start)
             frames = np.arange(low, high + 1)
             known = ~np.isnan(positions[:, 0])
             parts.append((frames[known], positions[known], std[low - first : high - first + 1][known]))
@@ -116,6 +120,10 @@ class _Marker:
     own: Floats
     donors: Floats
     rate: float
+
+    def part(self, first: int, end: int) -> "_Marker":
+        """The same in some frames alone."""
+        return replace(self, own=self.own[first:end], donors=self.donors[first:end])
 
     def without(self, frames: Ints) -> "_Marker":
         """The same as if it were unseen in some frames."""
