@@ -106,7 +106,7 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
     n_seen = int(np.isfinite(bundle.seen[..., 0]).sum())
     for _ in range(MAX_ROUNDS):
         bundle = _minimised(bundle, free)
-        residuals = _residuals(bundle)
+        residuals = residuals_of(bundle)
         spread = _robust_spread(residuals)
         with np.errstate(invalid="ignore"):
             is_out = (residuals**2).sum(axis=-1) > 2.0 * (OUTLIER * spread) ** 2
@@ -115,7 +115,7 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
         seen = bundle.seen.copy()
         seen[is_out] = np.nan
         bundle = _with_enough(replace(bundle, seen=seen))
-    residuals = _residuals(bundle)
+    residuals = residuals_of(bundle)
     normal, _, _ = _reduced(bundle, free, 0.0)
     n_numbers = len(normal) + bundle.n_own * len(bundle.seen)
     n_values = int(np.isfinite(residuals).sum())
@@ -140,12 +140,12 @@ def _robust_spread(residuals: Floats) -> float:
 def _minimised(bundle: _B, free: Bools) -> _B:
     damping = FIRST_DAMPING
     bundle = _with_enough(bundle)
-    squares = float(np.nansum(_residuals(bundle) ** 2))
+    squares = float(np.nansum(residuals_of(bundle) ** 2))
     for _ in range(MAX_STEPS):
         normal, gradient, parts = _reduced(bundle, free, damping)
         step = _solved(normal, gradient)
         moved = _moved(bundle, free, step, parts)
-        after = np.inf if moved is None else float(np.nansum(_residuals(moved) ** 2))
+        after = np.inf if moved is None else float(np.nansum(residuals_of(moved) ** 2))
         if moved is not None and after < squares:
             gain, bundle, squares = squares - after, moved, after
             damping = max(damping / 10.0, LEAST_DAMPING)
@@ -158,8 +158,8 @@ def _minimised(bundle: _B, free: Bools) -> _B:
     return bundle
 
 
-def _residuals(bundle: RoomBundle) -> Floats:
-    """Seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
+def residuals_of(bundle: RoomBundle) -> Floats:
+    """Return seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
     balls = bundle.places
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         expected = [

@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
-from skelgen.capture.room.adjustment import adjust_room, free_numbers
+from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
 from skelgen.capture.room.bundles import WandBundle
 from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
@@ -44,6 +44,10 @@ NEAR = 20.0
 
 SUSPICIOUS, MOST_LATE = 8.0, 20
 """px that most points are off a camera whose lens is not known: more is not the lens; frames that it may be late."""
+
+SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3
+"""Samples and their points of which the one with the least median places a camera, then rounds with the points that fit
+better than three times the middle one: balls that are none may not drag it along."""
 
 UNEVEN = 0.02
 """Of the wand's length: how far its middle ball may be from where it is said to be."""
@@ -303,19 +307,29 @@ def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: 
     """A camera whose images are so many frames late."""
     then = np.full_like(seen, np.nan)
     then[max(-late, 0) : len(seen) - max(late, 0)] = seen[max(late, 0) : len(seen) - max(-late, 0)]
+    off = np.linalg.norm(np.nan_to_num(residuals_of(bundle), nan=0.0), axis=-1).max(axis=(1, 2))
     usable = np.isfinite(bundle.first[:, 0]) & np.isfinite(then[..., 0]).all(axis=1)
-    frames = _some(usable)
+    fits = usable & (off <= SUSPICIOUS)
+    frames = _some(np.asarray(fits if fits.sum() >= LEAST_SHARED else usable))
     return _resected(bundle.places[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
 
 
 def _resected(points: Floats, pixels: Floats, size: tuple[int, int]) -> _Resected:
     """A camera that sees known points, from most of them."""
-    kept = np.ones(len(points), dtype=np.bool_)
-    for _ in range(3):
-        projection = _linear(points[kept], pixels[kept], size)
-        flat = np.column_stack([points, np.ones(len(points))]) @ projection.T
-        off = np.linalg.norm(flat[:, :2] / flat[:, 2:] - pixels, axis=1)
+    rng, flat = np.random.default_rng(0), np.column_stack([points, np.ones(len(points))])
+
+    def off_of(projection: Floats) -> Floats:
+        seen = flat @ projection.T
+        return np.asarray(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixels, axis=1))
+
+    samples = [rng.choice(len(points), OF_A_SAMPLE, replace=False) for _ in range(SAMPLES)]
+    tried = [off_of(_linear(points[sample], pixels[sample], size)) for sample in samples]
+    off = min(tried, key=lambda one: float(np.median(one)))
+    for _ in range(TRIMMED):
         kept = off <= 3.0 * np.median(off)
+        projection = _linear(points[kept], pixels[kept], size)
+        off = off_of(projection)
+    flat = flat @ projection.T
     if np.median(flat[:, 2]) < 0:
         projection = -projection
     # RQ decomposition by QR of the reversed matrix

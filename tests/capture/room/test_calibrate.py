@@ -99,6 +99,15 @@ def test_other_bright_things_are_left_out(rig, frames, calibration):
     assert found.rig.noise == pytest.approx(0.05, rel=0.1)
 
 
+def test_false_wands_in_one_camera_spoil_nothing(frames):
+    rng, spoilt = np.random.default_rng(0), [list(views) for views in frames]
+    for number in range(0, N_FRAMES, 15):
+        start, along = rng.uniform((100, 100), (1100, 900)), rng.normal(size=2)
+        places = start + np.outer([0, 0.36, 1], 60 * along / np.linalg.norm(along))
+        spoilt[number][0] = balls_at(places, 0.05)
+    assert calibrate_wand(spoilt, WAND, SIZES, NAMES).rig.noise == pytest.approx(0.05, rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def two_balls(rig):
     """Frames of a wand whose two balls look alike."""
