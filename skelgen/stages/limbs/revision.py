@@ -11,6 +11,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import Deviations, PairSums
 from skelgen.stages.limbs.pair_evidence import log_odds
+from skelgen.stages.limbs.worn_sets import set_odds
 
 SOFT = 0.05
 """Of how neighbouring limbs move against each other: limbs that bend less are plates, which need no second look."""
@@ -59,7 +60,7 @@ def is_soft(groups: Ints, deviations: Deviations) -> bool:
     return bending > SOFT**2 * sums.neighbour_motion()
 
 
-def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints) -> Ints:
+def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, *, with_sets: bool = True) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
     Parameters
@@ -70,8 +71,12 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints) -> 
         Sampled frames; NaN where unseen.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
+    with_sets : bool
+        Whether the shape of a marker set that people wear adds to what pairs say.
     """
     odds = np.clip(log_odds(positions), -SUREST, SUREST)
+    if with_sets:
+        odds += set_odds(positions, odds)
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:

@@ -219,7 +219,8 @@ class _Grouping:
         """
         is_open = self._parameters.method == "rigidity" and self._n_limbs is None
         if is_open and is_soft(groups, deviations):
-            groups = revised(groups, self._positions[frames], self._constraints)
+            with_sets = self._parameters.marker_set != "none"
+            groups = revised(groups, self._positions[frames], self._constraints, with_sets=with_sets)
         return _numbered_by_first(groups)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:

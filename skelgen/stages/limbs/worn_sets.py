@@ -1,0 +1,256 @@
+"""Which marker set a person wears, told by the distances of markers alone, and what that says of pairs of markers.
+
+Where soft tissue hides a joint, as of a wrist that carries two markers and a hand that carries two more, motion does
+not tell limbs apart. But people wear the sets of their field, and a set has a shape: the usual distance of each two of
+its markers, and how much it varies, learned from simulated people of all sizes in natural motions
+(``tables/worn_sets.npz``, made by tests/benchmarks/learn_sets.py). Markers are assigned to those of a set so that all
+distances fit best. How well they do, and how few of the set's pairs move as two limbs, says how far to believe the set:
+log odds that two markers share a limb, which add to what the pair itself says.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints, spread_frames
+
+LOOKED_AT = 60
+"""Frames."""
+
+LEAST_COMMON = 8
+"""Frames that must show both markers."""
+
+SHORTEST, LEAST_MOTION = 5.0, 1.0
+"""mm; smaller distances and deviations of these say nothing more."""
+
+SIZES = (0.75, 1.33)
+"""Of the number of a set's markers: a take with fewer or more does not wear it."""
+
+LARGEST = 9.0
+"""Square of the most that one distance may be off, in standard deviations; some markers belong to no set."""
+
+UNKNOWN = 2.5
+"""The same for markers that are never seen together."""
+
+MOTION_WEIGHT = 0.5
+"""How much the deviation of a distance counts beside the distance."""
+
+OUTLINE = tuple(np.linspace(0.05, 0.95, 12))
+"""Quantiles of a marker's distances to all others, by which a search begins."""
+
+OUTLINE_SPREAD = 0.15, 0.5
+"""Standard deviations of these, and of those of how much the distances vary."""
+
+SEED_WEIGHT = 2.0
+"""How much the distances to one pair of markers count beside the outlines, at the beginning of a search."""
+
+SEARCHES, ROUNDS = 12, 10
+"""Beginnings that are tried for each set, and rounds of each."""
+
+WITHOUT_PARTNER = 2.0
+"""What markers of the take or of the set that are left over cost."""
+
+WORN, NOT_WORN = 1.8, 2.05
+"""Misfit up to which a set is believed, and from which it is not at all."""
+
+MARKER_FITS, MARKER_DOES_NOT = 1.5, 3.0
+"""The same for a single marker."""
+
+CONTRADICTED = -1.0
+"""Log odds of a pair by its motion, below which it contradicts a set that has both on one segment."""
+
+AGREED, NOT_AGREED = 0.8, 0.65
+"""Part of the set's pairs that are not contradicted: from the first on it is believed, below the second not at all."""
+
+STRENGTH = 6.0
+"""Log odds that a set which is believed gives a pair of markers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Of a set, or of a take.
+
+    Attributes
+    ----------
+    distances, motions : ndarray, shape (n_markers, n_markers)
+        Logarithms of the usual distances over their median, and of their deviations over them; NaN where unknown.
+    """
+
+    distances: Floats
+    motions: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class WornSet:
+    """A marker set, as people wear it.
+
+    Attributes
+    ----------
+    mean, spread : Shape
+        Of people, and the standard deviations between them.
+    segments : ndarray of intp, shape (n_markers,)
+        Number of the segment that carries each marker.
+    """
+
+    mean: Shape
+    spread: Shape
+    segments: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """Markers of a take as those of a set.
+
+    Attributes
+    ----------
+    markers, of_set : ndarray of intp, shape (n_matched,)
+        Markers of the take, and of the set.
+    misfits : ndarray, shape (n_matched,)
+        Mean square of how far the distances of each are off, in standard deviations.
+    misfit : float
+        Their mean, and what is left over.
+    """
+
+    markers: Ints
+    of_set: Ints
+    misfits: Floats
+    misfit: float
+
+
+def set_odds(positions: Floats, by_motion: Floats) -> Floats:
+    """Return the log odds that two markers share a limb by the set that is worn, shape (n_markers, n_markers).
+
+    They are 0 where no set says anything.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        Log odds by what each pair does.
+    """
+    odds = np.zeros(by_motion.shape)
+    n_markers = len(odds)
+    shape = shape_of(positions)
+    sizes = [(worn, n_markers / len(worn.segments)) for worn in worn_sets()]
+    found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
+    if not found:
+        return odds
+    match, worn = min(found, key=lambda one: one[0].misfit)
+    segments, pairs = worn.segments[match.of_set], np.ix_(match.markers, match.markers)
+    together = segments[:, np.newaxis] == segments
+    others = together & ~np.eye(len(segments), dtype=np.bool_)
+    agreed = float((by_motion[pairs][others] > CONTRADICTED).mean()) if others.any() else 0.0
+    belief = _part(match.misfit, WORN, NOT_WORN) * _part(agreed, AGREED, NOT_AGREED)
+    fits = _part(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
+    odds[pairs] = belief * np.where(together, STRENGTH, -STRENGTH) * np.minimum(fits[:, np.newaxis], fits)
+    np.fill_diagonal(odds, 0.0)
+    return odds
+
+
+def shape_of(positions: Floats) -> Shape:
+    """Return usual distances of markers and how much they vary.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    gaps = np.sort(np.linalg.norm(shown[:, :, np.newaxis] - shown[:, np.newaxis], axis=3), axis=0)  # NaN last
+    count = (~np.isnan(gaps)).sum(axis=0)
+    middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
+    mean = np.nansum(gaps, axis=0) / np.maximum(count, 1)
+    deviation = np.sqrt(np.nansum((gaps - mean) ** 2, axis=0) / np.maximum(count, 1))
+    known = (count >= min(LEAST_COMMON, len(shown))) & ~np.eye(len(count), dtype=np.bool_)
+    distances = np.where(known, np.log(np.maximum(middle, SHORTEST)), np.nan)
+    motions = np.log(np.maximum(deviation, LEAST_MOTION)) - distances
+    return Shape(distances - (np.nanmedian(distances) if known.any() else 0.0), motions)
+
+
+@cache
+def worn_sets() -> tuple[WornSet, ...]:
+    """Return the shapes of all sets."""
+    with np.load(Path(__file__).with_name("tables") / "worn_sets.npz") as table:
+        names = sorted({key.partition("/")[0] for key in table.files})
+        return tuple(
+            WornSet(
+                Shape(*table[f"{name}/mean"].astype(np.float64)),
+                Shape(*table[f"{name}/spread"].astype(np.float64)),
+                table[f"{name}/segments"].astype(np.intp),
+            )
+            for name in names
+        )
+
+
+def best_match(shape: Shape, worn: WornSet) -> Match:
+    """Assign markers to those of a set so that their distances fit best.
+
+    Each search begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits
+    the last one.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    worn : WornSet
+        The set.
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    outlines = _outline_misfits(shape, worn.mean)
+    best = None
+    for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
+        marker, of_set = divmod(seed, outlines.shape[1])
+        start = outlines + SEED_WEIGHT * _misfits(shape, worn, np.array([marker]), np.array([of_set]))
+        start[marker] = start[:, of_set] = start.max()
+        start[marker, of_set] = 0.0
+        markers, taken = linear_sum_assignment(start)
+        for _ in range(ROUNDS):
+            before = taken
+            markers, taken = linear_sum_assignment(_misfits(shape, worn, markers, taken))
+            if np.array_equal(before, taken):
+                break
+        misfits = _misfits(shape, worn, markers, taken)[markers, taken]
+        left_over = 1 - 2 * len(markers) / sum(outlines.shape)
+        misfit = float(misfits.mean()) + WITHOUT_PARTNER * left_over
+        if best is None or misfit < best.misfit:
+            best = Match(markers, taken, misfits, misfit)
+    assert best is not None
+    return best
+
+
+def _misfits(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+    """Mean square of how far distances to matched markers are off, if a marker of the take is one of the set."""
+    squares = [
+        ((values[:, np.newaxis, markers] - means[:, of_set]) / spreads[:, of_set]) ** 2
+        for values, means, spreads in (
+            (shape.distances, worn.mean.distances, worn.spread.distances),
+            (shape.motions, worn.mean.motions, worn.spread.motions),
+        )
+    ]
+    total = squares[0] + MOTION_WEIGHT * squares[1]
+    known = np.where(np.isnan(total), UNKNOWN, np.minimum(total, LARGEST))
+    itself = np.arange(total.shape[0])[:, np.newaxis, np.newaxis] == markers
+    taken = np.arange(total.shape[1])[:, np.newaxis] == of_set
+    # A marker says nothing of where it is itself; where another is it is not
+    known = np.where(itself, 0.0, np.where(taken, LARGEST, known))
+    return np.asarray(known.sum(axis=2) / max(len(markers) - 1, 1))
+
+
+def _outline_misfits(one: Shape, other: Shape) -> Floats:
+    """How unlike the distances to all others are, for each marker of one and each of the other."""
+    total = np.zeros((len(one.distances), len(other.distances)))
+    pairs = ((one.distances, other.distances), (one.motions, other.motions))
+    for (values, means), spread, weight in zip(pairs, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True):
+        rows = [np.where(np.isnan(table).all(axis=1, keepdims=True), 0.0, table) for table in (values, means)]
+        outlines = [np.nanquantile(table, OUTLINE, axis=1).T for table in rows]
+        total += weight * ((outlines[0][:, np.newaxis] - outlines[1]) ** 2).mean(axis=2) / spread**2
+    return total
+
+
+def _part(value: Floats | float, all_of: float, nothing: float) -> Floats:
+    """1 up to one value, 0 from another one on."""
+    return np.clip((nothing - np.asarray(value)) / (nothing - all_of), 0.0, 1.0)
