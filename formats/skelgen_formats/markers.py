@@ -89,7 +89,8 @@ def scaled(path: Path, positions: Floats, factor: float) -> Floats:
             frame, marker, axis = wild[0]
             what = f"marker {marker + 1} lies at {block[frame, marker, axis]:g}; the file is damaged or its unit wrong"
             raise FormatError(path, f"frame {first + frame + 1}", what)
-        np.multiply(block, factor, out=block)
+        with np.errstate(invalid="ignore"):  # signalling NaNs
+            np.multiply(block, factor, out=block)
         block[np.isnan(block).any(axis=2)] = np.nan
     return positions
 

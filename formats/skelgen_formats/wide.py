@@ -274,6 +274,9 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
             wanted = [column for triple in columns.points.values() for column in triple]
             wanted += [columns.times] if columns.times is not None else []
             names = [file.schema_arrow.names[column] for column in wanted]
+            twice = [name for name in names if file.schema_arrow.names.count(name) > 1]
+            if twice:
+                raise FormatError(path, "", f"two columns are called {twice[0]}")
             size = 8 * file.metadata.num_rows * len(names)
             if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
                 raise FormatError(path, "", f"announces {size} bytes of numbers, far more than such a file holds")

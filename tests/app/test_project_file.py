@@ -223,6 +223,15 @@ def test_compressed_bomb_is_refused_before_it_unfolds(tmp_path):
         open_project(path)
 
 
+def test_member_of_more_bytes_than_the_file_is_refused_before_it_is_read(saved, tmp_path):
+    content = bytearray(saved.read_bytes())
+    entry = content.rindex(b"PK\x01\x02")
+    content[entry + 20 : entry + 24] = (2**31).to_bytes(4, "little")  # what it takes in the archive
+    (tmp_path / "b.skelgen").write_bytes(content)
+    with pytest.raises(FormatError, match="declare 21"):
+        open_project(tmp_path / "b.skelgen")
+
+
 def test_array_that_claims_more_than_it_holds_is_named(saved, tmp_path):
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 3)})

@@ -72,3 +72,13 @@ def test_text_of_no_characters_is_refused_in_words(tmp_path):
     )
     with contextlib.suppress(SkelgenError), np.errstate(all="raise"):
         read_take(tmp_path / "odd.npz")
+
+
+@pytest.mark.filterwarnings("error")
+def test_signalling_nan_is_a_gap(tmp_path):
+    bits = POSITIONS.copy().view(np.uint64)
+    bits[1, 0, 2] = 0x7FF0000000000001
+    np.save(tmp_path / "points.npy", bits.view(np.float64))
+    seen = read_take(tmp_path / "points.npy").seen
+    assert not seen[1, 0]
+    assert seen.sum() == seen.size - 1

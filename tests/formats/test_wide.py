@@ -69,6 +69,16 @@ def test_damaged_parquet_is_refused(refused, put):
     assert "damaged" in refused(put("points.parquet", b"PAR1 and nothing else PAR1"))
 
 
+def test_parquet_with_a_column_twice_is_refused(refused, tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet  # noqa: PLC0415 - may be absent
+
+    names = [f"{point}_{axis}" for point in ("nose", "tail") for axis in "xyz"] + ["nose_x"]
+    table = pyarrow.Table.from_arrays([pyarrow.array([1.0, 2.0])] * len(names), names=names)
+    parquet.write_table(table, tmp_path / "points.parquet")
+    assert "two columns are called nose_x" in refused(tmp_path / "points.parquet")
+
+
 def test_some_other_table_is_refused_with_the_formats(refused, put):
     assert "known are motive (.csv), nexus (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
         put("a.csv", "name,age\nAnn,42\n")

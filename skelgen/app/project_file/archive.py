@@ -154,7 +154,7 @@ class _Reader:
     def __init__(self, path: Path, archive: zipfile.ZipFile, recording: Path | None) -> None:
         self._path, self._recording = path, recording
         self._archive = archive
-        declared = sum(info.file_size for info in archive.infolist())
+        declared = sum(max(info.file_size, info.compress_size) for info in archive.infolist())
         self._size = path.stat().st_size
         if declared > self._size:
             raise FormatError(path, "", f"the members declare {declared} bytes, the file holds only {self._size}")
