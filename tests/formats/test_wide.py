@@ -71,7 +71,7 @@ def test_damaged_parquet_is_refused(refused, put):
 
 def test_parquet_with_a_column_twice_is_refused(refused, tmp_path):
     pyarrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet  # noqa: PLC0415 - may be absent
+    from pyarrow import parquet
 
     names = [f"{point}_{axis}" for point in ("nose", "tail") for axis in "xyz"] + ["nose_x"]
     table = pyarrow.Table.from_arrays([pyarrow.array([1.0, 2.0])] * len(names), names=names)
