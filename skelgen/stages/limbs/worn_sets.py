@@ -201,7 +201,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
     outlines = _outline_misfits(shape, worn.mean)
-    best = None
+    best, visited = None, set()
     for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(seed, outlines.shape[1])
         start = outlines + SEED_WEIGHT * _misfits(shape, worn, np.array([marker]), np.array([of_set]))
@@ -209,35 +209,36 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
         start[marker, of_set] = 0.0
         markers, taken = linear_sum_assignment(start)
         for _ in range(ROUNDS):
-            before = taken
-            markers, taken = linear_sum_assignment(_misfits(shape, worn, markers, taken))
-            if np.array_equal(before, taken):
+            matched = markers.tobytes() + taken.tobytes()
+            if matched in visited:  # another search went on from here, or this one stands still
                 break
-        misfits = _misfits(shape, worn, markers, taken)[markers, taken]
-        left_over = 1 - 2 * len(markers) / sum(outlines.shape)
-        misfit = float(misfits.mean()) + WITHOUT_PARTNER * left_over
-        if best is None or misfit < best.misfit:
-            best = Match(markers, taken, misfits, misfit)
+            visited.add(matched)
+            misfits = _misfits(shape, worn, markers, taken)
+            fit = float(misfits[markers, taken].mean())
+            if best is None or fit < best[0]:
+                best = fit, markers, taken, misfits[markers, taken]
+            markers, taken = linear_sum_assignment(misfits)
     assert best is not None
-    return best
+    fit, markers, taken, misfits = best
+    return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
 
 
 def _misfits(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
     """Mean square of how far distances to matched markers are off, if a marker of the take is one of the set."""
-    squares = [
-        ((values[:, np.newaxis, markers] - means[:, of_set]) / spreads[:, of_set]) ** 2
-        for values, means, spreads in (
-            (shape.distances, worn.mean.distances, worn.spread.distances),
-            (shape.motions, worn.mean.motions, worn.spread.motions),
-        )
-    ]
-    total = squares[0] + MOTION_WEIGHT * squares[1]
-    known = np.where(np.isnan(total), UNKNOWN, np.minimum(total, LARGEST))
-    itself = np.arange(total.shape[0])[:, np.newaxis, np.newaxis] == markers
-    taken = np.arange(total.shape[1])[:, np.newaxis] == of_set
-    # A marker says nothing of where it is itself; where another is it is not
-    known = np.where(itself, 0.0, np.where(taken, LARGEST, known))
-    return np.asarray(known.sum(axis=2) / max(len(markers) - 1, 1))
+    total = _squares(shape.distances, worn.mean.distances, worn.spread.distances, markers, of_set)
+    total += MOTION_WEIGHT * _squares(shape.motions, worn.mean.motions, worn.spread.motions, markers, of_set)
+    np.minimum(total, LARGEST, out=total)
+    total[np.isnan(total)] = UNKNOWN
+    every = np.arange(len(markers))
+    total[:, of_set, every] = LARGEST  # where another marker is it is not
+    total[markers, :, every] = 0.0  # and a marker says nothing of where it is itself
+    return np.asarray(total.sum(axis=2) / max(len(markers) - 1, 1))
+
+
+def _squares(values: Floats, means: Floats, spreads: Floats, markers: Ints, of_set: Ints) -> Floats:
+    off = values[:, np.newaxis, markers] - means[:, of_set]
+    off /= spreads[:, of_set]
+    return np.square(off, out=off)
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
