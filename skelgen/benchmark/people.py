@@ -80,7 +80,7 @@ def measure_people(effort: Effort, monitor: Monitor) -> Section:
         "people",
         "People and animals",
         f"{len(people)} people and {len(animals)} quadrupeds, with sizes, proportions and soft tissue of their own, "
-        f"{_N_FRAMES} frames at 100 Hz, 0.3 mm noise, 2 % dropouts, nothing given. SCoRE (Ehrig et al. 2006) is given "
+        f"{_N_FRAMES} frames at 100 Hz, 0.3 mm noise, 2 % dropouts, markers named. SCoRE (Ehrig et al. 2006) is given "
         "limbs and tree; joints are compared where it can place them, between limbs of three markers and more. "
         "Edges are the true joints that the tree holds.",
         (table(f"Wanted: {wanted}", columns, rows), table("The same people by marker set", columns, _rows(by_set))),
