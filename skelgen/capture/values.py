@@ -159,7 +159,7 @@ def frames_from_text(text: str) -> int | list[int] | None:
     except ValueError:
         indices = []
     if not indices:
-        raise InputError(f"{text!r} is not understood; it must be a number, or indices like 0,10,20")
+        raise InputError(f"{text!r} is not understood; it must be a number of frames, or indices like 0,10,20")
     return indices if "," in text else indices[0]
 
 

@@ -33,7 +33,8 @@ found["index"] = pairs[-1].index
     assert found["names"] == ["camera 127.0.0.1 (Aravis Fake)", "camera 127.0.0.2 (Aravis Fake)"]
     assert found["set"] == [3000.0, 2.0]
     assert found["consistent"]
-    assert found["seconds"] == pytest.approx(found["index"] / 50, abs=0.1)  # five frames: the fake's timer is loose
+    # The fake's timer is loose by five frames, and slow on a busy machine
+    assert found["index"] / 50 - 0.1 < found["seconds"] < 3 * found["index"] / 50
 
 
 def test_named_cameras_are_left_and_right_as_named(network):
