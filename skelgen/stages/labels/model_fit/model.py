@@ -18,11 +18,14 @@ from skelgen.kinematics.inverse.root_outward import pose_by_own_markers, pose_ou
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.limbs import find_limbs
+from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.skeleton import Body, SkeletonParameters, StructuredTake, assemble
 
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
+
+BY_MOTION = LimbParameters(marker_set="none")
+"""How limbs are found: a set that is believed holds markers on a limb that the model does not predict well."""
 
 ROUGH_JOINTS = JointParameters(samples=100, n_nearest=4, max_iterations=10, max_fallback=0)
 """How pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
@@ -158,7 +161,7 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
     """
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     try:
-        limbs = find_limbs(chosen, seed=seed)
+        limbs = find_limbs(chosen, BY_MOTION, seed=seed)
         topology = find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed)
     except InputError:
         return None
