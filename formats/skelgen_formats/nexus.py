@@ -92,6 +92,8 @@ def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
     unit, behind = _unit(path, head, columns, delimiter, notices)
     wanted = [0, *(column for triple in columns.values() for column in triple)]
     rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
+    if not len(rows):
+        raise FormatError(path, len(lines), f"the block {title} holds no frame")
     rows = _every_frame(rows, notices)
     numbers = rows[:, 1:].reshape(len(rows), len(columns), -1)
     names_in_file = [names[first] for first in columns]
@@ -132,7 +134,7 @@ def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str
     """Return the columns of each marker, x y z, or body, place and quaternion, by the column under its name."""
     named = [first for first in range(1, min(len(names), len(titles))) if names[first]]
     columns = {}
-    for first, end in zip(named, [*named[1:], len(titles)], strict=True):
+    for first, end in zip(named, [*named[1:], len(titles)][: len(named)], strict=True):
         own = list(titles[first:end])
         if block == BLOCKS[0] and tuple(own[:3]) == _AXES:
             columns[first] = [first, first + 1, first + 2]

@@ -148,7 +148,7 @@ def _columns_of(head: Sequence[str]) -> tuple[str, _Columns | None]:
         every = [[cell.strip().strip('"') for cell in line.split(delimiter)] for line in head]
         last = next((at for at, row in enumerate(every) if sum(map(bool, row)) > _MOST_STATED), 0)
         starts = [] if ["endheader"] in [row[:1] for row in every] else range(min(last, _PREAMBLE) + 1)  # of OpenSim
-        for first, find in product(starts, (_visual3d, _deeplabcut, _under_names, _in_one_line)):
+        for first, find in product(starts if every else [], (_visual3d, _deeplabcut, _under_names, _in_one_line)):
             if len(every[first]) > 1 and (columns := find(every[first : first + _TITLE_LINES])) is not None:
                 return delimiter, _with_preamble(columns, every[:first])
     return ",", None

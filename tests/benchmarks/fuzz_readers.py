@@ -94,7 +94,19 @@ def _settings(path: Path, turn: int) -> None:
     read_settings(path) if turn % 2 else read_capture_settings(path)
 
 
-_TEXTS = ("trc", "csm", "qualisys", "motive", "nexus", "mvnx", "wide-csv", "poses-csv", "classic-xml", "tidy-csv")
+_TEXTS = (
+    "trc",
+    "csm",
+    "qualisys",
+    "motive",
+    "nexus",
+    "mvnx",
+    "wide-csv",
+    "poses-csv",
+    "classic-xml",
+    "tidy-csv",
+    "emt",
+)
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 
 MORE_SEEDS = {"c3d": ("c3d-integers.c3d", "c3d-dec.c3d"), "numpy": ("numpy.npz",), "qualisys-mat": ("packed.mat",)}
@@ -227,6 +239,10 @@ def _as_dec(values: np.ndarray) -> bytes:
 
 
 _TEXT_SEEDS = {
+    "emt.emt": "BTS ASCII format\n\nType:         \t3D point tracks\nMeasure unit: \tm\n\nTracks:       \t2\n"
+    "Frequency:    \t100 Hz\nFrames:       \t2\nStart time:   \t0.000\n\n"
+    " Frame\t  Time\tc7.X\tc7.Y\tc7.Z\tknee.X\tknee.Y\tknee.Z\t\n"
+    "     0\t   0.000\t 0.1\t 0.2\t 0.3\t 0.4\t 0.5\t 0.6\t\n     1\t   0.010\t 0.1\t 0.2\t 0.3\t   \t   \t   \t\n",
     "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
     "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
     "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",

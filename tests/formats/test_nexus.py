@@ -118,3 +118,9 @@ def test_objects_with_angles_say_what_to_export(refused, put):
 def test_a_first_block_of_any_title_hides_no_trajectories(put, title):
     take = read_take(put("walk.csv", f"{OUTPUTS.replace('Model Outputs', title)}\n{TRAJECTORIES}"))
     assert take.names == ("LASI", "RASI")
+
+
+def test_blocks_without_frames_or_names_are_refused(refused, put):
+    head = "Trajectories\n100\n,,A:LASI,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
+    assert "holds no frame" in refused(put("a.csv", head))
+    assert "not exported" in refused(put("b.csv", head.replace("A:LASI", "") + "1,0,1,2,3\n"))

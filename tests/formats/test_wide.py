@@ -156,3 +156,7 @@ def test_velocities_beside_points_are_left_out(put):
     take = read_take(put("both.csv", head + rows(after=",1,2,3")))
     assert take.names == ("nose", "tail")
     assert "no points, and left out: nose_vel" in take.notices
+
+
+def test_file_of_a_byte_order_mark_alone_is_refused(refused, put):
+    assert refused(put("a.csv", b"\xef\xbb\xbf"))
