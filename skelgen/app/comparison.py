@@ -7,7 +7,7 @@ import numpy as np
 from skelgen.app.drawing.wording import digits, whole_percent
 from skelgen.errors import InputError
 from skelgen.model import Project
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Ints, spread_frames
 
 _SAMPLES = 500  # frames that are compared
 _SAME_PLACE = 1e-2  # mm: positions in files are rounded
@@ -123,7 +123,7 @@ def comparison_sentences(one: Project, other: Project, found: Comparison) -> tup
 
 
 def _markers(one: Project, other: Project) -> tuple[ComparedMarker, ...]:
-    frames = np.unique(np.linspace(0, one.take.n_frames - 1, min(_SAMPLES, one.take.n_frames)).astype(np.intp))
+    frames = spread_frames(one.take.n_frames, _SAMPLES)
     mine, theirs = (project.trajectories.positions[frames] for project in (one, other))
     seen = ~np.isnan(theirs[..., 0])
     found = []

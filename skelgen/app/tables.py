@@ -10,7 +10,7 @@ from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, runs_of
 from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
@@ -276,6 +276,4 @@ def _count(take: Take) -> int:
 
 def _gap_lengths(seen: np.ndarray[Any, np.dtype[np.bool_]]) -> list[int]:
     """Lengths [frames] of the runs in which a marker is unseen."""
-    padded = np.concatenate([[True], seen, [True]])
-    edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
-    return [int(length) for length in edges[1::2] - edges[::2]]
+    return [stop - start for start, stop in runs_of(~seen)]

@@ -276,3 +276,9 @@ def spread_frames(n_frames: int, most: int) -> Ints:
         How many are wanted at most.
     """
     return evenly_spread(np.arange(n_frames), most)
+
+
+def runs_of(values: Bools) -> list[tuple[int, int]]:
+    """Return the first index of each run of true values, shape (n,), and that behind its last."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in steps.reshape(-1, 2)]

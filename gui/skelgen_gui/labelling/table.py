@@ -1,12 +1,9 @@
 """All markers in a table, what needs most work first: searched, sorted, selected with the session."""
 
 from PySide6.QtCore import (
-    QAbstractTableModel,
     QItemSelection,
     QItemSelectionModel,
-    QModelIndex,
     QObject,
-    QPersistentModelIndex,
     QSortFilterProxyModel,
     Qt,
     Signal,
@@ -19,59 +16,35 @@ from skelgen_gui.model.labelling import MarkerRow
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
 
-_Role = Qt.ItemDataRole
 _NAME = 0
-_Index = QModelIndex | QPersistentModelIndex
-_NOWHERE = QModelIndex()
 
 
-class MarkerModel(QAbstractTableModel):
+class MarkerModel(RowModel[MarkerRow]):
     """Markers as rows, whatever their number."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.rows: tuple[MarkerRow, ...] = ()
-        tr = self.tr
-        self._heads = (
-            (tr("Marker"), tr("What it is called")),
-            (tr("Work"), tr("Frames that are expected to be called wrongly")),
-            (tr("Gaps"), tr("Number of gaps between frames in which it is seen")),
-            (tr("Doubts"), tr("Number of doubtful spans")),
-            (tr("Seen"), tr("Part of the frames in which it is seen")),
-            (tr("Limb"), tr("The limb that it is on")),
+        self.heads = (
+            (self.tr("Marker"), self.tr("What it is called")),
+            (self.tr("Work"), self.tr("Frames that are expected to be called wrongly")),
+            (self.tr("Gaps"), self.tr("Number of gaps between frames in which it is seen")),
+            (self.tr("Doubts"), self.tr("Number of doubtful spans")),
+            (self.tr("Seen"), self.tr("Part of the frames in which it is seen")),
+            (self.tr("Limb"), self.tr("The limb that it is on")),
         )
 
-    def show_rows(self, rows: tuple[MarkerRow, ...]) -> None:
-        """Show other markers."""
-        self.beginResetModel()
-        self.rows = rows
-        self.endResetModel()
-
-    def rowCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of markers."""
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of columns."""
-        return 0 if parent.isValid() else len(self._heads)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = _Role.DisplayRole) -> str | None:
-        """Return the head of a column, and what it means."""
-        if orientation == Qt.Orientation.Vertical or role not in {_Role.DisplayRole, _Role.ToolTipRole}:
-            return None
-        return self._heads[section][role == _Role.ToolTipRole]
-
-    def data(self, index: _Index, role: int = _Role.DisplayRole) -> object:
+    def data(self, index: Index, role: int = Role.DisplayRole) -> object:
         """Return what a cell shows, and by what it is sorted."""
         row, column = self.rows[index.row()], index.column()
         values = (row.name, row.work, row.gaps, row.doubts, row.seen, row.limb)
-        if role == _Role.UserRole:
+        if role == Role.UserRole:
             return values[column]
-        if role in {_Role.DisplayRole, _Role.ToolTipRole}:
+        if role in {Role.DisplayRole, Role.ToolTipRole}:
             texts = (row.name, f"{row.work:.0f}", str(row.gaps), str(row.doubts), whole_percent(row.seen), row.limb)
             return texts[column] if texts[column] != "0" else ""
-        if role == _Role.TextAlignmentRole and not isinstance(values[column], str):
+        if role == Role.TextAlignmentRole and not isinstance(values[column], str):
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
 
@@ -97,19 +70,15 @@ class MarkerTable(QTableView):
         self._session, self._is_following = session, False
         self.markers, self.filtered = MarkerModel(self), QSortFilterProxyModel(self)
         self.filtered.setSourceModel(self.markers)
-        self.filtered.setSortRole(_Role.UserRole)
+        self.filtered.setSortRole(Role.UserRole)
         self.filtered.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
         self.setModel(self.filtered)
         self.setSortingEnabled(True)
         self.horizontalHeader().setSortIndicatorClearable(True)
-        self.horizontalHeader().setHighlightSections(False)
         self.sortByColumn(-1, Qt.SortOrder.AscendingOrder)  # as the rows come: what needs most work first
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        choose_by_rows(self)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setTabKeyNavigation(False)
-        self.setShowGrid(False)
         self.setWordWrap(False)
-        self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         tip = self.tr("What needs most work comes first; a click on a head sorts, Enter goes on to the name")

@@ -11,11 +11,11 @@ from skelgen.app.drawing.wording import digits
 from skelgen.errors import InputError
 from skelgen.geometry.smoothing import smoothed
 from skelgen.kinematics.gap_filling.single_gaps import GapFill, fill_marker, gaps_of
-from skelgen.kinematics.gap_filling.stated import with_stated
+from skelgen.kinematics.gap_filling.stated import unfilled, with_stated
 from skelgen.model import Motion, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.corrections import BY_SKELETON, Correction
-from skelgen.model.filled import Filled, PositionSource
+from skelgen.model.filled import Filled
 from skelgen_gui.model import translate
 from skelgen_gui.model.curves import Curve, Panel
 
@@ -277,12 +277,7 @@ def _stated_parts(
     trajectories: Trajectories, of_skeleton: tuple[Skeleton, Motion] | None, marker: int, stated: tuple[Correction, ...]
 ) -> tuple[GapFill, ...]:
     """What is stated for the gaps of a marker; kept, since every other curve needs it again."""
-    if of_skeleton is not None:
-        base = _by_skeleton(trajectories, *of_skeleton)
-    else:
-        seen = trajectories.seen
-        source = np.where(seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
-        base = Filled(trajectories, trajectories.positions, source, np.where(seen, 0.0, np.nan))
+    base = unfilled(trajectories) if of_skeleton is None else _by_skeleton(trajectories, *of_skeleton)
     filled, last = with_stated(base, list(stated)), trajectories.n_frames - 1
     return tuple(
         _filled_part(filled, (marker, one.first_frame or 0, last if one.last_frame is None else one.last_frame))

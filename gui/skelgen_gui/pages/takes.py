@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt, QUrl
+from PySide6.QtCore import QObject, Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QComboBox,
     QFileDialog,
     QHeaderView,
@@ -22,10 +21,8 @@ from skelgen.app.project_file.archive import SUFFIX
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
 from skelgen_gui.widgets.layouts import column, describe, row_of
+from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
 
-_Role = Qt.ItemDataRole
-_Index = QModelIndex | QPersistentModelIndex
-_NOWHERE = QModelIndex()
 _OWN, _OF_PROJECT = "own", "project"
 
 
@@ -41,39 +38,20 @@ class _Row:
     result: Path | None = None
 
 
-class _TakesModel(QAbstractTableModel):
+class _TakesModel(RowModel[_Row]):
     """Takes as rows."""
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
-        self.rows: tuple[_Row, ...] = ()
-        tr = self.tr
-        self._heads = (tr("Take"), tr("State"), tr("Length"), tr("Residual"))
+        names = self.tr("Take"), self.tr("State"), self.tr("Length"), self.tr("Residual")
+        self.heads = [(name, None) for name in names]
 
-    def show_rows(self, rows: tuple[_Row, ...]) -> None:
-        """Show other takes."""
-        self.beginResetModel()
-        self.rows = rows
-        self.endResetModel()
-
-    def rowCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of takes."""
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of columns."""
-        return 0 if parent.isValid() else len(self._heads)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = _Role.DisplayRole) -> str | None:
-        """Return the head of a column."""
-        return self._heads[section] if orientation == Qt.Orientation.Horizontal and role == _Role.DisplayRole else None
-
-    def data(self, index: _Index, role: int = _Role.DisplayRole) -> object:
+    def data(self, index: Index, role: int = Role.DisplayRole) -> object:
         """Return what a cell shows."""
         row = self.rows[index.row()]
-        if role == _Role.DisplayRole:
+        if role == Role.DisplayRole:
             return (row.path.name, row.outcome, row.length, row.residual)[index.column()]
-        return (row.tip or str(row.path)) if role == _Role.ToolTipRole else None
+        return (row.tip or str(row.path)) if role == Role.ToolTipRole else None
 
 
 class TakesPage(QWidget):
@@ -112,11 +90,7 @@ class TakesPage(QWidget):
     def _describe(self) -> None:
         tr = self.tr
         self.table.setModel(self.takes)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.table.setTabKeyNavigation(False)
-        self.table.setShowGrid(False)
-        self.table.verticalHeader().hide()
-        self.table.horizontalHeader().setHighlightSections(False)
+        choose_by_rows(self.table)
         self.table.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
         self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)

@@ -1,6 +1,6 @@
 """The list of gaps, how one is filled, with the deviation of each way, and smoothing."""
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -17,25 +17,22 @@ from skelgen_gui.model import translate
 from skelgen_gui.model.marker_curves import GapRow
 from skelgen_gui.timeline.span import clock
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
 
-_Role = Qt.ItemDataRole
-_Index = QModelIndex | QPersistentModelIndex
-_NOWHERE = QModelIndex()
 _TIME_STEP = 0.01  # s
 _CUTOFF, _MOST_CUTOFF = 10.0, 1000.0  # Hz
 
 
-class GapModel(QAbstractTableModel):
+class GapModel(RowModel[GapRow]):
     """Gaps as rows, whatever their number."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.rows: tuple[GapRow, ...] = ()
+        names = self.tr("Marker"), self.tr("Begins"), self.tr("Frames"), self.tr("Filled by")
+        self.heads = [(name, None) for name in names]
         self._rate = 1.0
-        tr = self.tr
-        self._heads = (tr("Marker"), tr("Begins"), tr("Frames"), tr("Filled by"))
 
-    def show_rows(self, rows: tuple[GapRow, ...], rate: float) -> None:
+    def show_gaps(self, rows: tuple[GapRow, ...], rate: float) -> None:
         """Show other gaps.
 
         Parameters
@@ -45,25 +42,12 @@ class GapModel(QAbstractTableModel):
         rate : float, Hz
             Of the take.
         """
-        self.beginResetModel()
-        self.rows, self._rate = rows, rate
-        self.endResetModel()
+        self._rate = rate
+        self.show_rows(rows)
 
-    def rowCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of gaps."""
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _NOWHERE) -> int:
-        """Return the number of columns."""
-        return 0 if parent.isValid() else len(self._heads)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = _Role.DisplayRole) -> str | None:
-        """Return the head of a column."""
-        return self._heads[section] if orientation == Qt.Orientation.Horizontal and role == _Role.DisplayRole else None
-
-    def data(self, index: _Index, role: int = _Role.DisplayRole) -> object:
+    def data(self, index: Index, role: int = Role.DisplayRole) -> object:
         """Return what a cell shows."""
-        if role != _Role.DisplayRole:
+        if role != Role.DisplayRole:
             return None
         row = self.rows[index.row()]
         begins = clock(row.first / self._rate, _TIME_STEP)
@@ -100,13 +84,9 @@ class GapTable(QTableView):
         super().__init__(parent)
         self.gaps = GapModel(self)
         self.setModel(self.gaps)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        choose_by_rows(self)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setTabKeyNavigation(False)
-        self.setShowGrid(False)
-        self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
-        self.horizontalHeader().setHighlightSections(False)
         self.horizontalHeader().setStretchLastSection(True)
         tip = self.tr("The longest first. A click goes there; 1 to 4 choose the way, Enter fills")
         describe(self, self.tr("Gaps"), tip)

@@ -134,7 +134,7 @@ class MarkerCurves(QWidget):
         """Show other gaps, and the same one chosen if it is there again."""
         before, donor = self.tools.row, self.tools.donor.currentText()
         self._is_following = True
-        self.tools.table.gaps.show_rows(rows, self._session.rate)
+        self.tools.table.gaps.show_gaps(rows, self._session.rate)
         for column in range(3):
             self.tools.table.resizeColumnToContents(column)
         self.tools.donor.clear()

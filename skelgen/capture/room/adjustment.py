@@ -21,6 +21,7 @@ from skelgen.capture.calibration.bundle_adjustment import (
 )
 from skelgen.capture.room.bundles import RoomBundle
 from skelgen.errors import InputError
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
@@ -134,7 +135,7 @@ def _with_enough(bundle: _B) -> _B:
 
 def _robust_spread(residuals: Floats) -> float:
     """Standard deviation of most residuals [px]."""
-    return float(1.4826 * np.nanmedian(np.abs(residuals))) or 1.0
+    return float(SIGMA_OF_MEDIAN * np.nanmedian(np.abs(residuals))) or 1.0
 
 
 def _minimised(bundle: _B, free: Bools) -> _B:

@@ -17,7 +17,7 @@ from skelgen.capture.room.bundles import BoardBundle
 from skelgen.capture.values import Image
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, evenly_spread, spread_frames
 from skelgen.model.rig import Camera
 
 FEWEST_CORNERS = 6
@@ -176,7 +176,7 @@ def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Ca
             f"{name} shows the board in {len(views)} images; at least {FEWEST_VIEWS} are needed: hold it where this "
             "camera looks, turned about different axes; is the camera dark, are the board's squares counted right?"
         )
-    views = views[np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(np.intp)]
+    views = evenly_spread(views, MOST_VIEWS)
     points = [board.points[shown[view]].astype(np.float32) for view in views]
     pixels = [seen[view, shown[view]].astype(np.float32) for view in views]
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
@@ -239,7 +239,7 @@ def _relation(one: Floats, two: Floats, ways: Floats) -> tuple[int, Floats]:
     relations = two[:, np.newaxis] @ ways @ np.linalg.inv(one)[:, np.newaxis]  # (n, n_ways, 4, 4)
     flat = relations.reshape(-1, 4, 4)
     best, most = flat[0], 0
-    for candidate in flat[np.linspace(0, len(flat) - 1, min(len(flat), CANDIDATES)).astype(np.intp)]:
+    for candidate in flat[spread_frames(len(flat), CANDIDATES)]:
         angle, shift = _apart(relations, candidate)
         count = int(((angle <= AGREES[0]) & (shift <= AGREES[1])).any(axis=1).sum())
         if count > most:

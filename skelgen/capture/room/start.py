@@ -19,7 +19,8 @@ from skelgen.capture.room.bundles import WandBundle
 from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.model.rig import Camera
 
 LEAST_SHARED = 30
@@ -175,8 +176,7 @@ def _check_middle(bundle: WandBundle, seen: Floats) -> None:
 
 
 def _some(shows: Bools, most: int = MOST_FRAMES) -> Ints:
-    frames = np.flatnonzero(shows)
-    return frames[np.linspace(0, len(frames) - 1, min(len(frames), most)).astype(np.intp)]
+    return evenly_spread(np.flatnonzero(shows), most)
 
 
 def _guess(size: tuple[int, int], name: str, focal: float) -> Camera:
@@ -221,7 +221,7 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
     if usable.sum() < LEAST_SHARED:
         return None
     typical = float(np.median(lengths[usable]))
-    spread = float(1.4826 * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
+    spread = float(SIGMA_OF_MEDIAN * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
     second[:3, 3] *= wand[-1] / typical
     cameras = eyes[0], replace(eyes[1], camera_from_world=second)
     return spread, WandBundle(cameras, seen, wand, np.empty((0, 3)), np.empty((0, 3)))

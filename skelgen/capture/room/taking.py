@@ -13,7 +13,7 @@ from skelgen.capture.room.start import LEAST_SHARED
 from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand import check_wand, find_wand
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 
 FIRST_LOOK, MOST_FRAMES = 60, 400
 """Views of each camera before the room is looked at for the first time, and frames that this takes at most."""
@@ -178,7 +178,7 @@ class WandTaking:
             name = self.names[self._sizes.index(None)]
             raise InputError(f"{name} has no image: see that it is switched on")
         n_frames = len(self.frames)
-        chosen = np.linspace(0, n_frames - 1, min(n_frames, most or n_frames)).astype(np.intp)
+        chosen = spread_frames(n_frames, most or n_frames)
         return calibrate_wand([self.frames[index] for index in chosen.tolist()], self.distances, sizes, self.names)
 
     def _look_at_room(self) -> None:

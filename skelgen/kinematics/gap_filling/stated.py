@@ -4,7 +4,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.kinematics.gap_filling.single_gaps import fill_marker
-from skelgen.model import Project
+from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.corrections import BY_SKELETON, Correction, named_marker
 from skelgen.model.filled import Filled, PositionSource
@@ -38,10 +38,15 @@ def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
 
         by_skeleton = fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
     else:
-        seen = project.trajectories.seen
-        source = np.where(seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
-        by_skeleton = Filled(project.trajectories, project.trajectories.positions, source, np.where(seen, 0.0, np.nan))
+        by_skeleton = unfilled(project.trajectories)
     return with_stated(by_skeleton, stated, monitor)
+
+
+def unfilled(trajectories: Trajectories) -> Filled:
+    """Return markers of which no gap is filled."""
+    seen = trajectories.seen
+    source = np.where(seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
+    return Filled(trajectories, trajectories.positions, source, np.where(seen, 0.0, np.nan))
 
 
 def with_stated(by_skeleton: Filled, stated: list[Correction], monitor: Monitor = SILENT) -> Filled:

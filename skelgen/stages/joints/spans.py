@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.kinematics.joints.closed_form import RELATIVE_RIDGE, FixedPoint, fit_fixed_point
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, runs_of
 from skelgen.model.joint_spans import JointSpan
 from skelgen.stages.joints.parameters import Pair
 
@@ -161,7 +161,7 @@ def _candidates(take: _Take, pair: Pair, windows: Floats) -> Iterator[JointSpan]
     """Spans in which two limbs keep a point in common."""
     is_good = np.nan_to_num(windows, nan=np.inf) <= TOLERANCE * take.usual
     last_frame = -1
-    for start, stop in _runs(is_good):
+    for start, stop in runs_of(is_good):
         if stop - start + BLOCKS - 1 < LEAST_BLOCKS or start * take.block <= last_frame:
             continue
         span = _grown(take, pair, np.arange(start * take.block, (stop + BLOCKS - 1) * take.block))
@@ -201,7 +201,7 @@ def _grown(take: _Take, pair: Pair, frames: Ints) -> JointSpan | None:
 
 def _around(values: Floats, most: float, middle: int, block: int) -> Ints | None:
     """The known frames around one in which values are small, short exceptions apart; None where there are none."""
-    runs = _runs(_without_short_runs(~(values > most), block // 2))
+    runs = runs_of(_without_short_runs(~(values > most), block // 2))
     return next((np.arange(*run)[~np.isnan(values[slice(*run)])] for run in runs if run[0] <= middle < run[1]), None)
 
 
@@ -271,16 +271,10 @@ def _carried(body: Floats, point: Floats) -> Floats:
     return np.asarray(body[:, :3, :3] @ point + body[:, :3, 3])
 
 
-def _runs(values: Bools) -> list[Pair]:
-    """First and one past the last index of each run of true values."""
-    steps = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in steps.reshape(-1, 2)]
-
-
 def _without_short_runs(values: Bools, length: int) -> Bools:
     """Values whose runs of false ones that are shorter than `length`, between true ones, are true."""
     filled = values.copy()
-    for start, stop in _runs(~values):
+    for start, stop in runs_of(~values):
         if start > 0 and stop < len(values) and stop - start < length:
             filled[start:stop] = True
     return filled

@@ -220,13 +220,14 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
     group = merge_tracklets(task.cloud.points, tracklets, task.rate, task.spacing, monitor)
     start = by_distances = _grouped(task, tracklets, group)
     at_once = tracklets.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
-    pieces = _pieces(task, tracks)
-    if pieces is not None and start.max(initial=-1) >= at_once:
+    pieces = _pieces(task, tracks) if start.max(initial=-1) >= at_once else None
+    if pieces:
         by_limbs = _on_limbs(task, pieces, np.full(len(tracks), -1))
         more = _evidence(task, by_limbs)[0] > _evidence(task, by_distances)[0]
         start = by_limbs if more and by_limbs.max() <= by_distances.max() else by_distances
     found = _refined(task, tracks, start, monitor)
-    if pieces is not None and start is by_distances and found.max(initial=-1) >= at_once:
+    is_crowded = start is by_distances and found.max(initial=-1) >= at_once
+    if is_crowded and (pieces := pieces or _pieces(task, tracks)):
         other = _filled(task, _on_limbs(task, pieces, found), found)
         evidence, chance = _evidence(task, found)
         if _evidence(task, other)[0] > evidence + chance:

@@ -18,7 +18,7 @@ from skelgen.geometry.rotations import (
 from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.motion import PosedMotion
 from skelgen.model import Skeleton
-from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread, runs_of
 from skelgen.progress import Monitor
 from skelgen.stages.skeleton.assembly import Body, StructuredTake
 from skelgen.stages.skeleton.fitting import FittedBody
@@ -152,9 +152,8 @@ def _pose_block(
 
 def _fill_absence(one: FittedBody, present: Bools, found: _Found) -> None:
     """Interpolate a body where none of its markers is seen for longer than a margin, from the ends of the absence."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], present, [True]]).astype(np.int8)))
     limbs = one.body.limbs
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, last in runs_of(~present):
         if last - first <= MARGIN:
             continue
         before, after = max(first - 1, 0), min(last, len(present) - 1)
