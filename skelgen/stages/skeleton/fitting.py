@@ -288,8 +288,9 @@ def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True) ->
 
 
 def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
-    """Poses of all frames that obey the joints of a fit to some; in these they are its own."""
-    rotations = last.articulation.projected(last.chain.parents, poses.rotations)
+    """Poses of all frames that obey the joints of a fit to some, whose limbs are turned as there; in these its own."""
+    rotation = _rotation_between(last.poses, poses[frames])
+    rotations = last.articulation.projected(last.chain.parents, poses.rotations @ rotation.swapaxes(1, 2))
     root = poses.root.copy()
     root[frames], rotations[frames] = last.poses.root, last.poses.rotations
     return ChainPoses(root, rotations)
@@ -297,9 +298,14 @@ def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
 
 def _followed(types: list[JointType], last: Calibration, before: ChainPoses) -> list[JointType]:
     """Joint types with the axes that were fitted, and with the others in the frames that limbs have now."""
-    after, earlier = (one.rotations.swapaxes(0, 1).reshape(last.chain.n_limbs, -1, 3) for one in (last.poses, before))
-    rotation = nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
+    rotation = _rotation_between(last.poses, before)
     return body_joints.with_axes(_in_other_frames(types, last.chain.parents, rotation), last.articulation)
+
+
+def _rotation_between(now: ChainPoses, before: ChainPoses) -> Floats:
+    """How each limb's frame was turned between two poses of the same frames, now from before, shape (n_limbs, 3, 3)."""
+    after, earlier = (one.rotations.swapaxes(0, 1).reshape(one.rotations.shape[1], -1, 3) for one in (now, before))
+    return nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
 
 
 def _squares(fit: Calibration) -> float:
