@@ -5,6 +5,7 @@ clearly they are hinges; as hinges they would lose centimetres of the motion, so
 the types.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element
@@ -114,7 +115,7 @@ def posed(links: Sequence[Link]) -> Floats:
 
 
 def add_choices(document: Element, project: Project) -> None:
-    """Say in a comment which joints are drawn where the motion does not determine them.
+    """Say in comments what limbs and joints are called that the file must call otherwise, and which joints are choices.
 
     Parameters
     ----------
@@ -123,8 +124,12 @@ def add_choices(document: Element, project: Project) -> None:
     project : Project
         Finished.
     """
-    for sentence in choices_in(project):
-        document.append(Comment(sentence.replace("--", "-")))
+    skeleton = project.skeleton
+    pairs = [*zip(bone_names(skeleton), skeleton.limb_names, strict=True)]
+    pairs += zip(plain_names(skeleton.joint_names), skeleton.joint_names, strict=True)
+    called = [f"{plain} is {own!r}" for plain, own in pairs if own not in {plain, plain.replace("_", " ")}]
+    for sentence in (*called, *choices_in(project)):
+        document.append(Comment(re.sub("--+", "-", sentence)))
 
 
 def markers_on(project: Project, limb: int) -> list[tuple[int, Floats]]:

@@ -2,7 +2,8 @@
 
 Numbers are separated by blanks, and lines that begin with ``#`` say what they are, so that `numpy.loadtxt` reads both.
 The matrix has a row per marker: the standard deviations of its distances to all markers. The tree has a row per limb:
-the limb, its parent (-1 for a root) and the cost of the joint between them (nan for a root).
+the limb, its parent (-1 for a root) and the cost of the joint between them (nan for a root). What limbs are
+called stands in the lines with ``#``.
 """
 
 from collections.abc import Iterable
@@ -39,6 +40,7 @@ def write_costs(value: Writable, path: Path) -> list[Path]:
     deviation = project.limbs.distance_deviation
     head = ["standard deviation of the distance between each two markers [mm]; nan: never seen together"]
     head.append(f"markers: {', '.join(project.trajectories.names)}")
+    head += [f"limb {limb}: {_limb(project, limb)}" for limb in range(project.limbs.n_limbs)]
     _write(path, [*_comments(head), *(" ".join(map(repr, row)) for row in deviation.tolist())])
     return [path]
 
@@ -61,17 +63,20 @@ def write_tree(value: Writable, path: Path) -> list[Path]:
         If limbs are not joined yet.
     """
     project = _project(value, _TREE_TITLE)
-    topology, names = project.topology, project.trajectories.names
-    lines = [
-        f"limb {limb}: {', '.join(names[marker] for marker in project.limbs.markers_of(limb))}"
-        for limb in range(topology.n_limbs)
-    ]
+    topology = project.topology
+    lines = [f"limb {limb}: {_limb(project, limb)}" for limb in range(topology.n_limbs)]
     rows = []
     for limb, parent in enumerate(topology.parents.tolist()):
         cost = float(topology.joint_costs[parent, limb]) if parent >= 0 else np.nan
         rows.append(f"{limb} {parent} {cost!r}")
     _write(path, [*_comments([*lines, "limb parent cost_mm2"]), *rows])
     return [path]
+
+
+def _limb(project: Project, limb: int) -> str:
+    """Name of a limb, and its markers."""
+    markers = (project.trajectories.names[marker] for marker in project.limbs.markers_of(limb))
+    return f"{project.limbs.names[limb]}: {', '.join(markers)}"
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:

@@ -5,7 +5,7 @@ its limb, to the next joint; a limb that carries no other has a node where it en
 rest nodes stand as in the skeleton's reference pose. The animation has a rotation for every limb and a translation for
 every root, linear between keys. Each marker is a point that its limb carries with weight 1: it lies where the skeleton
 has it, not where it was measured. What glTF has no field for stands in ``extras``: of a node the type, axis and
-deviation of its joint in the axes of the nodes, of the mesh the names of the markers.
+deviation of its joint in the axes of the nodes, what limb and joint are called, of the mesh the names of the markers.
 
 Numbers are single precision, little endian; quaternions are x y z w; matrices are stored column by column.
 """
@@ -173,12 +173,14 @@ def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int])
         node["rotation"] = xyzw_from_matrix(rotation).tolist()
         children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
         node["children"] = children or [_node(skeleton.n_limbs + ends.index(limb))]
+        stated: dict[str, object] = {"limb": skeleton.limb_names[limb]}
+        node["extras"] = stated
         if limb in facts:
             joint, axis, second, std = facts[limb]
             axes = {"axis_in_parent": axis, "second_axis_in_child": second}
-            stated: dict[str, object] = {"kind": joint.kind, "std_mm": std.tolist()}
+            stated |= {"joint": skeleton.joint_name(joint), "kind": joint.kind, "std_mm": std.tolist()}
             stated["determined"] = joint.is_determined
-            node["extras"] = stated | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
+            stated |= {name: axis.tolist() for name, axis in axes.items() if axis is not None}
         yield node
 
 

@@ -4,7 +4,8 @@ A skeleton root, ``/body``, holds the prims ``skeleton`` (joints named by their 
 reference pose as bind and rest pose), ``motion`` (a time sample per frame) and ``markers`` (points; those that are
 unseen in a frame are not among its points, ``ids`` say which marker each is). The y axis of a joint points along its
 limb, to the next joint; a limb that carries no other has a joint where it ends. What UsdSkel has no attribute for
-stands beside, in the namespace ``skelgen``: kinds, axes and deviations of the joints on the skeleton, in its axes,
+stands beside, in the namespace ``skelgen``: kinds, axes and deviations of the joints on the skeleton, in its axes, what
+limbs and joints are called,
 names and limbs of the markers on the points.
 
 Unit, axis and rate stand in the stage's metadata. ``framesPerSecond`` is the take's rate. Of time codes there are 24 in
@@ -178,6 +179,9 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
     _state(prim, "jointKinds", types.TokenArray, kinds)
     _state(prim, "jointAxesInParents", types.Float3Array, _vectors(axes))
     _state(prim, "jointStdInMillimetres", types.Float3Array, _vectors(deviations))
+    called = {joint.child: skeleton.joint_name(joint) for joint in skeleton.joints}
+    _state(prim, "limbNames", types.StringArray, [skeleton.limb_names[limb] for limb in bones.limbs])
+    _state(prim, "jointNames", types.StringArray, [called.get(limb, "") for limb in bones.limbs])
     determined = {joint.child: joint.is_determined for joint in skeleton.joints}
     _state(
         prim, "jointIsDetermined", types.BoolArray, [determined.get(limb, True) for limb in skeleton.outward.tolist()]

@@ -8,6 +8,7 @@ from pathlib import Path
 from skelgen_formats.registry import write_file
 from skelgen_formats.text import defused
 
+from skelgen.app.constraints import LIMB_COLUMNS
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together
@@ -92,11 +93,12 @@ def stem_of(path: Path | str) -> str:
 
 
 def _write_limbs(project: Project, path: Path) -> None:
-    limb_of_marker = project.limbs.limb_of_marker.tolist()
+    limbs, called = project.limbs, [*map(defused, project.limbs.names), ""]  # the last one is for -1
+    found = zip(map(defused, project.trajectories.names), limbs.limb_of_marker.tolist(), strict=True)
     with path.open("w", newline="", encoding="utf-8", errors="replace") as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("marker", "limb"))
-        rows.writerows(zip(map(defused, project.trajectories.names), limb_of_marker, strict=True))
+        rows.writerow(LIMB_COLUMNS)
+        rows.writerows((marker, limb, called[limb]) for marker, limb in found)
 
 
 def _write_raw_joints(project: Project, path: Path) -> None:

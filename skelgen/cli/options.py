@@ -79,7 +79,7 @@ NamesFile = Annotated[
     typer.Option(
         "--names",
         metavar="FILE",
-        help="Names of limbs: a line marker,name calls the limb of the marker by the name.",
+        help="Names of limbs: a line marker,name calls the limb of the marker by the name; or a table .limbs.csv.",
         show_default="by names of markers",
     ),
 ]

@@ -8,9 +8,11 @@ from dataclasses import replace
 import pytest
 from skelgen_formats.registry import write_file
 
+from skelgen.app.constraints import read_limb_names
+from skelgen.app.limb_names import with_stated_names
 from skelgen.app.outputs import OUTPUTS, Output, stem_of, write_outputs
 from skelgen.app.project_file.archive import save_project
-from skelgen.errors import WriteError
+from skelgen.errors import FormatError, WriteError
 
 SIMPLE = (
     Output(".skelgen", "", save_project),
@@ -44,8 +46,19 @@ def test_limbs_are_listed_by_marker(small_project, tmp_path):
     write_outputs(small_project, tmp_path, "a", outputs=SIMPLE[1:2])
     with (tmp_path / "a.limbs.csv").open(newline="") as stream:
         rows = list(csv.reader(stream))
-    assert rows[:2] == [["marker", "limb"], ["M<0>&", "0"]]
-    assert rows[-1] == ["M<9>&", "-1"]
+    assert rows[:2] == [["marker", "limb", "name"], ["M<0>&", "0", "limb0"]]
+    assert rows[-1] == ["M<9>&", "-1", ""]
+
+
+def test_names_of_limbs_are_read_back_from_the_table(small_project, tmp_path):
+    named = small_project.with_limb_names(("=left, forearm", "limb1", "chest"))
+    write_outputs(named, tmp_path, "a", outputs=SIMPLE[1:2])
+    said = read_limb_names(tmp_path / "a.limbs.csv")
+    assert list(said.values()) == ["=left, forearm", "chest"]
+    assert with_stated_names(small_project, said).limbs.names[::2] == named.limbs.names[::2]
+    (tmp_path / "cut.csv").write_text("marker,limb,name\nLTHI,0\n")
+    with pytest.raises(FormatError, match="2 cells where marker"):
+        read_limb_names(tmp_path / "cut.csv")
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ZeroDivisionError(), OSError(28, "No space left on device")])

@@ -1,9 +1,10 @@
 from __future__ import annotations
 
 import dataclasses
+from xml.etree.ElementTree import Element, fromstring, tostring
 
 import numpy as np
-from skelgen_formats.articulated import links_of, plain_names, posed, remarks_on_joints
+from skelgen_formats.articulated import add_choices, links_of, plain_names, posed, remarks_on_joints
 from skelgen_formats.options import Options
 
 from skelgen.geometry.rotations import matrix_from_vector
@@ -22,6 +23,16 @@ def test_names_become_plain_and_stay_distinct():
 def test_links_put_every_limb_where_the_motion_has_it(jointed_project):
     apart = posed(links_of(jointed_project, "as-moved")) - jointed_project.motion.world_from_limb
     assert np.abs(apart).max() < ROUNDING_MM
+
+
+def test_names_that_files_cannot_hold_are_kept_in_comments(jointed_project):
+    names = ["left ---- hand", "Fuß", *jointed_project.skeleton.limb_names[2:]]
+    document = Element("model")
+    add_choices(document, jointed_project.with_limb_names(tuple(names)))
+    text = tostring(document, encoding="unicode")
+    assert "<!--Fu_ is 'Fuß'-->" in text
+    assert "is 'left - hand'-->" in text
+    assert len(fromstring(text)) == 0  # well-formed
 
 
 def test_angles_are_0_in_the_reference_pose(jointed_project):

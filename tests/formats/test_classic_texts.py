@@ -23,6 +23,14 @@ def test_tree_is_read_by_numpy(small_project, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.costs.txt", "a.tree.txt"])
+def test_names_of_limbs_stand_in_the_comments(small_project, tmp_path, name):
+    named = small_project.with_limb_names(("left\nforearm", "chest", "hand"))
+    path = write_file(named, tmp_path / name)[0]
+    assert "# limb 0: left forearm: M<0>&, " in path.read_text(encoding="utf-8")
+    np.testing.assert_array_equal(np.loadtxt(path), np.loadtxt(write_file(small_project, tmp_path / f"b{name}")[0]))
+
+
+@pytest.mark.parametrize("name", ["a.costs.txt", "a.tree.txt"])
 def test_takes_are_refused(small_project, tmp_path, name):
     with pytest.raises(WriteError, match="not a take"):
         write_file(small_project.trajectories, tmp_path / name)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tracemalloc
@@ -100,6 +101,27 @@ def test_joints_come_back(file, small_project):
         assert_close(back.position_in_parent, made.position_in_parent)
         assert_close(back.std, made.std)
         assert (back.axis is None) == (made.axis is None)
+
+
+def test_names_of_limbs_and_joints_come_back(small_project, tmp_path):
+    first = replace(small_project.skeleton.joints[0], name='the "hinge" <left>')
+    skeleton = replace(small_project.skeleton, joints=(first, *small_project.skeleton.joints[1:]))
+    project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
+    project = project.with_limb_names(("left forearm", "chest & neck", "Schläger"))
+    back = read_classic_xml(write_classic_xml(project, tmp_path / "named.xml")[0]).skeleton
+    assert back.limb_names == project.skeleton.limb_names
+    assert [joint.name for joint in back.joints] == [first.name, ""]
+    assert back.joint_names == project.skeleton.joint_names
+
+
+def test_files_without_names_number_the_limbs_and_names_that_stand_twice_are_refused(file, tmp_path):
+    text = file.read_text(encoding="utf-8")
+    (tmp_path / "old.xml").write_text(re.sub(r' NAME="[^"]*"', "", text), encoding="utf-8")
+    old = read_classic_xml(tmp_path / "old.xml").skeleton
+    assert (old.limb_names, {joint.name for joint in old.joints}) == (("limb0", "limb1", "limb2"), {""})
+    (tmp_path / "twice.xml").write_text(text.replace('NAME="limb2"', 'NAME="limb1"'), encoding="utf-8")
+    with pytest.raises(FormatError, match="limb1"):
+        read_classic_xml(tmp_path / "twice.xml")
 
 
 def test_deviations_come_back(file, small_project):

@@ -150,6 +150,7 @@ def test_names_kinds_and_deviations_stand_beside(small_project, tmp_path):
     for joint in small_project.skeleton.joints:
         facts, above = bones[f"limb{joint.child}"].extras, turns[joint.parent]
         assert facts["kind"] == joint.kind
+        assert (facts["limb"], facts["joint"]) == (f"limb{joint.child}", f"limb{joint.parent}-limb{joint.child}")
         spread = np.diag(above.T @ np.diag(joint.std**2) @ above)
         np.testing.assert_allclose(facts["std_mm"], np.sqrt(spread), rtol=1e-12)
         assert ("axis_in_parent" in facts) == (joint.axis is not None)

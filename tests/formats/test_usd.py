@@ -112,6 +112,14 @@ def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
         np.testing.assert_allclose(places, truth, rtol=0, atol=0.001, equal_nan=True)  # single precision at 4 m
 
 
+def test_limbs_and_joints_are_called_beside_as_they_are_called(small_project, tmp_path):
+    named = small_project.with_limb_names(("linker Fuß", "Rumpf", "rechter Fuß"))
+    stage = Usd.Stage.Open(str(*write_usd(named, tmp_path / "walk.usdc")))
+    prim = stage.GetPrimAtPath("/body/skeleton")
+    assert list(prim.GetAttribute("skelgen:limbNames").Get()) == ["Rumpf", "linker Fuß", "rechter Fuß"]
+    assert list(prim.GetAttribute("skelgen:jointNames").Get()) == ["", "Rumpf-linker Fuß", "Rumpf-rechter Fuß"]
+
+
 def test_kinds_and_deviations_stand_beside(small_project, tmp_path):
     stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
     prim = stage.GetPrimAtPath("/body/skeleton")

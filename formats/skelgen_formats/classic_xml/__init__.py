@@ -21,6 +21,7 @@ for each.
     v_bone = R_local v_model + t_local. ``JOINT``, an addition, describes the joint to the parent;
     standard deviations and (as rows of a 3 x 3 matrix) covariances where they were estimated, see
     `skelgen.model.Joint`.
+    ``NAME``, an addition, is what a bone and a joint are called.
     ``ANIMATION``: one ``TRACK`` per bone, one ``KEYFRAME`` per frame, relative to the parent; a root relative to the
     world. ``SEEN="0"`` marks a frame in which the limb's pose was interpolated.
     Quaternions are x y z w and rotate actively, v' = q v q* (not Cal3D's conjugate; `cal3d` writes that).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ import numpy as np
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Joint, Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_floats
+from skelgen.model.skeleton import joint_between
 from skelgen.model.topology import outward_order
 from skelgen_formats.bones import matrix_from_xyzw
 
@@ -133,6 +134,7 @@ class JointFacts:
     axis: list[float] | None
     second_axis: list[float] | None
     deviations: dict[str, list[float]]
+    name: str
 
 
 @dataclass
@@ -143,6 +145,7 @@ class Bone:
     local_translation: list[float]
     local_rotation: list[float]
     joint: JointFacts | None
+    name: str
 
 
 @dataclass
@@ -257,10 +260,11 @@ def _skeleton(
     contents: Contents, parents: Ints, edges: list[tuple[int, int]], offsets: Floats, centers: Floats
 ) -> Skeleton:
     limb_of_marker = np.array(contents.bone_of_marker, dtype=np.intp)
+    names = tuple(contents.bones[limb].name for limb in range(len(parents)))
     centers_and_none = np.concatenate([centers, np.full((1, 3), np.nan)])  # row -1 is for markers that are left out
     return Skeleton(
         parents=parents,
-        joints=tuple(_joint(parent, child, contents.bones[child].joint) for parent, child in edges),
+        joints=tuple(_joint(edge, contents.bones[edge[1]].joint, names) for edge in edges),
         limb_of_marker=limb_of_marker,
         marker_offsets=offsets + centers_and_none[limb_of_marker],
         marker_std=_of_markers(contents.sigmas, len(limb_of_marker)),
@@ -269,10 +273,12 @@ def _skeleton(
         ),
         offset_std=_table(contents.offset_stds, len(limb_of_marker)) if contents.offset_stds else None,
         marker_noise=_of_markers(contents.noises, len(limb_of_marker)) if contents.noises else None,
+        limb_names=names,
     )
 
 
-def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
+def _joint(edge: tuple[int, int], facts: JointFacts | None, limb_names: Sequence[str]) -> Joint:
+    parent, child = edge
     if facts is None:
         raise InputError(f"the joint between bones {parent} and {child} is not described")
     axis, second = (None if vector is None else np.array(vector) for vector in (facts.axis, facts.second_axis))
@@ -289,6 +295,7 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         std=np.array(facts.std),
         second_axis=second,
         open_directions=facts.open_directions,
+        name="" if facts.name == joint_between(limb_names[parent], limb_names[child]) else facts.name,
         **deviations,
     )
 

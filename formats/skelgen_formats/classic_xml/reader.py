@@ -227,6 +227,7 @@ class _Reader:
             local_translation=self._vector(element, "LOCALTRANSLATION", 3),
             local_rotation=self._vector(element, "LOCALROTATION", 4),
             joint=None if joint is None else self._joint(joint),
+            name=element.get("NAME", f"limb{limb}"),
         )
 
     def _joint(self, element: Any) -> JointFacts:
@@ -244,6 +245,7 @@ class _Reader:
                 for tag, name in DEVIATIONS.items()
                 if tag in names
             },
+            name=element.get("NAME", ""),
         )
 
     def _key(self, element: Any) -> None:

@@ -87,7 +87,7 @@ def write_classic_xml(
         *(["<FinalJointPositions>\n<JointPositions>\n"], final, ["</JointPositions>\n</FinalJointPositions>\n"]),
     )
     parts: tuple[Iterable[str], ...] = (
-        *(_stats(project), _skeleton(project), _animation(project, number)),
+        *(_stats(project), _skeleton(project, path), _animation(project, number)),
         *(() if detail == MOTION else joints),
         *(["<MarkerPositions>\n"], _offsets(skeleton), _frames(project) if detail == ALL else ()),
         [f"</MarkerPositions>\n</{ROOT}>\n"],
@@ -150,16 +150,18 @@ def _distances(tag: str, distances: tuple[MarkerDistance, ...]) -> str:
     return f"<{tag}>\n{''.join(rows)}</{tag}>\n"
 
 
-def _skeleton(project: Project) -> Iterator[str]:
+def _skeleton(project: Project, path: Path) -> Iterator[str]:
     skeleton = project.skeleton
     joint_of_child = {joint.child: joint for joint in skeleton.joints}
     yield f'<SkeletonAndAnimation>\n<SKELETON NUMBONES="{skeleton.n_limbs}">\n'
     for limb in skeleton.outward.tolist():
-        yield f'<BONE PARENT="{skeleton.parents[limb]}" BONEID="{limb}">\n'
+        name = _quoted(skeleton.limb_names[limb], path)
+        yield f'<BONE PARENT="{skeleton.parents[limb]}" BONEID="{limb}" NAME={name}>\n'
         yield _bind_pose(skeleton, limb)
         if limb in joint_of_child:
             joint = joint_of_child[limb]
-            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}">\n'
+            name = _quoted(skeleton.joint_name(joint), path)
+            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}" NAME={name}>\n'
             yield _row("POSITIONINPARENT", joint.position_in_parent)
             yield _row("POSITIONINBONE", joint.position_in_child)
             yield _row("STANDARDDEVIATION", joint.std)
