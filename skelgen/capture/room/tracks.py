@@ -6,9 +6,8 @@ from it, and a ball of one camera that lies where it must be is its own.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from skelgen._kernels.room_limbs import carry
+from skelgen._kernels.room_limbs import RIGID, carry
 from skelgen.capture.room.neighbours import KeptDistances
 from skelgen.capture.room.points import REACH, PointMatcher
 from skelgen.capture.room.values import RoomPoints, Views, balls_at
@@ -36,8 +35,26 @@ KEEPS = 3.5
 MOST_STD = 20.0
 """mm; a hidden marker that is less certain is carried no farther."""
 
+OLD = 3
+"""Frames in a row after which the way of a marker tells where it is next."""
+
+CONTRADICTED = 4.0
+"""Standard deviations that a point of two cameras is off its marker's way if it is not the marker."""
+
+CHANGES = 6.0
+"""Variances of a place in what three in a row are off an even way: 1 + 4 + 1."""
+
+DOUBTED, LATEST = 2.5, 0.3
+"""Frames after which points are believed however far off they are; the part of the newest in what is known of a way."""
+
+SURPRISES = 50
+"""Frames over which it is learned how evenly markers move."""
+
 HANDED_ON = 3.0
 """mm; deviation of a marker of one camera up to which it is handed on."""
+
+PLACED_OFF = 2.0
+"""Standard deviations that a placed marker may be off a distance of its limb."""
 
 SURE_CAMERAS = 3
 """Cameras that make no ghost."""
@@ -51,6 +68,8 @@ class PointTracks:
         self._times, self._lost = np.empty(0), np.empty(0, dtype=np.intp)
         self._tracks, self._unseen = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
         self._covariances, self._hidden = np.empty((0, 6, 6)), np.empty(0, dtype=np.intp)
+        self._ages, self._time = np.empty(0, dtype=np.intp), 0.0  # frames in a row, s
+        self._own, self._surprise, self._n_surprises = np.empty(0), 0.0, 0  # mm^2 along an axis; frames
         self._lengths: list[int] = []
         self._is_sure: list[bool] = []
         self._distances = KeptDistances()
@@ -88,6 +107,11 @@ class PointTracks:
         speeds = np.zeros_like(places)
         passed = time - self._times[before[known]]
         speeds[known] = (places[known] - self._places[before[known]]) / np.maximum(passed, 1e-9)[:, np.newaxis]
+        ages = np.zeros(n, dtype=np.intp)
+        ages[known] = self._ages[before[known]] + 1
+        own = np.zeros(n)
+        own[known] = np.square(places[known] - self.expected(time)[before[known]]).mean(axis=1)
+        own[known] = np.where(ages[known] > OLD, LATEST * own[known] + (1 - LATEST) * self._own[before[known]], 0.0)
         left = np.setdiff1d(np.flatnonzero((self._lost < KEPT) & (self._unseen < CARRIED)), before)
         self._distances.forget(np.setdiff1d(self._tracks, np.concatenate([tracks, self._tracks[left]])))
         zeros = np.zeros(n, dtype=np.intp)
@@ -97,10 +121,44 @@ class PointTracks:
         self._lost = np.concatenate([zeros, self._lost[left] + 1])
         self._unseen = np.concatenate([zeros, self._unseen[left] + 1])
         self._tracks = np.concatenate([tracks, self._tracks[left]])
+        self._ages, self._time = np.concatenate([ages, self._ages[left]]), time
+        self._own = np.concatenate([own, self._own[left]])
         first = np.tile(np.diag(np.repeat(np.square(FIRST_STD), 3)), (n, 1, 1))
         self._covariances = np.concatenate([first, self._covariances[left]])
         self._carry(n, time)
         return tracks
+
+    def contradicted(self, points: RoomPoints, time: float) -> Bools:
+        """Return which points of two cameras are not where their markers must be, shape (n_points,).
+
+        A ball that is two in one image, or another marker's, moves a point along the ray of the other camera, and there
+        is no third camera to tell. The way of the marker tells; how even ways are, those tell that more cameras see.
+
+        Parameters
+        ----------
+        points : RoomPoints
+            Of the next frame, before `follow` takes them.
+        time : float, s
+            Of the frame.
+        """
+        wrong, expected = np.zeros(len(points), dtype=np.bool_), self.expected(time)
+        before = self._nearest(points.points, expected)
+        old = np.flatnonzero(before >= 0)
+        old = old[self._ages[before[old]] >= OLD]
+        rows, is_sure = before[old], points.n_cameras[old] >= SURE_CAMERAS
+        off = points.points[old] - expected[rows]
+        steps = (time - self._times[rows]) / max(time - self._time, 1e-9)
+        if self._n_surprises:
+            spread = CHANGES * points.covariance[old]
+            surprise = np.maximum(self._surprise, self._own[rows])
+            spread += ((steps * (steps + 1) / 2) ** 2 * surprise)[:, np.newaxis, np.newaxis] * np.eye(3)
+            square = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[..., np.newaxis])[..., 0])
+            wrong[old] = ~is_sure & (square > CONTRADICTED**2) & (steps < DOUBTED)
+        told = off[is_sure & (steps < 1.5)]
+        if len(told):
+            self._n_surprises = min(self._n_surprises + 1, SURPRISES)
+            self._surprise += (float(np.square(told).mean()) - self._surprise) / self._n_surprises
+        return wrong
 
     def _carry(self, n_seen: int, time: float) -> None:
         """Take hidden markers along with those that they keep their distances from."""
@@ -116,7 +174,7 @@ class PointTracks:
         fits = carry(states, covariances, kept, passed, ACCELERATION, KEEPS)
         fits &= np.trace(covariances[:, :3, :3], axis1=1, axis2=2) <= MOST_STD**2
         self._hidden = rows[fits]
-        self._times[self._hidden], self._lost[self._hidden] = time, 0
+        self._times[self._hidden], self._lost[self._hidden], self._ages[self._hidden] = time, 0, 0
         self._move(self._hidden, states[fits], covariances[fits])
 
     def _move(self, rows: Ints, states: Floats, covariances: Floats) -> None:
@@ -142,7 +200,15 @@ class PointTracks:
         self._move(rows, states[has_ball], covariances[has_ball])
         self._unseen[rows] = 0
         is_certain = np.trace(placed.covariance[has_ball], axis1=1, axis2=2) <= HANDED_ON**2
+        is_certain &= self._keep_distances(rows)
         return placed.of(np.flatnonzero(has_ball)[is_certain]), self._tracks[rows[is_certain]]
+
+    def _keep_distances(self, rows: Ints) -> Bools:
+        """Whether hidden markers, as they were placed, still keep their distances: a joint that turns deceives."""
+        kept = self._distances.of(self._tracks[rows])
+        distances = np.linalg.norm(self._places[rows][:, np.newaxis] - kept.places, axis=2)
+        square = (distances - kept.distances) ** 2 / kept.variances
+        return np.asarray(~((square > PLACED_OFF**2) & (kept.variances <= RIGID)).any(axis=1))
 
     def doubt(self, tracks: Ints) -> None:
         """Let tracks begin anew: their balls are those of others."""
@@ -167,10 +233,10 @@ class PointTracks:
         """The expected place that each point is, -1 if it is new; two are each other's nearest."""
         if not len(points) or not len(expected):
             return np.full(len(points), -1, dtype=np.intp)
-        distance, nearest = cKDTree(expected).query(points)
-        back = cKDTree(points).query(expected)[1]
-        mutual = back[nearest] == np.arange(len(points))
-        return np.asarray(np.where(mutual & (distance <= REACH), nearest, -1))
+        squares = np.square(points[:, np.newaxis] - expected).sum(axis=2)
+        nearest, numbers = squares.argmin(axis=1), np.arange(len(points))
+        is_it = (squares.argmin(axis=0)[nearest] == numbers) & (squares[numbers, nearest] <= REACH**2)
+        return np.asarray(np.where(is_it, nearest, -1))
 
 
 class RoomTracker:
@@ -203,6 +269,7 @@ class RoomTracker:
             Of the frame.
         """
         points = self._matcher.find(views, self.tracks.expected(time))
+        points = points.of(~self.tracks.contradicted(points, time))
         own = self.tracks.follow(points, time)
         placed, tracks = self.tracks.place_hidden(points, self._matcher)
         # A crossing of two rays whose ball is a hidden marker's is a ghost.

@@ -84,3 +84,24 @@ def test_a_marker_without_neighbours_is_not_guessed(rig):
         few = [balls_at(balls.centres[:count], NOISE) for balls, count in zip(views, counts, strict=True)]
         points, _ = tracker.see(few, frame / 100)
         assert (points.n_cameras > 1).all()
+
+
+def test_a_joint_that_begins_to_turn_deceives_for_no_long(rig):
+    def bent(frame):
+        """The limb, of which the other markers turn about marker 1 as soon as it is hidden."""
+        places = places_at(frame)
+        turn = matrix_from_vector(np.array([0.002, 0.002, 0.0]) * max(frame - LEARNED, 0))
+        return np.concatenate([places[:1], (places[1:] - places[1]) @ turn.T + places[1]])
+
+    tracker, rng = RoomTracker(rig), np.random.default_rng(0)
+    off = []
+    for frame in range(LEARNED + 3 * HIDDEN):
+        views = []
+        for index, camera in enumerate(rig.cameras):
+            centres = project(camera, bent(frame)[1 if index and frame >= LEARNED else 0 :])
+            views.append(balls_at(centres + rng.normal(scale=NOISE, size=centres.shape), NOISE))
+        points, _ = tracker.see(views, frame / 100)
+        alone = points.points[points.n_cameras == 1]
+        off += np.linalg.norm(alone - bent(frame)[0], axis=1).tolist()
+    assert len(off) > 20
+    assert max(off) < 2.5  # mm

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,28 @@ def test_rooms_have_as_many_cameras_as_are_wanted(n_cameras):
     shown = [len(view) for view in blobs_of(scene, 0, rig, np.random.default_rng(0))[0]]
     assert len(shown) == n_cameras
     assert set(shown) <= {0, 1, 2, 3}
+
+
+def jumping(jumps):
+    """Frames of a marker that three cameras see, and of one that two see, off its way [mm] in some frames."""
+    tracks, found = PointTracks(), []
+    for frame in range(N_FRAMES):
+        wiggle = np.sin(frame / 3.0)
+        places = [[10.0 * frame, wiggle, 0], [0, 500.0 + 5 * frame, wiggle + jumps.get(frame, 0.0)]]
+        points = points_at(places, [3, 2])
+        points = replace(points, covariance=0.01 * points.covariance)
+        wrong = tracks.contradicted(points, frame / 100)
+        tracks.follow(points.of(~wrong), frame / 100)
+        found.append(wrong.tolist())
+    return np.array(found)
+
+
+def test_a_point_of_two_cameras_that_leaves_its_way_is_not_the_marker():
+    found = jumping({20: 8.0})
+    assert np.argwhere(found).tolist() == [[20, 1]]
+
+
+def test_a_marker_that_goes_on_elsewhere_is_believed_again():
+    found = jumping(dict.fromkeys(range(20, N_FRAMES), 8.0))
+    assert np.argwhere(found)[:, 0].max() <= 22
+    assert not found[:, 0].any()
