@@ -24,7 +24,7 @@ from skelgen.capture.optics import match_and_triangulate, project
 from skelgen.capture.parameters import DetectionParameters
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, RoomSettings, StereoRig
 
 DISTANCE = 1000.0
@@ -67,6 +67,21 @@ class Captured:
     angles: dict[str, JointAngle]
     notices: tuple[str, ...]
     latency: float
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """Those of all cameras, which are two here."""
+        return self.pair.left, self.pair.right
+
+    @property
+    def views(self) -> tuple[Balls, ...]:
+        """The balls in all images."""
+        return self.left, self.right
+
+    @property
+    def balls(self) -> Ints:
+        """The ball of each point in all images, shape (n_points, n_cameras)."""
+        return np.stack([self.points.left, self.points.right], axis=1)
 
 
 class PointFinder:

@@ -57,7 +57,7 @@ def motion_capture(
     source: Source = None,
     frames: Frames = None,
 ) -> None:
-    """Capture live: write poses and joint angles of every pair of images, tab-separated.
+    """Capture live, with two cameras or those of a room: write poses and joint angles of every moment, tab-separated.
 
     Parameters
     ----------
@@ -81,7 +81,6 @@ def motion_capture(
     from skelgen.app.capture import capture, source_of
     from skelgen.app.room import capture_room, read_rig_settings, room_source_of
     from skelgen.capture.bodies.prediction import PredictionParameters
-    from skelgen.capture.room.live import RoomCaptured
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
@@ -99,11 +98,8 @@ def motion_capture(
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
-            pictures = (
-                None
-                if no_graphics or isinstance(rig, RoomSettings)
-                else _pictures([body.name for body in rig.bodies], stack)
-            )
+            cameras = rig.rig.names if isinstance(rig, RoomSettings) else ()
+            pictures = None if no_graphics else _pictures([body.name for body in rig.bodies], cameras, stack)
             keys = stack.enter_context(watched_keys()) if interactive else None
             interrupted = stack.enter_context(watched_interrupt())
             for captured in stream:
@@ -114,7 +110,7 @@ def motion_capture(
                     print(f"note: {notice}", file=sys.stderr)
                 if not silent:
                     print(columns.residuals(captured), file=sys.stderr)
-                if pictures is not None and not isinstance(captured, RoomCaptured):
+                if pictures is not None:
                     pictures.show(captured)
                 if keys is None or keys.was_hit():
                     _write(columns.line(captured))
@@ -130,14 +126,14 @@ def motion_capture(
 class _Pictures(Protocol):
     """A window with pictures."""
 
-    def show(self, captured: Captured) -> None:
-        """Show those of one pair."""
+    def show(self, captured: Captured | RoomCaptured) -> None:
+        """Show those of one moment."""
 
 
 _PICTURES = "skelgen_gui.capture.live_pictures"  # found by name: the command line does not depend on the window
 
 
-def _pictures(targets: list[str], stack: contextlib.ExitStack) -> _Pictures | None:
+def _pictures(targets: Sequence[str], cameras: Sequence[str], stack: contextlib.ExitStack) -> _Pictures | None:
     """Open the window with pictures, which the stack closes; None with a note where that cannot be."""
     reason = "there is no display, so that no pictures are shown (-n says so)"
     if can_open_windows():
@@ -146,7 +142,7 @@ def _pictures(targets: list[str], stack: contextlib.ExitStack) -> _Pictures | No
         except ImportError:
             reason = "pictures need PySide6: pip install 'skelgen-mocap[gui]' (-n captures without them)"
         else:
-            opened: _Pictures = stack.enter_context(window.LivePictures(targets))
+            opened: _Pictures = stack.enter_context(window.LivePictures(targets, cameras))
             return opened
     print(f"note: {reason}", file=sys.stderr)
     return None

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
+from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
@@ -229,18 +229,21 @@ class LiveChoice(ImageForm):
         self.simulated = QPushButton(self.tr("Simulated rig"), self)
         self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
         self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
+        self.room = QPushButton(self.tr("Simulated room"), self)
+        self.room.setAccessibleName(self.tr("Start the simulated room"))
+        self.room.setToolTip(self.tr("Try it without cameras: four simulated ones around a room look at a moving arm"))
         self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
         self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
-        row = row_of(self.simulated, self.predicts)
-        row.setStretchFactor(self.predicts, 1)
-        self.fields.addRow("", row)
+        self.fields.addRow("", row_of(self.simulated, self.room, room=True))
+        self.fields.addRow("", self.predicts)
         self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
         self.predicts_joints.setToolTip(
             self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
         )
         self.advanced = AdvancedFields([("", self.predicts_joints)], self)
         self.fields.addRow(self.advanced)
-        self.simulated.clicked.connect(self.choose_simulation)
+        self.simulated.clicked.connect(lambda: self.choose_simulation(SIMULATED))
+        self.room.clicked.connect(lambda: self.choose_simulation(SIMULATED_ROOM))
 
     @property
     def options(self) -> CaptureOptions:
@@ -248,10 +251,10 @@ class LiveChoice(ImageForm):
         chosen = self.predicts.isChecked(), self.predicts_joints.isChecked()
         return CaptureOptions(self.settings.path, self.source.source, *chosen)
 
-    def choose_simulation(self) -> None:
-        """Fill in the simulated rig, and ask for its start."""
+    def choose_simulation(self, source: str) -> None:
+        """Fill in the simulated rig or room, and ask for its start."""
         self.settings.show_path("")
-        self.take_source(SIMULATED)
+        self.take_source(source)
 
 
 class AdvancedFields(QWidget):

@@ -26,7 +26,7 @@ class LivePanel(QWidget):
     Signals
     -------
     shot(LiveShot)
-        The newest pair and what was found in it.
+        The newest images and what was found in them.
     ended(CaptureEnd)
         A capture ended.
     open_wanted(Path)
@@ -93,7 +93,7 @@ class LivePanel(QWidget):
         self._follow()
 
     def stop(self) -> None:
-        """Let the capture end after this pair."""
+        """Let the capture end after these images."""
         if self._control is not None:
             self._control.stop.set()
             self.go.setEnabled(False)

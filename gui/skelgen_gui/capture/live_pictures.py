@@ -1,4 +1,4 @@
-"""A window with both cameras' pictures beside ``skelgen motion-capture``, which runs the loop and shows one by one."""
+"""A window with the pictures of all cameras beside ``skelgen motion-capture``, which runs the loop."""
 
 import time
 from collections.abc import Sequence
@@ -6,12 +6,17 @@ from typing import Self
 
 from PySide6.QtWidgets import QApplication
 
-from skelgen.app.capture_jobs.messages import CameraImage
+from skelgen.app.capture_jobs.messages import seen_by_cameras
 from skelgen.capture.live import Captured
+from skelgen.capture.room.live import RoomCaptured
 from skelgen_gui.capture.pictures import Pictures
 
 INTERVAL = 0.04
 """s between two pictures: more would only delay the capture."""
+
+
+LEISURE = 3.0
+"""Pause after a picture, as a multiple of the time that it took: many large images must not hold the capture up."""
 
 
 class LivePictures:
@@ -21,11 +26,14 @@ class LivePictures:
     ----------
     names : sequence of str
         All targets, in the order of their colours.
+    cameras : sequence of str
+        Those of a room; none are the left and the right one.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], cameras: Sequence[str] = ()) -> None:
         self._app = QApplication.instance() or QApplication(["skelgen"])
-        self._names, self._shown_at = tuple(names), -INTERVAL
+        self._names, self._cameras = tuple(names), tuple(cameras)
+        self._shown_at, self._pause = -INTERVAL, INTERVAL
         self.view = Pictures()
         self.view.setWindowTitle(self.view.tr("Cameras"))
 
@@ -40,16 +48,18 @@ class LivePictures:
         self.view.close()
         self._app.processEvents()
 
-    def show(self, captured: Captured) -> None:
-        """Show both pictures of a pair, unless others are shown since a moment; nothing once the window is closed."""
+    def show(self, captured: Captured | RoomCaptured) -> None:
+        """Show the pictures of one moment, unless others are just shown; nothing once the window is closed."""
         now = time.monotonic()
-        if now - self._shown_at < INTERVAL or not self.view.isVisible():
+        if now - self._shown_at < self._pause or not self.view.isVisible():
             return
         self._shown_at = now
-        pair, points, found = captured.pair, captured.points, captured.bodies
+        found = captured.bodies
         bodies = {group: found[name] for group, name in enumerate(self._names) if name in found}
-        self.view.show_pair(
-            CameraImage.of_balls(pair.left.copy(), captured.left, bodies, points.left),
-            CameraImage.of_balls(pair.right.copy(), captured.right, bodies, points.right),
-        )
+        images = seen_by_cameras(captured, bodies)
+        if self._cameras:
+            self.view.show_all(images, self._cameras)
+        else:
+            self.view.show_pair(*images)
         self._app.processEvents()
+        self._pause = max(INTERVAL, LEISURE * (time.monotonic() - now))

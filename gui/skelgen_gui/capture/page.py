@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class CapturePage(QWidget):
-    """Captures with two cameras, and calibrates those of a room.
+    """Captures with two cameras or those of a room, and calibrates them.
 
     Attributes
     ----------
@@ -134,7 +134,11 @@ class _CaptureView(QSplitter):
         self.setAccessibleName(self.tr("Capture"))
 
     def show_shot(self, shot: LiveShot) -> None:
-        """Show a pair of images and what was found in it."""
-        self.pictures.show_pair(shot.left, shot.right)
-        self.space.show_rig(shot.settings.rig)
+        """Show the images of one moment and what was found in them."""
+        rig = shot.settings.rig
+        if isinstance(rig, CameraRig):
+            self.pictures.show_all(shot.images, rig.names)
+        else:
+            self.pictures.show_pair(*shot.images)
+        self.space.show_rig(rig)
         self.space.show_found(shot.found)

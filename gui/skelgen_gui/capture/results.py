@@ -10,7 +10,7 @@ from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QHeaderView, QLabel, QListWidget, QTableWidget, QTableWidgetItem, QWidget
 
 from skelgen.app.capture_jobs.messages import LiveShot
-from skelgen.model.rig import CaptureSettings, TargetJoint
+from skelgen.model.rig import CaptureSettings, RoomSettings, TargetJoint
 from skelgen_gui.widgets.layouts import describe
 
 MOST_NOTICES = 200
@@ -35,17 +35,18 @@ class Numbers(QLabel):
         self.setAccessibleName(self.tr("Speed and losses of the capture"))
         self.setToolTip(
             self.tr(
-                "Pairs per second, pairs that were lost because they were not processed in time, and the time from a "
-                "pair of images to the joint angles"
+                "Images of all cameras per second, those that were lost because they were not processed in time, and "
+                "the time from images to the joint angles"
             )
         )
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
         speed = self.tr("{0:.1f} frames/s, {1} dropped, {2:.1f} ms latency")
-        counts = self.tr("frame {3}: {0} and {1} balls, {2} points")
-        found = (len(shot.left.places), len(shot.right.places), len(shot.found.points))
-        lines = [speed.format(shot.rate, shot.n_dropped, 1000 * shot.latency), counts.format(*found, shot.index)]
+        counts = self.tr("frame {0}: {1} balls, {2} points")
+        balls = " + ".join(str(len(image.places)) for image in shot.images)
+        lines = [speed.format(shot.rate, shot.n_dropped, 1000 * shot.latency)]
+        lines.append(counts.format(shot.index, balls, len(shot.found.points)))
         if shot.recorded is not None:
             lines.append(self.tr("recording {0}: {1} frames").format(shot.recorded.path.name, shot.recorded.n_frames))
         self.setText("\n".join(lines))
@@ -137,7 +138,7 @@ class _ShotTable(ValueTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._settings: CaptureSettings | None = None
+        self._settings: CaptureSettings | RoomSettings | None = None
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
@@ -148,7 +149,7 @@ class _ShotTable(ValueTable):
             self.show_row(row, texts or (_NOTHING,) * (self.columnCount() - 1))
 
     @abstractmethod
-    def names_of(self, settings: CaptureSettings) -> list[str]:
+    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return the names of the rows."""
 
     @abstractmethod
@@ -168,7 +169,7 @@ class AngleTable(_ShotTable):
         titles = self.tr("Joint"), self.tr("Angle [°]"), self.tr("± [°]"), self.tr("Gap [mm]")
         self.describe(self.tr("Joint angles"), tip, titles)
 
-    def names_of(self, settings: CaptureSettings) -> list[str]:
+    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return a name for each angle."""
         return [name for joint in settings.joints for name in _angle_names(joint)]
 
@@ -196,7 +197,7 @@ class BodyTable(_ShotTable):
         titles = [self.tr("Body"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]"), self.tr("± [mm]")]
         self.describe(self.tr("Bodies"), tip, titles)
 
-    def names_of(self, settings: CaptureSettings) -> list[str]:
+    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return the names of the bodies."""
         return [body.name for body in settings.bodies]
 

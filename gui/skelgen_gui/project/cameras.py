@@ -6,11 +6,11 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
-from skelgen_formats.capture_settings import read_settings
+from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
-from skelgen.model.rig import StereoRig
+from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.model.cameras import ShownCamera, cameras_of
 from skelgen_gui.project.deriving import Deriver
 
@@ -40,7 +40,7 @@ class Cameras(QObject):
         self._report_error, self._window = report_error, window
         self._shown: tuple[ShownCamera, ...] = ()
         self._folder = ""
-        self._known: dict[Path, StereoRig] = {}
+        self._known: dict[Path, StereoRig | CameraRig] = {}
         self._reader = Deriver(self)
 
     @property
@@ -48,15 +48,15 @@ class Cameras(QObject):
         """The cameras that are shown."""
         return self._shown
 
-    def remember(self, recording: Path, rig: StereoRig) -> None:
+    def remember(self, recording: Path, rig: StereoRig | CameraRig) -> None:
         """Note which rig a recording was made with, for when it is opened.
 
         Parameters
         ----------
         recording : Path
             The recorded file.
-        rig : StereoRig
-            The rig that recorded it.
+        rig : StereoRig or CameraRig
+            The cameras that recorded it.
         """
         self._known[recording.absolute()] = rig
 
@@ -80,7 +80,7 @@ class Cameras(QObject):
         elif project.source.format == _STEREO:
             self._reader.derive(partial(_rig_or_reason, path), partial(self._show_read, is_asked_for=False))
 
-    def show_rig(self, rig: StereoRig) -> None:
+    def show_rig(self, rig: StereoRig | CameraRig) -> None:
         """Show the cameras of a rig."""
         self._show(cameras_of(rig))
 
@@ -91,9 +91,9 @@ class Cameras(QObject):
         if name:
             self._reader.derive(partial(_rig_or_reason, Path(name)), partial(self._show_read, is_asked_for=True))
 
-    def _show_read(self, read: StereoRig | SkelgenError, *, is_asked_for: bool) -> None:
+    def _show_read(self, read: StereoRig | CameraRig | SkelgenError, *, is_asked_for: bool) -> None:
         """Show the cameras that were read; a take is there even if its settings are gone, or others by now."""
-        if isinstance(read, StereoRig):
+        if not isinstance(read, SkelgenError):
             self.show_rig(read)
         elif is_asked_for:
             self._report_error(read)
@@ -104,9 +104,9 @@ class Cameras(QObject):
         self.changed.emit()
 
 
-def _rig_or_reason(path: Path) -> StereoRig | SkelgenError:
+def _rig_or_reason(path: Path) -> StereoRig | CameraRig | SkelgenError:
     """The rig in the settings of a capture, or why there is none; on a thread, as lxml is loaded."""
     try:
-        return read_settings(path).rig
+        return read_any_settings(path).rig
     except SkelgenError as error:
         return error

@@ -186,8 +186,8 @@ class TargetCollector(_Collector, ABC, Generic[_Progress]):
                 bodies = self._take(points)
                 if self._feed.is_waiting:
                     last = TargetShot(
-                        CameraImage.of_balls(pair.left.copy(), left, bodies, points.left),
-                        CameraImage.of_balls(pair.right.copy(), right, bodies, points.right),
+                        CameraImage.of_balls(pair.left, left, bodies, points.left),
+                        CameraImage.of_balls(pair.right, right, bodies, points.right),
                         FoundInSpace.of(points, bodies),
                         settings.rig,
                         self._recent_progress,

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Generator
 from contextlib import closing
 from pathlib import Path
 from threading import Event
+from typing import NamedTuple
 
 import numpy as np
 
 from skelgen.app.capture import capture, read_capture_settings, source_of
 from skelgen.app.capture_jobs.messages import (
-    CameraImage,
+    ROOM,
     CaptureControl,
     CaptureEnd,
     CaptureOptions,
@@ -20,19 +22,26 @@ from skelgen.app.capture_jobs.messages import (
     FoundInSpace,
     LiveShot,
     Recorded,
+    seen_by_cameras,
 )
 from skelgen.app.recording import Recording
+from skelgen.app.room import capture_room, read_rig_settings, room_source_of
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
+from skelgen.capture.room.live import RoomCaptured
+from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.progress import Monitor
 
 _SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
 
 _IS_WARM = Event()
+
+AnySettings = CaptureSettings | RoomSettings
+AnyCaptured = Captured | RoomCaptured
 
 
 class LiveCapture:
@@ -56,7 +65,7 @@ class LiveCapture:
         self._options, self._control, self._feed, self._title = options, control, feed, title
         self._times: deque[float] = deque(maxlen=_SPEED_FRAMES)
         self._latencies: deque[float] = deque(maxlen=_SPEED_FRAMES)
-        self._settings: CaptureSettings | None = None
+        self._settings: AnySettings | None = None
         self._recorder: _Recorder | None = None
         self._n_frames = self._n_dropped = 0
 
@@ -76,23 +85,20 @@ class LiveCapture:
         return CaptureEnd(self._n_frames, self._n_dropped, recorded, error, self._settings)
 
     def _run(self, monitor: Monitor) -> None:
-        settings, source = open_capture(self._options)
+        opened = _open_stream(self._options)
         warm_up(monitor)
-        self._settings, self._recorder = settings, _Recorder(settings, source.rate, self._feed)
-        options = self._options
-        is_wanted = options.predicts or options.predicts_joints
-        prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
-        total = source.n_frames or 0
-        with closing(capture(settings, source, prediction=prediction)) as stream:
+        self._settings, self._recorder = opened.settings, _Recorder(opened.settings, opened.rate, self._feed)
+        total = opened.n_frames or 0
+        with closing(opened.stream) as stream:
             for captured in stream:
                 if self._n_frames == 0:
                     monitor.begin(self._title)
-                self._take(captured, settings, self._recorder)
+                self._take(captured, opened.settings, self._recorder)
                 monitor.advance(captured.pair.index if total else 0, total or 1)
                 if self._control.stop.is_set():
                     return
 
-    def _take(self, captured: Captured, settings: CaptureSettings, recorder: _Recorder) -> None:
+    def _take(self, captured: AnyCaptured, settings: AnySettings, recorder: _Recorder) -> None:
         recorder.record_into(self._control.record)
         recorder.add(captured)
         self._n_frames += 1
@@ -105,17 +111,15 @@ class LiveCapture:
         if self._feed.is_waiting:
             self._feed.put(self._shot(captured, settings, recorder.running))
 
-    def _shot(self, captured: Captured, settings: CaptureSettings, recorded: Recorded | None) -> LiveShot:
+    def _shot(self, captured: AnyCaptured, settings: AnySettings, recorded: Recorded | None) -> LiveShot:
         names, found = [body.name for body in settings.bodies], captured.bodies
         bodies = {group: found[name] for group, name in enumerate(names) if name in found}
-        points, pair = captured.points, captured.pair
         return LiveShot(
-            CameraImage.of_balls(pair.left.copy(), captured.left, bodies, points.left),
-            CameraImage.of_balls(pair.right.copy(), captured.right, bodies, points.right),
-            FoundInSpace.of(points, bodies),
+            seen_by_cameras(captured, bodies),
+            FoundInSpace.of(captured.points, bodies),
             captured.angles,
             settings,
-            pair.index,
+            captured.pair.index,
             self._rate(),
             float(np.mean(self._latencies)),
             self._n_dropped,
@@ -130,7 +134,7 @@ class LiveCapture:
 class _Recorder:
     """Begins and ends recordings while pairs go by; one that fails ends itself, and never the capture."""
 
-    def __init__(self, settings: CaptureSettings, rate: float | None, feed: Feed[LiveShot]) -> None:
+    def __init__(self, settings: AnySettings, rate: float | None, feed: Feed[LiveShot]) -> None:
         self._settings, self._rate, self._feed = settings, rate, feed
         self._path: Path | None = None
         self._recording: Recording | None = None
@@ -154,7 +158,7 @@ class _Recorder:
             except SkelgenError as error:
                 self._feed.notice(str(error))
 
-    def add(self, captured: Captured) -> None:
+    def add(self, captured: AnyCaptured) -> None:
         """Append a pair, if something is recorded."""
         if self._recording is None:
             return
@@ -194,6 +198,31 @@ def warm_up(monitor: Monitor) -> None:
     with MotionCapture(rig.settings) as capturing:
         capturing.see(pair)
     _IS_WARM.set()
+
+
+class _Opened(NamedTuple):
+    """A capture that is about to run: of two cameras or of a room."""
+
+    settings: AnySettings
+    rate: float | None
+    n_frames: int | None
+    stream: Generator[AnyCaptured, None, None]
+
+
+def _open_stream(options: CaptureOptions) -> _Opened:
+    """Return the capture that options name; errors as `open_capture`."""
+    is_wanted = options.predicts or options.predicts_joints
+    prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
+    settings = read_rig_settings(Path(options.settings)) if options.settings else None
+    if isinstance(settings, RoomSettings):
+        room = room_source_of(settings, options.source)
+    elif settings is None and options.source.startswith(ROOM):
+        room = open_room_source(options.source)
+        settings = getattr(room, "settings", None)
+    if isinstance(settings, RoomSettings):
+        return _Opened(settings, room.rate, room.n_frames, capture_room(settings, room, prediction=prediction))
+    known, source = open_capture(options)
+    return _Opened(known, source.rate, source.n_frames, capture(known, source, prediction=prediction))
 
 
 def open_capture(options: CaptureOptions) -> tuple[CaptureSettings, FrameSource]:

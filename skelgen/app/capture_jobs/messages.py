@@ -8,18 +8,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from skelgen.errors import SkelgenError
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.rig import CaptureSettings, StereoRig
+from skelgen.model.rig import CaptureSettings, RoomSettings, StereoRig
 
 if TYPE_CHECKING:
     from skelgen.capture.angles import JointAngle
     from skelgen.capture.calibration.board import BoardView
     from skelgen.capture.calibration.joints import JointMotion
+    from skelgen.capture.live import Captured
+    from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.room.taking import WandProgress
     from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
 
@@ -29,8 +32,20 @@ _Progress = TypeVar("_Progress")
 SIMULATED = "simulated:arm?paced=yes&rate=30&frames=3600"
 """The simulated rig as cameras would deliver it, for two minutes."""
 
+ROOM = "room:"
+"""What the name of a simulated room begins with."""
+
+SIMULATED_ROOM = "room:arm?cameras=4&rate=30&frames=1800"
+"""Four simulated cameras around an arm with targets."""
+
 NO_BODY = -1
 """Group of balls that belong to no body."""
+
+NOTHING = np.zeros((48, 64), dtype=np.uint8)
+"""The picture of a camera that has sent none."""
+
+NO_BODIES: Mapping[int, FoundBody] = MappingProxyType({})
+NO_POINTS = np.zeros(0, dtype=np.intp)
 
 INTERVAL = 1 / 40
 """s between two results that a feed announces: more pictures a second cost time and show nothing."""
@@ -186,28 +201,37 @@ class CameraImage:
     is_board: bool = False
 
     @classmethod
-    def of_balls(cls, image: Image, balls: Balls, bodies: Mapping[int, FoundBody], ball_of_point: Ints) -> CameraImage:
-        """Return an image with its balls, those of bodies in their groups.
+    def of_balls(
+        cls,
+        image: Image | None,
+        balls: Balls,
+        bodies: Mapping[int, FoundBody] = NO_BODIES,
+        ball_of_point: Ints = NO_POINTS,
+    ) -> CameraImage:
+        """Return an image, copied, with its balls, those of bodies in their groups.
 
         Parameters
         ----------
-        image : ndarray of uint8, shape (height, width)
-            The picture.
+        image : ndarray of uint8, shape (height, width), or None
+            The picture; None of a camera that has sent none.
         balls : Balls
             What was detected in it.
         bodies : mapping of int to FoundBody
             Bodies by their groups.
         ball_of_point : ndarray of intp, shape (n_points,)
-            The ball in this image that each point in space rests on.
+            The ball in this image that each point in space rests on; -1 of those that it does not show.
         """
         groups = np.full(len(balls), NO_BODY, dtype=np.intp)
         labels = []
         for group, body in bodies.items():
             own = ball_of_point[body.points[body.points >= 0]]
+            own = own[own >= 0]
+            if not len(own):
+                continue
             groups[own] = group
             x, y = float(balls.centres[own, 0].mean()), float(balls.centres[own, 1].min())
             labels.append(ImageLabel(body.name, x, y, group))
-        return cls(image, balls.centres, groups, tuple(labels))
+        return cls(NOTHING if image is None else image.copy(), balls.centres, groups, tuple(labels))
 
     @classmethod
     def of_board(cls, image: Image, view: BoardView | None) -> CameraImage:
@@ -221,6 +245,20 @@ class CameraImage:
             The board.
         """
         return cls(image) if view is None else cls(image, view.corners, is_board=True)
+
+
+def seen_by_cameras(captured: Captured | RoomCaptured, bodies: Mapping[int, FoundBody]) -> tuple[CameraImage, ...]:
+    """Return what each camera sees, with what was found in it.
+
+    Parameters
+    ----------
+    captured : Captured or RoomCaptured
+        One moment.
+    bodies : mapping of int to FoundBody
+        Bodies by their groups.
+    """
+    seen = zip(captured.images, captured.views, captured.balls.T, strict=True)
+    return tuple(CameraImage.of_balls(image, balls, bodies, own) for image, balls, own in seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,13 +310,13 @@ class LiveShot:
 
     Attributes
     ----------
-    left, right : CameraImage
-        Both pictures.
+    images : tuple of CameraImage
+        The pictures of all cameras, in the order of the settings.
     found : FoundInSpace
         Points and bodies; the group of a body is its index in the settings.
     angles : mapping of str to JointAngle
         Joints of which both bodies were found.
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What it was found with.
     index : int
         Number of the pair.
@@ -290,11 +328,10 @@ class LiveShot:
         What is being recorded.
     """
 
-    left: CameraImage
-    right: CameraImage
+    images: tuple[CameraImage, ...]
     found: FoundInSpace
     angles: Mapping[str, JointAngle]
-    settings: CaptureSettings
+    settings: CaptureSettings | RoomSettings
     index: int
     rate: float
     latency: float
@@ -314,7 +351,7 @@ class CaptureEnd:
         What was recorded.
     error : SkelgenError or None
         What broke it off.
-    settings : CaptureSettings or None
+    settings : CaptureSettings, RoomSettings or None
         What it was captured with; None if it never began.
     """
 
@@ -322,7 +359,7 @@ class CaptureEnd:
     n_dropped: int
     recorded: tuple[Recorded, ...]
     error: SkelgenError | None
-    settings: CaptureSettings | None
+    settings: CaptureSettings | RoomSettings | None
 
 
 @dataclass(frozen=True, eq=False)

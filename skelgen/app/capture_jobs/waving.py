@@ -4,20 +4,14 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 
-import numpy as np
-
 from skelgen.app.capture_jobs.messages import CameraImage, CollectingControl, Feed, WandShot
 from skelgen.capture.images import opencv
 from skelgen.capture.room.calibrate import WandCalibration
 from skelgen.capture.room.recording import detected_balls
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.room.taking import WandTaking
-from skelgen.capture.values import Balls, Image
 from skelgen.errors import InputError
 from skelgen.progress import Monitor
-
-NOTHING = np.zeros((48, 64), dtype=np.uint8)
-"""The picture of a camera that has sent none."""
 
 
 class WandCollector:
@@ -67,7 +61,7 @@ class WandCollector:
                     views = list(threads.map(detected_balls, frame.images))
                     taking.add(views, [None if image is None else image.shape[::-1] for image in frame.images])
                     if self._feed.is_waiting:
-                        last = WandShot(tuple(map(_seen, frame.images, views)), taking.progress())
+                        last = WandShot(tuple(map(CameraImage.of_balls, frame.images, views)), taking.progress())
                         self._feed.put(last)
                     monitor.advance(number if source.n_frames else 0, source.n_frames or 1)
                     if self._control.stop.is_set():
@@ -86,9 +80,3 @@ class WandCollector:
         if self.taking is None or not self.taking.frames:
             raise InputError("no images were taken; wave the wand first")
         return self.taking.calibrate()
-
-
-def _seen(image: Image | None, balls: Balls) -> CameraImage:
-    if image is None:
-        return CameraImage(NOTHING)
-    return CameraImage.of_balls(image.copy(), balls, {}, np.zeros(0, dtype=np.intp))

@@ -16,7 +16,8 @@ from skelgen.capture.live import Recogniser
 from skelgen.capture.room.recording import BallFinder
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.values import FrameSet
-from skelgen.capture.values import FoundBody, StereoPoints
+from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
+from skelgen.model.arrays import Ints
 from skelgen.model.rig import RoomSettings
 
 WINDOW, LEAST_FIT = 100, 0.3
@@ -37,8 +38,10 @@ class RoomCaptured:
         The images, with their time and number.
     points : StereoPoints
         Points in space, without crossings of two rays that do not last.
-    n_cameras : ndarray of intp, shape (n_points,)
-        How many cameras see each.
+    views : tuple of Balls
+        Balls in all images.
+    balls : ndarray of intp, shape (n_points, n_cameras)
+        The ball of each point in all images, -1 of cameras that do not see it.
     bodies : dict of str to FoundBody
         The targets that were found, by name.
     angles : dict of str to JointAngle
@@ -51,11 +54,17 @@ class RoomCaptured:
 
     pair: FrameSet
     points: StereoPoints
-    n_cameras: np.ndarray
+    views: tuple[Balls, ...]
+    balls: Ints
     bodies: dict[str, FoundBody]
     angles: dict[str, JointAngle]
     notices: tuple[str, ...]
     latency: float
+
+    @property
+    def images(self) -> tuple[Image | None, ...]:
+        """Those of all cameras, None of one that has lost it."""
+        return self.pair.images
 
 
 class RoomCapture(Recogniser):
@@ -102,7 +111,7 @@ class RoomCapture(Recogniser):
         bodies, angles = self.recognise(stereo, frame.time)
         notices = self._notices(frame, [balls.notice for balls in views])
         latency = perf_counter() - start
-        return RoomCaptured(frame, stereo, points.n_cameras, bodies, angles, notices, latency)
+        return RoomCaptured(frame, stereo, tuple(views), points.balls, bodies, angles, notices, latency)
 
     def _notices(self, frame: FrameSet, faults: list[str]) -> tuple[str, ...]:
         names = self.settings.rig.names

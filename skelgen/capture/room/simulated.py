@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
+from skelgen.capture.reference_rig import reference_arm
 from skelgen.capture.room.values import balls_at
 from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
@@ -206,6 +207,16 @@ def person_scene(
         truth, marker_positions=positions, world_from_limb=poses, joint_positions=truth.joint_positions + shift
     )
     return RoomScene(positions, hidden, float(wanted["rate"]), there)
+
+
+ARM_SPREAD = 3.0
+"""Larger than before two cameras: from 3.5 m the balls of the reference arm's targets are one spot."""
+
+
+def room_arm() -> Structure:
+    """Return the reference arm with larger targets, as a room's cameras need them."""
+    arm = reference_arm()
+    return replace(arm, limbs=tuple(replace(limb, markers=ARM_SPREAD * limb.markers) for limb in arm.limbs))
 
 
 def blobs_of(

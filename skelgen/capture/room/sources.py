@@ -6,7 +6,7 @@ A camera whose image is lost delivers None; the others go on.
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
@@ -17,17 +17,27 @@ from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.room.live_sources import LiveSets, open_firewire_sets, open_gentl_sets, open_gige_sets
 from skelgen.capture.room.mixed import RecordedTogether, run_together
-from skelgen.capture.room.simulated import RoomScene, board_poses, frame_scene, person_scene, room_rig, wand_scene
+from skelgen.capture.room.simulated import (
+    RoomScene,
+    board_poses,
+    frame_scene,
+    person_scene,
+    room_arm,
+    room_rig,
+    wand_scene,
+)
 from skelgen.capture.room.values import FrameSet
 from skelgen.capture.simulated_rig import board_image, render_view
+from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
 from skelgen.capture.sources.video import next_image
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.geometry.rotations import transform_from
-from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig
+from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig, RoomSettings
 from skelgen.parameters import StageParameters, declare
+from skelgen.simulation import Structure
 
 
 class RoomSource(Protocol):
@@ -174,6 +184,7 @@ class RoomOptions(StageParameters):
     rate: float = declare(100.0, "sets a second", unit="Hz", within=(0.1, 1e4))
     frames: int = declare(600, "sets that are rendered", within=(1, 1e9))
     seed: int = declare(0, "of motion and noise", within=(0, 2**31 - 1))
+    show: str = declare("", "targets of room:arm whose balls are seen, with commas between them; empty shows all")
 
 
 _SMALLEST = 7.0  # px across, of a ball at the distance of the middle
@@ -191,10 +202,14 @@ class SimulatedRoom:
         The cameras.
     seed : int
         Of the sensors' noise.
+    structure : Structure, optional
+        What has targets and joints that a capture may look for.
     """
 
-    def __init__(self, scene: RoomScene, rig: CameraRig, seed: int = 0) -> None:
+    def __init__(self, scene: RoomScene, rig: CameraRig, seed: int = 0, structure: Structure | None = None) -> None:
         self.scene, self.rig, self._seed = scene, rig, seed
+        known = ((), ()) if structure is None else (targets_of(structure), joints_of(structure))
+        self.settings = RoomSettings(rig, *known)
         self.name, self.cameras = "simulated room", rig.names
         self.rate: float | None = scene.rate
         size = _SMALLEST * _DISTANCE / float(rig.cameras[0].matrix[0, 0])
@@ -272,7 +287,21 @@ def _open_room(text: SourceText) -> RoomSource:
         return SimulatedBoards(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
     if text.place == "frame":
         return SimulatedRoom(frame_scene(rig, n_frames), rig, seed)
+    if text.place == "arm":
+        arm = room_arm()
+        scene = _alone(person_scene(rig, n_frames, arm, rate=rate, walk=0.0, seed=seed), arm, str(options.show))
+        return SimulatedRoom(scene, rig, seed, arm)
     return SimulatedRoom(person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
+
+
+def _alone(scene: RoomScene, arm: Structure, names: str) -> RoomScene:
+    """The scene with some targets only, or with all if none is named."""
+    shown, known = [name.strip() for name in names.split(",") if name.strip()], [limb.name for limb in arm.limbs]
+    for name in shown:
+        if name not in known:
+            raise InputError(f"the arm has no target {name!r} to show; it has {', '.join(known)}")
+    away = np.repeat([bool(shown) and name not in shown for name in known], [len(limb.markers) for limb in arm.limbs])
+    return replace(scene, hidden=scene.hidden | away)
 
 
 _BESIDE = re.compile(r"\+(?=(?:folder|video|firewire|gige|gentl|room):)")
@@ -294,9 +323,9 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
     ----------
     text : str
         ``folder:recording?rate=100`` (a folder for each camera in it), ``video:one.avi,two.avi,...``, or the simulated
-        room: ``room:wand``, ``room:board``, ``room:frame`` or ``room:human``, with ``?cameras=8&frames=600``; or the
-        path of a folder; or cameras that run, each by its name, as ``gige:10.0.0.2,10.0.0.3,10.0.0.4``; or several of
-        these with a plus between them.
+        room: ``room:wand``, ``room:board``, ``room:frame``, ``room:human`` or ``room:arm``, with
+        ``?cameras=8&frames=600``; or the path of a folder; or cameras that run, each by its name, as
+        ``gige:10.0.0.2,10.0.0.3,10.0.0.4``; or several of these with a plus between them.
     from_file : bool
         Whether a file names it, and nobody who is there: then it loads no program from a place that is not trusted.
 

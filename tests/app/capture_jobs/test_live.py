@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skelgen_formats.capture_settings import write_settings
@@ -9,12 +11,14 @@ from skelgen_formats.capture_settings import write_settings
 import skelgen
 from skelgen.app.capture_jobs.live import LiveCapture, open_capture
 from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed
+from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT
 
 N_FRAMES = 12
+ROOM_ARM = "room:arm?cameras=4&frames=6"
 SHORT = f"simulated:arm?frames={N_FRAMES}"
 
 
@@ -33,9 +37,8 @@ def test_the_simulated_rig_is_captured_to_its_end(predicts):
     assert set(shot.found.bodies) == {"torso", "upper arm", "lower arm"}
     assert set(shot.angles) == {"upper arm", "lower arm"}
     assert (shot.found.groups >= 0).sum() >= 12
-    assert sorted(shot.left.groups[shot.left.groups >= 0].tolist()) == sorted(
-        shot.found.groups[shot.found.groups >= 0].tolist()
-    )
+    left, _ = shot.images
+    assert sorted(left.groups[left.groups >= 0].tolist()) == sorted(shot.found.groups[shot.found.groups >= 0].tolist())
 
 
 def test_settings_files_are_read_and_name_their_source(tmp_path):
@@ -87,4 +90,32 @@ def test_images_of_another_size_than_the_settings_say_end_it_with_a_sentence(tmp
     write_settings(CaptureSettings(simulated_rig("arm", n_frames=1).rig), path)
     ended, _, _ = run(CaptureOptions(str(path), f"folder:{tmp_path}"))
     assert "these settings are of another rig" in str(ended.error)
+    assert ended.n_frames == 0
+
+
+def test_a_room_is_captured_from_its_settings_and_recorded(tmp_path):
+    source = open_room_source(ROOM_ARM)
+    path, control = tmp_path / "room.xml", CaptureControl(record=tmp_path / "take.mfml")
+    write_settings(replace(source.settings, source=ROOM_ARM), path)
+    ended, shot, notices = run(CaptureOptions(str(path), ""), control)
+    assert (ended.n_frames, ended.n_dropped, ended.error, notices) == (6, 0, None, ())
+    assert set(shot.found.bodies) == {"torso", "upper arm", "lower arm"}
+    assert set(shot.angles) == {"upper arm", "lower arm"}
+    assert len(shot.images) == 4
+    for body in range(3):  # in the pictures as in space
+        assert sum((image.groups == body).sum() for image in shot.images) >= 8
+    assert skelgen.read(ended.recorded[0].path).n_frames == 6
+
+
+def test_a_simulated_room_needs_no_settings():
+    ended, shot, _ = run(CaptureOptions("", "room:human?cameras=3&frames=4&width=480"))
+    assert ended.n_frames == 4
+    assert [len(image.places) > 10 for image in shot.images] == [True, True, True]
+
+
+def test_other_cameras_than_those_of_the_settings_are_told(tmp_path):
+    path = tmp_path / "room.xml"
+    write_settings(open_room_source(ROOM_ARM).settings, path)
+    ended, _, _ = run(CaptureOptions(str(path), "room:arm?cameras=3"))
+    assert "has 3 cameras" in str(ended.error)
     assert ended.n_frames == 0

@@ -1,5 +1,7 @@
 """The pictures that `skelgen motion-capture` shows, on a screen that nobody sees."""
 
+from dataclasses import replace
+
 import pytest
 from PySide6.QtWidgets import QApplication
 from skelgen_formats.capture_settings import write_settings
@@ -7,6 +9,8 @@ from skelgen_gui.capture.live_pictures import LivePictures
 from skelgen_gui.capture.pictures import Pictures
 
 from skelgen.capture.live import MotionCapture
+from skelgen.capture.room.live import RoomCapture
+from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.cli import main
 
@@ -55,3 +59,18 @@ def test_the_command_shows_pictures_unless_it_is_told_not_to(qapp, captured, tmp
     assert shown
     assert not any(isinstance(widget, Pictures) and widget.isVisible() for widget in QApplication.topLevelWidgets())
     assert "note" not in capsys.readouterr().err
+
+
+def test_all_cameras_of_a_room_are_shown(qapp):
+    source = open_room_source("room:arm?cameras=4&frames=2")
+    with RoomCapture(source.settings) as capture, LivePictures(["torso", "lower arm"], source.cameras) as pictures:
+        pictures.view.resize(900, 680)
+        captured = list(capture.run(source))
+        before = bright(pictures.view)
+        pictures.show(captured[1])
+        assert bright(pictures.view) > before + 50
+        assert {pictures.view.place_of(camera, 0, 0).x() > 450 for camera in range(4)} == {True, False}
+        lost = replace(captured[1].pair, images=(None, *captured[1].images[1:]))
+        pictures.view.hide()
+        pictures.view.show()
+        pictures.show(replace(captured[1], pair=lost))

@@ -70,7 +70,7 @@ def test_rings_are_drawn_where_the_balls_are(qtbot, window, page, starts):
     shot = starts(SHORT)
     pictures = page.view.pictures
     image = pictures.grab().toImage()
-    for x, y in shot.left.places.tolist():
+    for x, y in shot.images[0].places.tolist():
         middle = pictures.place_of(0, x, y)
         ring = [image.pixelColor(int(middle.x() + away), int(middle.y())) for away in (5, 6, 7)]
         assert max(colour.lightness() for colour in ring) > 100  # the ground is black

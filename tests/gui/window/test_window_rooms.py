@@ -6,6 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
 from skelgen_formats.capture_settings import read_any_settings
+from skelgen_gui.capture.pictures import group_colour
 
 WAIT = 120_000  # ms
 WAVED = "room:wand?cameras=2&frames=150&rate=8&width=320"
@@ -60,3 +61,19 @@ def test_what_is_missing_is_told(step, presses):
     step.form.wand.setText("0, 250, 500")
     presses(step.go)
     assert "its ends look alike" in step.verdict.text()
+
+
+def test_a_room_is_captured_live(qtbot, window, has_colour):
+    page = window.pages.page("capture")
+    page.live.choice.source.setEditText("room:arm?cameras=4&frames=300&rate=30")
+    with qtbot.waitSignal(page.live.shot, timeout=WAIT):
+        qtbot.mouseClick(page.live.go, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: page.live.angles.item(0, 1).text() != "–", timeout=WAIT)
+    assert page.view.pictures._titles == ("camera 1", "camera 2", "camera 3", "camera 4")
+    for body in range(3):
+        assert has_colour(page.view.pictures, group_colour(body), least=20)
+    assert page.view.space._rig.names == page.view.pictures._titles
+    assert page.live.numbers.text().count("+") == 3  # balls of four cameras
+    assert page.live.bodies.item(0, 0).text() == "torso"
+    with qtbot.waitSignal(page.live.ended, timeout=WAIT):
+        page.live.stop()
