@@ -1,13 +1,15 @@
 """Two results of one take beside each other: which markers, limbs and joints are the same, how far joints are apart."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from skelgen.app.drawing.wording import digits, whole_percent
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
 from skelgen.model import Project
-from skelgen.model.arrays import Ints, spread_frames
+from skelgen.model.arrays import Floats, Ints, spread_frames
 
 _SAMPLES = 500  # frames that are compared
 _SAME_PLACE = 1e-2  # mm: positions in files are rounded
@@ -40,12 +42,16 @@ class ComparedJoint:
         Indices in both; `other` is -1 if there is none.
     median, largest : float, mm
         Distance of both over the frames; NaN without another one, or before the skeletons are there.
+    angle : float, rad
+        Median angle between both rotations of the joint, however the frames of its limbs lie in either result; NaN as
+        above.
     """
 
     joint: int
     other: int
     median: float
     largest: float
+    angle: float
 
 
 @dataclass(frozen=True)
@@ -116,10 +122,67 @@ def comparison_sentences(one: Project, other: Project, found: Comparison) -> tup
         sentences.append(f"{n_limbs} of {len(found.other_of_limb)} limbs have the same markers")
     if found.joints:
         known = [match.median for match in found.joints if not np.isnan(match.median)]
-        apart = f", {digits(float(np.median(known)))} mm apart in the median" if known else ""
+        angles = [match.angle for match in found.joints if not np.isnan(match.angle)]
+        apart = (
+            f", {digits(float(np.median(known)))} mm apart in the median, and turned by "
+            f"{digits(float(np.degrees(np.median(angles))))}° against each other"
+            if known
+            else ""
+        )
         n_joints = sum(match.other >= 0 for match in found.joints)
         sentences.append(f"{n_joints} of {len(found.joints)} joints are between the same limbs{apart}")
     return tuple(sentences)
+
+
+def comparison_tables(one: Project, other: Project, found: Comparison) -> Mapping[str, Sequence[Mapping[str, object]]]:
+    """Return rows of bodies, limbs, joints and markers, for tables and JSON; None where the other result has none.
+
+    Parameters
+    ----------
+    one, other : Project
+        The two results.
+    found : Comparison
+        From `compare_results`.
+    """
+    bodies = [
+        {
+            "result": place,
+            "root": project.limbs.names[body.root],
+            "limbs": len(body.limbs),
+            "markers": len(body.markers),
+        }
+        for place, project in (("first", one), ("second", other))
+        if project.has("joints")
+        for body in project.bodies
+    ]
+    limbs = [
+        {"limb": one.limbs.names[limb], "other": other.limbs.names[match] if match >= 0 else None}
+        for limb, match in enumerate(found.other_of_limb)
+    ]
+    joints = [
+        {
+            "joint": _ends(one, match.joint),
+            "other": _ends(other, match.other) if match.other >= 0 else None,
+            "median_mm": _known(match.median),
+            "largest_mm": _known(match.largest),
+            "angle_deg": _known(float(np.degrees(match.angle))),
+        }
+        for match in found.joints
+    ]
+    mine, theirs = one.trajectories.names, other.trajectories.names
+    markers = [
+        {"marker": mine[each.marker], "other": theirs[each.other] if each.other >= 0 else None, "same": each.share}
+        for each in found.markers
+    ]
+    return {"bodies": bodies, "limbs": limbs, "joints": joints, "markers": markers}
+
+
+def _ends(project: Project, joint: int) -> str:
+    return " – ".join(project.limbs.names[limb] for limb in project.topology.edges[joint].tolist())
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 def _markers(one: Project, other: Project) -> tuple[ComparedMarker, ...]:
@@ -152,11 +215,26 @@ def _joints(one: Project, other: Project, limbs: tuple[int, ...]) -> tuple[Compa
     found = []
     for joint, edge in enumerate(one.topology.edges.tolist()):
         match = theirs.get(frozenset(limbs[limb] for limb in edge), -1)
-        median = largest = float("nan")
+        median = largest = angle = float("nan")
         if match >= 0 and both:
             apart = np.linalg.norm(
                 one.motion.joint_positions[:, joint] - other.motion.joint_positions[:, match], axis=1
             )
             median, largest = float(np.nanmedian(apart)), float(np.nanmax(apart))
-        found.append(ComparedJoint(joint, match, median, largest))
+            angle = _turned(*(_turns(one, other, limb, limbs[limb]) for limb in edge))
+        found.append(ComparedJoint(joint, match, median, largest, angle))
     return tuple(found)
+
+
+def _turns(one: Project, other: Project, limb: int, match: int) -> tuple[Floats, Floats]:
+    """Rotations of a limb in both results, shape (n_frames, 3, 3); the other's frame is laid as the first one's."""
+    mine, theirs = one.motion.rotations[:, limb], other.motion.rotations[:, match]
+    between = nearest_rotation(np.einsum("fji,fjk->ik", theirs, mine))
+    return mine, theirs @ between
+
+
+def _turned(parent: tuple[Floats, Floats], child: tuple[Floats, Floats]) -> float:
+    """Median angle [rad] between the rotations of a joint in both results, from those of its limbs."""
+    mine, theirs = (np.swapaxes(parent[side], 1, 2) @ child[side] for side in range(2))
+    angles = np.linalg.norm(vector_from_matrix(np.swapaxes(mine, 1, 2) @ theirs), axis=1)
+    return float(np.median(angles))

@@ -150,6 +150,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("info", file_commands.info, reader_options),
         ("simulate", simulate_command.simulate, simulate_command.simulation_options),
         ("evaluate", file_commands.evaluate, tuple),
+        ("compare", file_commands.compare, tuple),
         ("formats", file_commands.formats, tuple),
         ("config", file_commands.config, tuple),
         ("report", file_commands.report, tuple),

@@ -1,4 +1,4 @@
-"""Commands around files: `convert`, `info`, `evaluate`, `formats`, `config`, `report`, `view`, `fill`."""
+"""Commands around files: `convert`, `info`, `evaluate`, `compare`, `formats`, `config`, `report`, `view`, `fill`."""
 
 import importlib
 import os
@@ -170,6 +170,34 @@ def evaluate(
     if not tables:
         screen.say("nothing to compare yet: labels came with the take; limbs and joints have to be found first")
     screen.json(evaluation.as_mapping())
+
+
+def compare(
+    result: ProjectFile,
+    other: Annotated[Path, typer.Argument(metavar="OTHER", help="Another result of the same take.")],
+    as_json: AsJson = False,
+) -> None:
+    """Compare two results of one take: markers, limbs, bodies, joints and their angles.
+
+    Parameters
+    ----------
+    result, other : Path
+        Projects or folders of runs.
+    as_json : bool
+        Whether one JSON object stands for all tables.
+    """
+    from skelgen.app.comparison import compare_results, comparison_sentences, comparison_tables
+    from skelgen.app.project_file.archive import find_result, open_project
+
+    screen = Screen(as_json=as_json)
+    one, two = (open_project(find_result(path)) for path in (result, other))
+    found = compare_results(one, two)
+    sentences, tables = comparison_sentences(one, two, found), comparison_tables(one, two, found)
+    for sentence in sentences:
+        screen.say(sentence)
+    for title, rows in tables.items():
+        screen.table(title.capitalize(), rows)
+    screen.json({"sentences": sentences, **tables})
 
 
 def formats(as_json: AsJson = False) -> None:

@@ -93,7 +93,8 @@ def write_c3d(value: Writable, path: Path, options: Options = PLAIN, monitor: Mo
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     take = trajectories_of(project, _TITLE)
-    far = float(np.nanmax(np.abs(take.positions), initial=0.0))
+    ends = (extreme.reduce(take.positions, axis=None, initial=0.0) for extreme in (np.fmin, np.fmax))
+    far = max(map(abs, ends))
     rounded = f"Positions are rounded to single precision, to {np.spacing(np.float32(far)):.1g} mm."
     cut = f"Some programs show only the first {MOST_HEADER_FRAMES} of the {take.n_frames} frames of a C3D file."
     return (rounded, cut) if take.n_frames > MOST_HEADER_FRAMES else (rounded,)

@@ -194,10 +194,12 @@ def preview_smooth(project: Project, markers: Sequence[int], span: tuple[int, in
     except InputError as error:
         return str(error)
     off = np.stack(paths, axis=1) - take.positions[frames][:, list(markers)]
-    change = float(np.sqrt(np.nanmean(off**2))) if (~np.isnan(off)).any() else 0.0
+    moved = np.linalg.norm(off, axis=2)[~np.isnan(off[..., 0])]
+    change, most = (float(np.sqrt((moved**2).mean())), float(moved.max())) if len(moved) else (0.0, 0.0)
     whole = (span[0] or None, None if span[1] == take.n_frames - 1 else span[1])
     names = tuple(take.names[marker] for marker in markers)
-    words = translate("Gaps", "Smoothing moves by {value} mm (root mean square)").format(value=digits(change))
+    words = translate("Gaps", "Smoothing moves positions by {value} mm (root mean square), {most} mm at most")
+    words = words.format(value=digits(change), most=digits(most))
     path = GapFill(frames, paths[0], np.full(len(frames), np.nan), 0)
     return Preview(Correction("smooth", names, *whole, f"{cutoff:g}"), markers[0], path, words)
 

@@ -136,7 +136,7 @@ class ExportPage(QWidget):
         if project is not None and project.take is not self._take:
             self._take = project.take
             self.target.suggest(self._session.folder, stem_of(project.name) or _NAME_WITHOUT_TAKE)
-        if self.isVisible():  # else when it is shown: some formats must look through the whole take
+        if self.isVisible():  # else when it is shown
             self._enable_formats()
         self._follow()
 
@@ -187,7 +187,9 @@ class ExportPage(QWidget):
             row.show_value(wanted)
 
     def _follow(self) -> None:
-        """Show what would be written now."""
+        """Show what would be written now, while the page is seen: some formats look through the whole take."""
+        if not self.isVisible():
+            return
         preview = self._preview()
         replaced = [file for file in preview.files if file.exists]
         self.preview.setText(self._preview_text(preview))

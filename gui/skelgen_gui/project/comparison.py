@@ -69,8 +69,8 @@ class ComparisonPanel(QWidget):
             elif math.isnan(match.median):
                 continue
             else:
-                words = self.tr("{0}: {1} mm apart, {2} mm at most").format(
-                    ends, digits(match.median), digits(match.largest)
+                words = self.tr("{0}: {1} mm apart, {2} mm at most, turned by {3}°").format(
+                    ends, digits(match.median), digits(match.largest), digits(math.degrees(match.angle))
                 )
             self._add(words, Selection(joint=match.joint))
         for one in sorted(found.markers, key=lambda one: one.share):

@@ -1,7 +1,7 @@
 """The list of gaps, how one is filled, with the deviation of each way, and smoothing."""
 
 from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtGui import QFocusEvent, QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
@@ -101,23 +101,36 @@ class GapTable(QTableView):
             super().keyPressEvent(event)
 
 
+class _Cutoff(QDoubleSpinBox):
+    """A frequency; to come to it is to ask what smoothing does."""
+
+    asked = Signal()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """Ask."""
+        super().focusInEvent(event)
+        self.asked.emit()
+
+
 class GapTools(QWidget):
     """The list of gaps, and what can be done with the chosen one.
 
     Signals
     -------
     changed()
-        Another way, donor or frequency is chosen.
+        Another way or donor is chosen.
+    smoothing_asked()
+        Another frequency is chosen, or about to be.
     """
 
-    changed = Signal()
+    changed, smoothing_asked = Signal(), Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.table, self.way, self.donor = GapTable(self), QComboBox(self), QComboBox(self)
         self.words, self.fill = QLabel(self), QPushButton(self.tr("Fill"), self)
         self.fill_all = QPushButton(self.tr("Fill all of it"), self)
-        self.cutoff, self.smooth = QDoubleSpinBox(self), QPushButton(self.tr("Smooth"), self)
+        self.cutoff, self.smooth = _Cutoff(self), QPushButton(self.tr("Smooth"), self)
         for method in FILL_METHODS:
             self.way.addItem(self.tr("By {0}").format(fill_words(method)), method)
         self.words.setWordWrap(True)
@@ -131,6 +144,8 @@ class GapTools(QWidget):
         self.table.way_wanted.connect(self.way.setCurrentIndex)
         self.way.currentIndexChanged.connect(self._follow_way)
         self.donor.currentIndexChanged.connect(lambda _: self.changed.emit())
+        self.cutoff.asked.connect(self.smoothing_asked)
+        self.cutoff.valueChanged.connect(lambda _: self.smoothing_asked.emit())
         self._follow_way()
 
     @property
@@ -151,7 +166,7 @@ class GapTools(QWidget):
             (self.words, self.tr("Deviation"), self.tr("How far this way is off where the marker is seen")),
             (self.fill, self.tr("Fill"), self.tr("Fill the chosen gap in this way, in all exports of filled markers")),
             (self.fill_all, self.tr("Fill all of it"), self.tr("Fill all gaps of this marker in this way")),
-            (self.cutoff, self.tr("Cutoff"), self.tr("Frequency above which motion is smoothed away")),
+            (self.cutoff, self.tr("Cutoff"), self.tr("Above it motion is smoothed away; the curve shows it first")),
             (
                 self.smooth,
                 self.tr("Smooth"),

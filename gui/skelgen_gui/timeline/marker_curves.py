@@ -53,6 +53,7 @@ class MarkerCurves(QWidget):
         self.range: tuple[int, int] | None = None  # frames to be smoothed, where the user has chosen some
         self.preview: Preview | None = None
         self._is_stale, self._is_following = True, False
+        self._smooths = False  # whether smoothing is previewed, and not what fills a gap
         self.deriver, self._lister = Deriver(self), Deriver(self)
         self.plot, self.quantity, self.tools = PlotView(session, span, self), QComboBox(self), GapTools(self)
         for quantity, words in zip(
@@ -77,19 +78,20 @@ class MarkerCurves(QWidget):
         self.quantity.currentIndexChanged.connect(lambda _: self._follow())
         self.tools.table.selectionModel().currentChanged.connect(self._go_to_gap)
         self.tools.table.fill_wanted.connect(self.fill)
-        self.tools.changed.connect(self._follow)
+        self.tools.changed.connect(partial(self._try, smooths=False))
+        self.tools.smoothing_asked.connect(partial(self._try, smooths=True))
         self.tools.fill.clicked.connect(self.fill)
         self.tools.fill_all.clicked.connect(self.fill_all)
         self.tools.smooth.clicked.connect(self.smooth)
 
     def fill(self) -> None:
         """State that the chosen gap is filled as it is previewed."""
-        if self.preview is not None:
+        if self.preview is not None and not self._smooths:
             self._apply(self.preview.correction)
 
     def fill_all(self) -> None:
         """State that all gaps of the chosen gap's marker are filled in the chosen way."""
-        if self.preview is not None:
+        if self.preview is not None and not self._smooths:
             stated = self.preview.correction
             self._apply(Correction("fill", stated.names, value=stated.value))
 
@@ -99,9 +101,16 @@ class MarkerCurves(QWidget):
         if project is None or not project.has("labels") or not markers:
             self.tools.words.setText(self.tr("Select markers first"))
             return
-        span = self.range or (0, project.trajectories.n_frames - 1)
-        wanted = partial(preview_smooth, project, markers, span, self.tools.cutoff.value())
-        self.deriver.derive(wanted, self._state_smooth)
+        self.deriver.derive(partial(preview_smooth, project, markers, *self._smoothing(project)), self._state_smooth)
+
+    def _smoothing(self, project: Project) -> tuple[tuple[int, int], float]:
+        """First and last frame that are smoothed, and the frequency [Hz]."""
+        return self.range or (0, project.trajectories.n_frames - 1), self.tools.cutoff.value()
+
+    def _try(self, *, smooths: bool) -> None:
+        """Preview smoothing, or what fills the chosen gap."""
+        self._smooths = smooths
+        self._follow()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Draw what there is by now."""
@@ -155,6 +164,7 @@ class MarkerCurves(QWidget):
         row = self.tools.row
         if row is None or self._is_following:
             return
+        self._smooths = False
         project = self._session.project
         mates = () if project is None else mates_of(project, row.marker)
         self._is_following = True
@@ -202,7 +212,12 @@ class MarkerCurves(QWidget):
         if row is not None:
             markers = [row.marker, *(marker for marker in markers if marker != row.marker)]
         donors = [self.tools.donor.currentIndex()] if self.tools.method == "pattern" else markers[1:]
-        wanted = partial(_derived, project, markers, str(self.quantity.currentData()), row, (self.tools.method, donors))
+        preview: Callable[[], Preview | str | None] = _nothing
+        if self._smooths:
+            preview = partial(preview_smooth, project, markers, *self._smoothing(project))
+        elif row is not None:
+            preview = partial(preview_fill, project, (row.marker, row.first, row.last), self.tools.method, donors)
+        wanted = partial(_derived, project, markers, str(self.quantity.currentData()), preview)
         self.deriver.derive(wanted, lambda found: self._show(*found))
 
     def _show(self, panels: tuple[Panel, ...], preview: Preview | str | None) -> None:
@@ -210,17 +225,16 @@ class MarkerCurves(QWidget):
         self.plot.show_panels(panels, hint)
         self.preview = preview if isinstance(preview, Preview) else None
         self.tools.words.setText(preview if isinstance(preview, str) else "" if preview is None else preview.words)
-        self.tools.fill.setEnabled(self.preview is not None)
-        self.tools.fill_all.setEnabled(self.preview is not None)
+        for button in (self.tools.fill, self.tools.fill_all):
+            button.setEnabled(self.preview is not None and not self._smooths)
         self.tools.smooth.setEnabled(bool(self._session.selection.markers))
 
 
-def _derived(
-    project: Project, markers: list[int], quantity: str, row: GapRow | None, way: tuple[str, list[int]]
-) -> Found:
-    """The curves, and what would fill a gap in a way (method and donors)."""
-    preview = None
-    if row is not None:
-        preview = preview_fill(project, (row.marker, row.first, row.last), *way)
-    drawn = preview if isinstance(preview, Preview) else None
-    return marker_panels(project, markers, quantity, drawn), preview
+def _derived(project: Project, markers: list[int], quantity: str, preview: Callable[[], Preview | str | None]) -> Found:
+    """The curves, and what would be stated."""
+    found = preview()
+    return marker_panels(project, markers, quantity, found if isinstance(found, Preview) else None), found
+
+
+def _nothing() -> None:
+    return None

@@ -7,11 +7,21 @@ from numpy.typing import NDArray
 
 from skelgen.model.arrays import Floats
 
-_FIRST_HUE = 255.0  # degrees: blue
-_GOLDEN_ANGLE = 137.508  # degrees: successive hues stay far apart, however many limbs there are
-_CHROMA = 0.135
-_LIGHTNESS_ON_LIGHT = (0.55, 0.64, 0.47)  # cycles with the limb, so that near hues differ in lightness too
-_LIGHTNESS_ON_DARK = (0.72, 0.80, 0.66)
+# Lightness on light and on dark pages, chroma and hue [degrees] in OKLab. Each next one is the farthest from all before
+# it, on both kinds of page, as people see them who have all three kinds of cones or lack one of them; after the last
+# the first comes again. tests/app/test_colours.py simulates these people.
+# fmt: off
+_COLOURS = (
+    (0.53, 0.75, 0.13, 250), (0.44, 0.65, 0.16, 40), (0.62, 0.85, 0.07, 10), (0.66, 0.90, 0.16, 120),
+    (0.40, 0.60, 0.13, 340), (0.40, 0.60, 0.07, 160), (0.53, 0.75, 0.07, 100), (0.40, 0.60, 0.16, 290),
+    (0.66, 0.90, 0.07, 320), (0.49, 0.70, 0.07, 280), (0.49, 0.70, 0.07, 350), (0.40, 0.60, 0.13, 310),
+    (0.57, 0.80, 0.16, 140), (0.53, 0.75, 0.07, 150), (0.40, 0.60, 0.13, 30), (0.53, 0.75, 0.13, 60),
+    (0.66, 0.90, 0.10, 90), (0.62, 0.85, 0.10, 140), (0.49, 0.70, 0.16, 280), (0.66, 0.90, 0.07, 180),
+    (0.44, 0.65, 0.07, 130), (0.57, 0.80, 0.13, 350), (0.57, 0.80, 0.10, 310), (0.49, 0.70, 0.16, 320),
+    (0.57, 0.80, 0.10, 200), (0.49, 0.70, 0.16, 340), (0.40, 0.60, 0.07, 350), (0.66, 0.90, 0.07, 140),
+    (0.44, 0.65, 0.13, 10), (0.53, 0.75, 0.07, 170),
+)
+# fmt: on
 
 # OKLab to linear sRGB, in two steps as its definition has them (Ottosson 2020, "A perceptual color space").
 _LMS_FROM_LAB = np.array(
@@ -43,6 +53,9 @@ _UNKNOWN = (128, 128, 128, 110)
 def limb_colour(limb: int, *, dark: bool = False) -> str:
     """Return the colour of a limb as ``#rrggbb``, for a light or a dark page.
 
+    Colours of the first 16 limbs are told apart by people without one kind of cones as well; names, which every view
+    shows on demand, are the second cue.
+
     Parameters
     ----------
     limb : int
@@ -50,9 +63,9 @@ def limb_colour(limb: int, *, dark: bool = False) -> str:
     dark : bool
         Whether the page is dark.
     """
-    lightness = (_LIGHTNESS_ON_DARK if dark else _LIGHTNESS_ON_LIGHT)[limb % 3]
-    hue = math.radians(_FIRST_HUE + _GOLDEN_ANGLE * limb)
-    lab = np.array([lightness, _CHROMA * math.cos(hue), _CHROMA * math.sin(hue)])
+    on_light, on_dark, chroma, degrees = _COLOURS[limb % len(_COLOURS)]
+    hue = math.radians(degrees)
+    lab = np.array([on_dark if dark else on_light, chroma * math.cos(hue), chroma * math.sin(hue)])
     linear = np.clip(_RGB_FROM_LMS @ (_LMS_FROM_LAB @ lab) ** 3, 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in encoded)

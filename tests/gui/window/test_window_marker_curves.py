@@ -99,6 +99,26 @@ def test_position_speed_and_distances_are_drawn_of_any_selection(qtbot, window, 
     person.waits(lambda: len(pane.plot.panels[0].curves) > 4)
 
 
+def test_smoothing_is_drawn_with_its_deviation_before_it_is_stated(qtbot, window, pane, person):
+    window.session.select(Selection(frozenset({3})))
+    person.waits()
+    pane.tools.cutoff.setFocus()  # as Tab and a click do
+    person.waits(lambda: pane.preview is not None)
+    fine = pane.preview
+    assert fine.correction.kind == "smooth"
+    assert [curve.name for curve in pane.plot.panels[0].curves][-1] == "preview"
+    pane.tools.cutoff.setValue(1.0)
+    person.waits(lambda: pane.preview is not fine)
+    assert "mm at most" in pane.tools.words.text()
+    coarse, positions = pane.preview, window.session.project.trajectories.positions[:, 3]
+    assert np.nanmax(np.abs(coarse.path.positions - positions)) > np.nanmax(np.abs(fine.path.positions - positions))
+    assert not window.session.project.corrections
+    assert not pane.tools.fill.isEnabled()
+    pane.tools.way.setCurrentIndex(pane.tools.way.currentIndex() + 1)  # back to gaps
+    person.waits()
+    assert pane.preview is None or pane.preview.correction.kind == "fill"
+
+
 def test_smooth_holds_for_the_selected_markers_in_the_chosen_range(qtbot, window, pane, person):
     window.runner.computes_at_once = False
     window.session.select(Selection(frozenset({3})))
