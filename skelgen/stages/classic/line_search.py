@@ -173,12 +173,12 @@ def secant_step(line: Line, step: float, parameters: DescentParameters) -> float
     """
     low, high = line.start, line.at(step)
     for _ in range(parameters.line_iterations):
-        if high.slope >= 0 or not np.isfinite(high.slope):
+        if high.slope >= 0 or not math.isfinite(high.slope):
             break
         bend = high.slope - low.slope
-        predicted = high.step - high.slope * (high.step - low.step) / bend if bend > 0 else np.inf
+        predicted = high.step - high.slope * (high.step - low.step) / bend if bend > 0 else math.inf
         longest = high.step * parameters.step_limit
-        low, high = high, line.at(float(np.clip(predicted, GROWTH * high.step, longest)))
+        low, high = high, line.at(min(max(predicted, GROWTH * high.step), longest))
     if high.slope < 0:
         return high.step
     for _ in range(parameters.line_iterations):
@@ -187,7 +187,7 @@ def secant_step(line: Line, step: float, parameters: DescentParameters) -> float
             break
         middle = low.step - low.slope * width / max(high.slope - low.slope, SMALLEST)
         margin = 0.05 * width
-        tried = line.at(float(np.clip(middle, low.step + margin, high.step - margin)))
+        tried = line.at(min(max(middle, low.step + margin), high.step - margin))
         if abs(tried.slope) <= parameters.line_tolerance * min(-low.slope, high.slope):
             return tried.step
         low, high = (tried, high) if tried.slope < 0 else (low, tried)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.orientation import rotation_by_quaternion
 from skelgen.model.arrays import Bools, Floats, Ints
 
 TEST_FRAMES = 150
@@ -193,9 +194,8 @@ def _aligned(points: Floats, seen: Bools) -> tuple[Floats, Floats]:
     both /= both.sum(axis=1, keepdims=True)
     centred = points - (both[:, np.newaxis] @ points)
     turned_shape = shape - (both @ shape)[:, np.newaxis]
-    left, _, right = np.linalg.svd(np.swapaxes(centred * both[..., np.newaxis], 1, 2) @ turned_shape)
-    left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
-    moved = centred @ (left @ right) + (both @ shape)[:, np.newaxis]
+    turns = rotation_by_quaternion(np.swapaxes(centred * both[..., np.newaxis], 1, 2) @ turned_shape)
+    moved = centred @ turns + (both @ shape)[:, np.newaxis]
     mean = (moved * weights[..., np.newaxis]).sum(axis=0) / np.maximum(counts, 1)[:, np.newaxis]
     return (moved - mean) * weights[..., np.newaxis], mean
 

@@ -17,7 +17,7 @@ from skelgen.stages.labels.model_fit.assignment import (
     same_places,
     split_where_marker_changes,
 )
-from skelgen.stages.labels.model_fit.refine import core_markers
+from skelgen.stages.labels.model_fit.refine import core_markers, same_core
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
 
@@ -94,3 +94,27 @@ def test_half_of_the_points_being_doubtful_in_the_file_changes_no_label():
     doubted = dataclasses.replace(case.take, attributes={"reprojection_error": error})
     plain, weighted = (label_markers(take, LabelParameters())[0] for take in (case.take, doubted))
     assert plain.n_markers == weighted.n_markers
+
+
+BEFORE = np.repeat([0, 1, 2, -1], 400)
+"""Marker of each point in an earlier turn."""
+
+
+def test_a_core_under_other_numbers_is_the_same() -> None:
+    after = np.repeat([2, 0, 1, -1], 400)
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])).tolist() == [2, 0, 1]
+
+
+def test_points_that_gain_a_marker_do_not_change_the_core() -> None:
+    after = np.repeat([0, 1, 2, 1], 400)
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])).tolist() == [0, 1, 2]
+
+
+def test_markers_that_exchange_points_are_another_core() -> None:
+    after = BEFORE.copy()
+    after[380:420] = after[380:420][::-1]
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])) is None
+
+
+def test_a_core_of_another_size_is_another() -> None:
+    assert same_core(BEFORE, np.array([0, 1, 2]), BEFORE, np.array([0, 1])) is None

@@ -127,9 +127,17 @@ class DistanceRecord:
         others = np.flatnonzero(~self.apart[one])
         if not len(others):
             return result
-        rank = self.witness[one] * self.witness[others]
-        chosen = np.argpartition(-rank, min(WITNESSES, rank.shape[1]) - 1, axis=1)[:, :WITNESSES]
-        valid = np.take_along_axis(rank, chosen, axis=1) > 0.0
+        partners = np.flatnonzero(self.witness[one])  # few tracklets of a long take are ever seen together
+        rank = self.witness[one, partners] * self.witness[np.ix_(others, partners)]
+        told = ((rank > 0.0).sum(axis=1) >= LEAST_WITNESSES) | (self.prior[one, others] != 0.0)
+        if not told.any():
+            return result
+        others, rank = others[told], rank[told]
+        if len(partners) > WITNESSES:
+            best = np.argpartition(-rank, WITNESSES - 1, axis=1)[:, :WITNESSES]
+        else:
+            best = np.broadcast_to(np.arange(len(partners)), rank.shape)
+        chosen, valid = partners[best], np.take_along_axis(rank, best, axis=1) > 0.0
         rows = others[:, np.newaxis]
         first, second = (np.where(valid, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
         difference = self.mean[rows, chosen] - self.mean[one][chosen]

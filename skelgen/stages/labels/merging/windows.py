@@ -229,16 +229,20 @@ def continuity_evidence(
 def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints], frames: tuple[Ints, Ints]) -> Floats:
     """Distance [mm] of tracklets j from where neighbours carry tracklets i; NaN where neighbours are too few."""
     used = np.unique(np.concatenate(frames))
-    poses = tracklets.positions_at(points, used)
-    source, target = (poses[np.searchsorted(used, frame)] for frame in frames)
-    row = np.arange(len(which[0]))
-    begin, end = source[row, which[0]].copy(), target[row, which[1]].copy()
-    away = np.linalg.norm(source - begin[:, np.newaxis], axis=2)
-    away[np.isnan(target[..., 0]) | np.isnan(away)] = np.inf
-    away[row, which[0]] = away[row, which[1]] = np.inf
+    table = tracklets.indices_at(used)
+    rows = [np.searchsorted(used, frame) for frame in frames]
+    begin, end = (points[table[row, tracklet]] for row, tracklet in zip(rows, which, strict=True))
+    # Few tracklets of a long take are seen in one frame: candidates are those, padded with -1
+    n_seen = (table >= 0).sum(axis=1)
+    listed = np.argsort(table < 0, axis=1, kind="stable")[:, : n_seen.max()]
+    others = listed[rows[0]]
+    before, after = (table[row[:, np.newaxis], others] for row in rows)
+    possible = (before >= 0) & (after >= 0) & (others != which[0][:, np.newaxis]) & (others != which[1][:, np.newaxis])
+    source, target = points[before], points[after]
+    away = np.where(possible, np.linalg.norm(source - begin[:, np.newaxis], axis=2), np.inf)
     count = min(NEIGHBOURS, away.shape[1])
     nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
-    valid = np.isfinite(np.take_along_axis(away, nearest, axis=1))
+    valid = np.take_along_axis(possible, nearest, axis=1)
     source, target = (np.take_along_axis(place, nearest[..., np.newaxis], axis=1) for place in (source, target))
     carried = fit_transform(np.where(valid[..., np.newaxis], source, 0.0), target, valid)
     expected = np.einsum("nij,nj->ni", carried[:, :3, :3], begin) + carried[:, :3, 3]

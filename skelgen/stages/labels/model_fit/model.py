@@ -15,7 +15,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.chain.chain import Chain
 from skelgen.kinematics.inverse.root_outward import pose_by_own_markers, pose_outward
-from skelgen.model import Trajectories
+from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import LimbParameters, find_limbs
@@ -83,12 +83,21 @@ class Tree(NamedTuple):
     markers: Ints
 
 
+class Structure(NamedTuple):
+    """Which marker of a core is on which limb, and how limbs are joined."""
+
+    limbs: Limbs
+    topology: Topology
+
+
 @dataclass(frozen=True, eq=False)
 class MarkerModel:
     """Rigid limbs joined to trees, as the labelling uses them.
 
     Attributes
     ----------
+    structure : Structure
+        Limbs of the core and their tree.
     trees : list of Tree
         Limbs with the markers of the core, posed by these.
     core : ndarray of intp, shape (n_core,)
@@ -105,6 +114,7 @@ class MarkerModel:
         Predictions with wider gates are not used.
     """
 
+    structure: Structure
     trees: list[Tree]
     core: Ints
     limb_of_marker: Ints
@@ -145,7 +155,9 @@ class MarkerModel:
         return predicted, gates
 
 
-def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> MarkerModel | None:
+def fit_model(
+    markers: Trajectories, core: Ints, widest: float, seed: int, structure: Structure | None = None
+) -> MarkerModel | None:
     """Fit a skeleton to the markers found so far; None if they show no limb.
 
     Parameters
@@ -158,14 +170,18 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
         Predictions with wider gates are not used.
     seed : int
         Random seed of the stages that build the model.
+    structure : Structure, optional
+        Limbs of the core and their tree in these frames, if they are known.
     """
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
-    try:
-        limbs = find_limbs(chosen, BY_MOTION, seed=seed)
-        topology = find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed)
-    except InputError:
-        return None
-    trees = [_tree(body, core) for body in StructuredTake(chosen, limbs, topology).bodies()]
+    if structure is None:
+        try:
+            limbs = find_limbs(chosen, BY_MOTION, seed=seed)
+            structure = Structure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
+        except InputError:
+            return None
+    limbs = structure.limbs
+    trees = [_tree(body, core) for body in StructuredTake(chosen, *structure).bodies()]
     poses = _pose(trees, markers.positions)
     limb_of_marker = np.full(markers.n_markers, -1, dtype=np.intp)
     limb_of_marker[core] = limbs.limb_of_marker
@@ -185,7 +201,7 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
         if place is not None and place[0] != limb_of_marker[marker]:
             limb_of_marker[marker], offsets[marker] = place
             gates[:, marker] = usual
-    return MarkerModel(trees, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
+    return MarkerModel(structure, trees, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
 
 
 def steadiest_place(

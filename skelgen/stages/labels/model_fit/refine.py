@@ -42,6 +42,9 @@ PRIOR_SCORE = 0.3
 FREE_MARKER_SHARE = 0.1
 """Of all frames in which a marker that no limb carries must be seen."""
 
+SAME_CORE = 0.005
+"""Part of the core's points that may have changed their marker for limbs and tree to be taken over."""
+
 UNCHANGED = 0.0005
 """Part of all points; when fewer change their marker, the turns end."""
 
@@ -105,16 +108,22 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
     monitor.begin("identities by rigidity")
     cloud, rate, spacing = task.cloud, task.rate, task.spacing
     frames = spread_frames(cloud.n_frames, MODEL_FRAMES)
+    model: MarkerModel | None = None
+    modelled = marker_of_point
     for turn in range(task.parameters.rounds):
         merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
         positions = point_labels.sampled_positions(cloud, merged, frames)
         sample = Trajectories(
             positions, point_labels.marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames
         )
-        model = fit_model(sample, core_markers(merged, task.n_markers), BLIND_GATE * spacing, task.seed)
+        core = core_markers(merged, task.n_markers)
+        structure = None
+        if model and (same := same_core(modelled, model.core, merged, core)) is not None:
+            structure, core = model.structure, same
+        model = fit_model(sample, core, BLIND_GATE * spacing, task.seed, structure)
         if model is None:
             break
-        merged = turned_limbs(cloud, merged, model, rate)
+        merged = modelled = turned_limbs(cloud, merged, model, rate)
         better = _relabelled(task, track_of_point, merged, model, monitor)
         better = point_labels.with_unexplained(merged, better, task.least_alone)
         # Number of points that changed their marker, whatever the markers' numbers are
@@ -149,6 +158,31 @@ def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
     usual = order[np.searchsorted(np.cumsum(order), order.sum() / 2)] if len(order) else 0
     core = np.argsort(-counts, kind="stable")[:n_markers]
     return np.sort(core[counts[core] >= max(CORE_SHARE * usual, 2)])
+
+
+def same_core(before: Ints, old_core: Ints, after: Ints, core: Ints) -> Ints | None:
+    """Find out which marker of a core each one of the core of other labels is; None if they are not the same.
+
+    Parameters
+    ----------
+    before, after : ndarray of intp, shape (n_points,)
+        Marker of each point by both labellings, -1 for none.
+    old_core, core : ndarray of intp
+        Their markers that carry a model.
+
+    Returns
+    -------
+    ndarray of intp or None
+        `core` in the order of `old_core`.
+    """
+    if len(core) != len(old_core):
+        return None
+    together = point_labels.counts_together(before, after)[1:, 1:]
+    place = together[np.ix_(old_core, core)].argmax(axis=1)
+    same = core[place]
+    owned = together[old_core].sum() + together[:, core].sum() - together[np.ix_(old_core, core)].sum()
+    is_same = len(np.unique(same)) == len(core) and together[old_core, same].sum() >= (1.0 - SAME_CORE) * owned
+    return same if is_same else None
 
 
 def _relabelled(
