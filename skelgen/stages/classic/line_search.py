@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.parameters import DescentParameters
 
