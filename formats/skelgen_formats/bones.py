@@ -211,7 +211,13 @@ def plain_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def end_names(skeleton: Skeleton, also: str = "") -> tuple[str, ...]:
-    """Return the names of the joints that end the bones of limbs which carry no other; parameters as `bone_names`."""
+    """Return the names of the joints that end the bones of limbs which carry no other.
+
+    Parameters
+    ----------
+    skeleton, also
+        See `bone_names`.
+    """
     return tuple(f"{name}_end" for name in bone_names(skeleton, also))
 
 

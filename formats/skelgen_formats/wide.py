@@ -260,7 +260,18 @@ CSV = Format(
 
 
 def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud:
-    """Read a table of points; parameters and errors as `read_wide_csv`, and an error without pyarrow."""
+    """Read a table of points.
+
+    Parameters
+    ----------
+    path, options
+        See `read_wide_csv`, of which the errors are, too.
+
+    Raises
+    ------
+    MissingPackageError
+        If pyarrow is not installed.
+    """
     try:
         from pyarrow import ArrowException, parquet  # noqa: PLC0415 - an extra
     except ImportError as error:

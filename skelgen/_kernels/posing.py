@@ -47,7 +47,6 @@ from skelgen._kernels.chain import (
 from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Matrix,
-    Symmetric,
     Vector,
     add_symmetric,
     add_vector,
@@ -61,6 +60,7 @@ from skelgen._kernels.small_matrices import (
     plus,
     product,
     proper,
+    refined,
     rotation_by,
     set_matrix,
     set_symmetric,
@@ -75,8 +75,7 @@ from skelgen.model.arrays import Floats
 DAMPING = 1e-6
 """Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
 
-LEAST_RIDGE = 1e-12
-"""Keeps the normal matrix of a frame without markers regular."""
+LEAST_RIDGE = 1e-12  # keeps the normal matrix of a frame without markers regular
 
 GIVE_UP_DAMPING = 1e6
 """A frame that needs more damping than this does not get better."""
@@ -87,18 +86,14 @@ ILL_CONDITIONED = 1e8
 LEAST_LEVEL = 1e-13
 """Of a form's trace: below this rounding is larger than what it is to level."""
 
-REFINEMENTS = 4
-"""Each takes off all but some thousandth of the error, at the least level."""
-
 STEP_TOLERANCE = 1e-10
 """rad and, scaled by the arms, far below a micrometre."""
 
 GAIN_TOLERANCE = 1e-9
 """Frames are settled when a step lowers the sum of squares by less than this part."""
 
-
 TURN, MIXED, SHIFT, TORQUE, FORCE, N_FORM = fixed(0, 6, 15, 21, 24, 27)
-"""The same of a form."""
+"""Where the parts of a form begin, and its length."""
 
 FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
 """Where the parts of a free turn that is minimised out begin: columns of follow, rest, covariance."""
@@ -235,9 +230,9 @@ def _take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
     if trace * (covariance[0] + covariance[3] + covariance[5]) > ILL_CONDITIONED:
         p, q, r = (  # else the rounding of a turn that hardly shows would grow from limb to limb
-            _refined(form, level, covariance, p, a),
-            _refined(form, level, covariance, q, b),
-            _refined(form, level, covariance, r, c),
+            refined(form, level, covariance, p, a),
+            refined(form, level, covariance, q, b),
+            refined(form, level, covariance, r, c),
         )
     torque = vector(forms, limb, TORQUE)
     set_vector(solved, limb, FOLLOW, p)
@@ -247,15 +242,6 @@ def _take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     set_symmetric(solved, limb, COVARIANCE, covariance)
     add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
     add_vector(forms, limb, FORCE, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
-
-
-@kernel_part
-def _refined(form: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
-    """Return a solution of (form + level) x = right that is more exact than what the inverse gave."""
-    for _ in range(REFINEMENTS):
-        left_over = minus(plus(by_symmetric(form, solution), times(level, solution)), right)
-        solution = minus(solution, by_symmetric(covariance, left_over))
-    return solution
 
 
 @kernel_part

@@ -38,10 +38,8 @@ class Search(NamedTuple):
 
     Attributes
     ----------
-    target : TargetTable
-        k balls.
-    scene : PointTable
-        n points.
+    target, scene : TargetTable, PointTable
+        k balls and n points.
     allowed : ndarray of bool, shape (k, n)
         Which point may be which ball.
     known : ndarray of intp, shape (k,)

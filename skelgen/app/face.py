@@ -1,7 +1,6 @@
 """The public face: functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
 
-Each of them turns what a user writes (paths, mappings, names) into the values of the application layer and calls one
-function of it.
+Each turns paths, mappings and names into values of the application layer, and calls one function of it.
 """
 
 from __future__ import annotations
@@ -70,11 +69,8 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
     project = open_input(path, format, **options)
     results = [name for name in STAGES if project.has(name)]
     if results:
-        warnings.warn(
-            f"{path} is a project with results ({', '.join(results)}); skelgen.read returns its take alone, "
-            "skelgen.load the whole project",
-            stacklevel=3,
-        )
+        what = f"{path} is a project with results ({', '.join(results)})"
+        warnings.warn(f"{what}; skelgen.read returns its take alone, skelgen.load the whole project", stacklevel=3)
     return project.take
 
 
@@ -131,17 +127,15 @@ def reconstruct(
     Parameters
     ----------
     take : PointCloud, Trajectories, Poses or Project
-        From `read`, or made by hand. A project from `load`, `correct` or an earlier call keeps its seed
-        and goes on after its last result; a finished one runs again from the start.
-    n_markers : int, optional
-        Number of physical markers in an unlabelled take; found if left out.
-    n_limbs : int, optional
-        Number of rigid limbs; found if left out.
+        From `read`, or made by hand. A project keeps its seed and goes on after its last result; a finished one runs
+        again from the start.
+    n_markers, n_limbs : int, optional
+        Numbers of physical markers in an unlabelled take, and of rigid limbs; found if left out.
     seed : int
         Seed of every random choice: same take and seed, same result.
     parameters : mapping, Path or str, optional
-        Per stage (``labels``, ``limbs``, ``joints``, ``skeleton``) its parameters or a mapping of names to values,
-        or the path of a ``config.xml``.
+        Per stage (``labels``, ``limbs``, ``joints``, ``skeleton``) its parameters or a mapping of names to values; or
+        the path of a ``config.xml``.
     monitor : Monitor, optional
         Receives progress and notices; may cancel.
     until : str, optional
@@ -155,11 +149,9 @@ def reconstruct(
     root : str, optional
         Name of the limb that is the root of a tree that is found, or of a marker on it.
     joined, parted : iterable of pairs of str
-        Limbs between which there is a joint, and between which there is none, each by its name or by one of its
-        markers.
+        Limbs between which there is a joint, and between which there is none, by their names or by markers on them.
     methods : str, optional
-        ``classic``: the methods of Schönauer (2007) in all stages, but for what `parameters` states; ``default``: the
-        usual ones, whatever a ``config.xml`` sets.
+        ``classic``: the methods of Schönauer (2007), but for what `parameters` states; ``default``: the usual ones.
 
     Returns
     -------
@@ -251,8 +243,7 @@ def correct(
         Markers that it is about, the one that keeps its name first.
     value : str
         The new name, the type of the joint, the number, the cutoff of ``smooth`` [Hz], or the way to ``fill`` gaps:
-        ``skeleton``; ``rigid`` by three or more markers or ``pattern`` by one, which are named behind the first;
-        ``spline``.
+        ``skeleton``, ``spline``, or by markers named behind the first: ``rigid`` (three or more), ``pattern`` (one).
     frames : tuple of int or None
         First and last frame for which it holds; None for the ends of the take.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from skelgen_formats.registry import write_file
 from skelgen_formats.text import defused
 
-from skelgen.app.constraints import LIMB_COLUMNS
+from skelgen.app.limb_tables import LIMB_COLUMNS
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together

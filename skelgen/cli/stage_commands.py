@@ -148,9 +148,10 @@ def run(
         Options of readers.
     """
     from skelgen.app.configuration import Settings, settings_with
-    from skelgen.app.constraints import RunOptions, read_limb_names
+    from skelgen.app.constraints import RunOptions
     from skelgen.app.files import open_input
     from skelgen.app.limb_names import with_stated_names
+    from skelgen.app.limb_tables import read_limb_names
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import find_result
 
@@ -302,7 +303,7 @@ def refuse_beside_skeleton(values: Mapping[str, object]) -> None:
 
 def hierarchy_in(path: Path | None) -> dict[str, str] | None:
     """Return the tree that a file states; None without a file."""
-    from skelgen.app.constraints import read_hierarchy
+    from skelgen.app.limb_tables import read_hierarchy
 
     return None if path is None else read_hierarchy(path)
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 from skelgen_formats.registry import write_file
 
-from skelgen.app.constraints import read_limb_names
 from skelgen.app.limb_names import with_stated_names
+from skelgen.app.limb_tables import read_limb_names
 from skelgen.app.outputs import OUTPUTS, Output, stem_of, write_outputs
 from skelgen.app.project_file.archive import save_project
 from skelgen.errors import FormatError, WriteError

@@ -20,8 +20,8 @@ from skelgen_formats.registry import known_formats, read_motion, read_take, writ
 import skelgen
 from skelgen.app.capture import read_capture_settings
 from skelgen.app.configuration import Settings, write_defaults
-from skelgen.app.constraints import read_hierarchy
 from skelgen.app.files import open_input
+from skelgen.app.limb_tables import read_hierarchy
 from skelgen.app.outputs import write_outputs
 from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.app.tables import column_rows, project_tables

@@ -170,7 +170,15 @@ class Tables:
     of_segments: Floats
 
     def pairs(self, features: Floats, joined: Bools) -> Floats:
-        """Log odds of each pair of limbs to be each pair of labels, shape (n_limbs, n_limbs, n_labels, n_labels)."""
+        """Log odds of each pair of limbs to be each pair of labels, shape (n_limbs, n_limbs, n_labels, n_labels).
+
+        Parameters
+        ----------
+        features : ndarray, shape (n_limbs, n_limbs, 2)
+            See `pair_features`; the logarithm of the stature is subtracted.
+        joined : ndarray of bool, shape (n_limbs, n_limbs)
+            Whether there is a joint between two limbs.
+        """
         off = features[:, :, np.newaxis, np.newaxis] - self.means
         squares = np.einsum("ijabk,abkl,ijabl->ijab", off, self.precisions, off)
         of_any = -0.5 * (((features - self.any_pair[0]) / self.any_pair[1]) ** 2).sum(axis=-1)
@@ -180,7 +188,15 @@ class Tables:
         return np.asarray(odds + at_joint)
 
     def limbs(self, sizes: Sequence[float], stature: float) -> Floats:
-        """Log likelihood of each limb by its size and by how often there is one, shape (n_limbs, n_labels)."""
+        """Return the log likelihood of each limb by its size and by how often there is one, shape (n_limbs, n_labels).
+
+        Parameters
+        ----------
+        sizes : sequence of float, mm
+            How far the markers of each limb are apart; NaN for one marker.
+        stature : float, mm
+            What lengths are compared with.
+        """
         mean, deviation, often = self.of_segments.T
         off = (np.log((np.array(sizes)[:, np.newaxis] + SMALLEST) / stature) - mean) / deviation
         return np.asarray(np.nan_to_num(-0.5 * off**2 - np.log(deviation), nan=0.0) + often)

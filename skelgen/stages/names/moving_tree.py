@@ -59,7 +59,13 @@ class MovingTree:
         return np.asarray(np.concatenate([self.markers[limb] for limb in limbs], axis=1).mean(axis=1))
 
     def path(self, first: int, last: int) -> tuple[int, ...]:
-        """Limbs on the way from one to another, both included."""
+        """Return the limbs on the way from one to another, both included.
+
+        Parameters
+        ----------
+        first, last : int
+            Two limbs of the tree.
+        """
         return self._paths[first][last]
 
     def joints_on(self, path: tuple[int, ...]) -> list[Floats]:
@@ -67,13 +73,25 @@ class MovingTree:
         return [self.joints[pair] for pair in pairwise(path)]
 
     def way(self, first: int, last: int) -> float:
-        """Return the length of the way along the joints from the middle of one limb to that of another [mm]."""
+        """Return the length of the way along the joints from the middle of one limb to that of another [mm].
+
+        Parameters
+        ----------
+        first, last : int
+            Two limbs of the tree.
+        """
         path = self.path(first, last)
         places = [self.centres[first], *self.joints_on(path), self.centres[last]]
         return sum(distance(one, other) for one, other in pairwise(places))
 
     def meeting(self, first: int, second: int, third: int) -> int:
-        """Return the limb at which the ways between three limbs meet."""
+        """Return the limb at which the ways between three limbs meet.
+
+        Parameters
+        ----------
+        first, second, third : int
+            Three limbs of the tree.
+        """
         shared = set(self.path(first, second)) & set(self.path(first, third)) & set(self.path(second, third))
         return shared.pop()
 
@@ -94,12 +112,26 @@ class MovingTree:
 
 
 def distance(first: Floats, second: Floats) -> float:
-    """Return the median distance of two points over frames [mm], each of shape (n_frames, 3)."""
+    """Return the median distance of two points over frames [mm].
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_frames, 3), mm
+        The points.
+    """
     return float(np.median(np.linalg.norm(first - second, axis=1)))
 
 
 def along(vectors: Floats, axis: Floats) -> Floats:
-    """Return the part of vectors along others, each of shape (..., 3)."""
+    """Return how far vectors go along others, shape (...).
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (..., 3)
+        Any vectors.
+    axis : ndarray, shape (..., 3)
+        Vectors of length 1.
+    """
     return np.asarray((vectors * axis).sum(axis=-1))
 
 
