@@ -6,15 +6,17 @@ What was recorded stays, whatever ends the capture: the source, an error, or the
 """
 
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.app.recording import Recording, check_recording
+from skelgen.app.room import capture_room, read_rig_settings, room_source_of
 from skelgen.capture.bodies import BodyFinder, check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
@@ -23,8 +25,11 @@ from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_pa
 from skelgen.capture.markers import ImageHealth
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
-from skelgen.model.rig import CaptureSettings, StereoRig, TargetJoint
+from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
+
+if TYPE_CHECKING:
+    from skelgen.capture.room.sources import RoomSource
 
 
 def read_capture_settings(path: Path) -> CaptureSettings:
@@ -54,6 +59,19 @@ def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource
     if not text and not settings.source:
         raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
     return open_source(text) if text else open_source(settings.source, from_file=True)
+
+
+def any_source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | RoomSource":
+    """Return the source that a text names, or else the one of the settings, for two cameras or for those of a room.
+
+    Parameters
+    ----------
+    settings : CaptureSettings or RoomSettings
+        What the capture knows.
+    text : str, optional
+        Where images come from.
+    """
+    return room_source_of(settings, text) if isinstance(settings, RoomSettings) else source_of(settings, text)
 
 
 def capture(
@@ -97,20 +115,20 @@ def capture(
 
 
 def calibrate_body_of(
-    settings: CaptureSettings,
-    source: FrameSource,
+    settings: AnySettings,
+    source: "FrameSource | RoomSource",
     name: str,
     n_balls: int | None = None,
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
-) -> tuple[CaptureSettings, BodyCalibration]:
+) -> tuple[AnySettings, BodyCalibration]:
     """Calibrate a target from a source; return the settings with it, in place of one of the same name.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource
+    source : FrameSource or RoomSource
         Pairs of images of the target that is turned.
     name : str
         What the target is called.
@@ -128,12 +146,12 @@ def calibrate_body_of(
     return new, replace(done, notices=(*done.notices, *_outdated(settings, name)))
 
 
-def _with_body(settings: CaptureSettings, done: BodyCalibration, stated: float) -> CaptureSettings:
+def _with_body(settings: AnySettings, done: BodyCalibration, stated: float) -> AnySettings:
     """Return settings with a target, in place of one of the same name; the noisiest target is the noise of the rig.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What the capture knows.
     done : BodyCalibration
         The target.
@@ -150,10 +168,12 @@ def _with_body(settings: CaptureSettings, done: BodyCalibration, stated: float) 
     bodies = bodies if target.name in names else [*bodies, target]
     check_targets(bodies, search_parameters(settings))
     noise = max(body.noise for body in bodies) or settings.rig.noise
+    if isinstance(settings, RoomSettings):
+        return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
     return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
 
 
-def _outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
+def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
     """Return a notice of the joints of settings that were measured in a target that is calibrated anew; or none."""
     joints = [joint.name for joint in settings.joints if name in (joint.parent, joint.child)]
     if not joints:
@@ -162,20 +182,20 @@ def _outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
 
 
 def calibrate_joints_of(
-    settings: CaptureSettings,
-    source: FrameSource,
+    settings: AnySettings,
+    source: "FrameSource | RoomSource",
     requests: Sequence[JointRequest] = (),
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
     use_frames: int | Sequence[int] | None = None,
-) -> tuple[CaptureSettings, JointCalibration]:
+) -> tuple[AnySettings, JointCalibration]:
     """Calibrate joints from a source; return the settings with them, in place of those of the same names.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource
+    source : FrameSource or RoomSource
         Pairs of images of the joints that are moved.
     requests : sequence of JointRequest
         Joints that are stated; all are found if there are none.
@@ -196,12 +216,12 @@ def calibrate_joints_of(
     return with_joints(settings, done), done
 
 
-def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSettings:
+def with_joints(settings: AnySettings, done: JointCalibration) -> AnySettings:
     """Return settings with joints, in place of those of the same names.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         What the capture knows.
     done : JointCalibration
         What was calibrated.
@@ -219,10 +239,13 @@ def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSet
 
 
 def _points_of(
-    settings: CaptureSettings, source: FrameSource, n_frames: int | None, monitor: Monitor
+    settings: AnySettings, source: "FrameSource | RoomSource", n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
     """Points of every pair of a source; refused if hardly any ball fits both images, as of exchanged cameras."""
     monitor.begin("images")
+    if isinstance(settings, RoomSettings):
+        return _points_in_room(settings, cast("RoomSource", source), n_frames, monitor)
+    source = cast("FrameSource", source)
     finder, health, found = PointFinder(settings), ImageHealth(settings.rig), []
     finder.load()
     with source as pairs:
@@ -232,6 +255,20 @@ def _points_of(
             health.look(pair, left, right, points)
             found.append(points)
     health.check(source.name)
+    return found
+
+
+def _points_in_room(
+    settings: RoomSettings, source: "RoomSource", n_frames: int | None, monitor: Monitor
+) -> list[StereoPoints]:
+    found, told = [], list[str]()
+    total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
+    with closing(capture_room(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
+        for captured in with_progress(stream, total, monitor):
+            found.append(captured.points)
+            told += captured.notices
+    for sentence in dict.fromkeys(told):
+        monitor.notice(sentence)
     return found
 
 
@@ -260,7 +297,7 @@ def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -
     return len(settings.bodies) + len(settings.joints)
 
 
-def add_body(path: Path, used: CaptureSettings, done: BodyCalibration) -> tuple[str, ...]:
+def add_body(path: Path, used: AnySettings, done: BodyCalibration) -> tuple[str, ...]:
     """Add a target to a settings file, in place of one of the same name; return what the user should know.
 
     The noise that the balls of the noisiest target showed is that of the rig from then on.
@@ -269,7 +306,7 @@ def add_body(path: Path, used: CaptureSettings, done: BodyCalibration) -> tuple[
     ----------
     path : Path
         The file; if it is not there, it is written with the settings that were used.
-    used : CaptureSettings
+    used : CaptureSettings or RoomSettings
         The settings that were used for the calibration.
     done : BodyCalibration
         What was calibrated.
@@ -285,7 +322,7 @@ def add_body(path: Path, used: CaptureSettings, done: BodyCalibration) -> tuple[
     return _outdated(settings, done.target.name)
 
 
-def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration) -> None:
+def add_joints(path: Path, used: AnySettings, calibration: JointCalibration) -> None:
     """Add joints to a settings file, in place of those of the same names.
 
     Parameters
@@ -303,9 +340,9 @@ def add_joints(path: Path, used: CaptureSettings, calibration: JointCalibration)
     write_settings(with_joints(_stored(path, used), calibration), path)
 
 
-def _stored(path: Path, used: CaptureSettings) -> CaptureSettings:
+def _stored(path: Path, used: AnySettings) -> AnySettings:
     """Settings as they are in a file by now; those that were used if there is none."""
-    stored = read_capture_settings(path) if path.exists() else used
+    stored = read_rig_settings(path) if path.exists() else used
     if not _is_same(stored.rig, used.rig):
         raise InputError(
             f"the cameras of {path} are others than those that this was measured with; choose these settings above, "
@@ -314,9 +351,9 @@ def _stored(path: Path, used: CaptureSettings) -> CaptureSettings:
     return stored
 
 
-def _is_same(one: StereoRig, two: StereoRig) -> bool:
-    return all(
+def _is_same(one: StereoRig | CameraRig, two: StereoRig | CameraRig) -> bool:
+    return len(one.cameras) == len(two.cameras) and all(
         np.array_equal(getattr(a, name), getattr(b, name))
-        for a, b in ((one.left, two.left), (one.right, two.right))
+        for a, b in zip(one.cameras, two.cameras, strict=True)
         for name in ("size", "matrix", "distortion", "camera_from_world")
     )

@@ -14,7 +14,7 @@ from skelgen.capture.markers import misfit_in_space
 from skelgen.capture.room.live import RoomCaptured
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, StereoRig
+from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings
 
 RECORDINGS = (".mfml", ".c3d")
 """Suffixes of recordings: all points without names, and the balls of the targets with theirs."""
@@ -59,7 +59,7 @@ class Recording:
         check_recording(path, settings)
         self.path, self._settings = path, settings
         rig = settings.rig
-        self._camera = rig.left if isinstance(rig, StereoRig) else rig.cameras[0]
+        self._camera = rig.cameras[0]
         self._recorder: MfmlRecorder | C3dRecorder
         if path.suffix.lower() == ".mfml":
             self._recorder = MfmlRecorder(path)

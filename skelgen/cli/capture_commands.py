@@ -182,13 +182,14 @@ def calibrate_body(
     import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
-    from skelgen.app.capture import calibrate_body_of, read_capture_settings, source_of
+    from skelgen.app.capture import any_source_of, calibrate_body_of
+    from skelgen.app.room import read_rig_settings
     from skelgen.capture.calibration.table import ball_rows
 
     screen = Screen(quiet, as_json)
-    rig = read_capture_settings(settings)
+    rig = read_rig_settings(settings)
     with screen.watching() as monitor:
-        new, done = calibrate_body_of(rig, source_of(rig, source), name, balls, frames, monitor)
+        new, done = calibrate_body_of(rig, any_source_of(rig, source), name, balls, frames, monitor)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table(f"Target {name}", ball_rows(done.target))
@@ -266,19 +267,20 @@ def calibrate_joints(
     """
     from skelgen_formats.capture_settings import write_settings
 
-    from skelgen.app.capture import calibrate_joints_of, read_capture_settings, source_of
+    from skelgen.app.capture import any_source_of, calibrate_joints_of
+    from skelgen.app.room import read_rig_settings
     from skelgen.capture.calibration.table import joint_rows
     from skelgen.capture.values import frames_from_text
 
     screen = Screen(quiet, as_json)
-    rig = read_capture_settings(settings)
+    rig = read_rig_settings(settings)
     wishes = _with_starts([_wish(text) for text in joints or ()], start or ())
     try:
         used = frames_from_text(use_frames or "")
     except InputError as error:
         raise InputError(f"--use-frames {error}") from error
     with screen.watching() as monitor:
-        new, done = calibrate_joints_of(rig, source_of(rig, source), wishes, frames, monitor, used)
+        new, done = calibrate_joints_of(rig, any_source_of(rig, source), wishes, frames, monitor, used)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table("Joints", joint_rows(done))

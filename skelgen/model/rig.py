@@ -103,6 +103,11 @@ class StereoRig:
         if self.baseline == 0.0:
             raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
 
+    @property
+    def cameras(self) -> tuple[Camera, Camera]:
+        """The left and the right one."""
+        return self.left, self.right
+
     @cached_property
     def right_from_left(self) -> Floats:
         """Pose of the left camera's frame in the right one's, shape (4, 4)."""
@@ -299,6 +304,10 @@ class RoomSettings:
         _check_targets(self.bodies, self.joints)
         detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
         set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
+
+
+AnySettings = CaptureSettings | RoomSettings
+"""Settings of two cameras, or of those of a room."""
 
 
 def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:

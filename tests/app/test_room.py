@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 pytest.importorskip("cv2")
 
@@ -91,6 +92,23 @@ def test_targets_and_joints_are_found_by_many_cameras():
     place = captured[-1].bodies["torso"].world_from_body[:3, 3]
     assert scene.truth is not None
     np.testing.assert_allclose(place, scene.truth.world_from_limb[-1, 0, :3, 3], atol=2.0)
+
+
+def test_targets_and_joints_are_calibrated_by_the_cameras_of_a_room(tmp_path, capsys):
+    seen = "room:arm?cameras=4&frames=24&rate=8"
+    path, known = tmp_path / "room.xml", open_room_source(seen).settings
+    write_settings(RoomSettings(known.rig, known.bodies[:1]), path)
+    for name in ("upper arm", "lower arm"):
+        assert main(["calibrate", "body", str(path), "--name", name, "--source", f"{seen}&show={name}"]) == 0
+    found = read_any_settings(path)
+    assert [body.name for body in found.bodies] == ["torso", "upper arm", "lower arm"]
+    for body, true in zip(found.bodies, known.bodies, strict=True):
+        assert sorted(pdist(body.points)) == pytest.approx(sorted(pdist(true.points)), abs=0.3)  # mm
+    assert main(["calibrate", "joints", str(path), "--joint", "elbow=upper arm:lower arm:hinge", "--source", seen]) == 0
+    assert [joint.name for joint in read_any_settings(path).joints] == ["elbow"]
+    assert "its place known to" in capsys.readouterr().out
+    with pytest.raises(InputError, match="no target 'hand' to show; it has torso, upper arm, lower arm"):
+        open_room_source("room:arm?show=hand")
 
 
 def test_a_source_with_other_cameras_is_told(settings):

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
-from skelgen_formats.capture_settings import read_settings
+from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.app.capture import add_joints
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
 from skelgen.capture.values import JointRequest, frames_from_text, start_from_text
 from skelgen.errors import InputError, SkelgenError
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import AnySettings
 from skelgen_gui.capture.forms import AdvancedFields, JointForm
 from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, TurnView
 from skelgen_gui.capture.steps import AddingStep, Plan
@@ -97,10 +97,10 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
             self.motions.show_motions(found.motions)
             self._show_chosen()
 
-    def adding(self, found: JointCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
+    def adding(self, found: JointCalibration) -> Callable[[Path, AnySettings], tuple[str, ...]]:
         """Return what adds the joints to settings."""
 
-        def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
+        def add(path: Path, used: AnySettings) -> tuple[str, ...]:
             add_joints(path, used, found)
             return ()
 
@@ -125,7 +125,7 @@ def _targets_in(path: str) -> tuple[str, ...]:
     if not Path(path).is_file():
         return ()
     try:
-        return tuple(body.name for body in read_settings(path).bodies)
+        return tuple(body.name for body in read_any_settings(path).bodies)
     except SkelgenError:
         return ()  # the user sees the reason when the settings are used
 

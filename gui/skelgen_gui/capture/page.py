@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,15 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
-from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot, WandShot
+from skelgen.app.capture_jobs.messages import (
+    CameraImage,
+    CaptureEnd,
+    FoundInSpace,
+    JointProgress,
+    LiveShot,
+    TargetShot,
+    WandShot,
+)
 from skelgen.capture.calibration.board import LEAST_CORNERS
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
@@ -79,7 +88,7 @@ class CapturePage(QWidget):
             field.changed.connect(partial(self._share, field))
         for step in (self.target, self.joints):
             step.shot.connect(self._show_target)
-        for saving in (self.camera_step, self.target, self.joints):
+        for saving in (self.camera_step, self.room, self.target, self.joints):
             saving.saved.connect(self._use)
 
     def _remember(self, ended: CaptureEnd) -> None:
@@ -99,9 +108,7 @@ class CapturePage(QWidget):
         self.view.pictures.show_all(shot.images, titles, tuple(covered))
 
     def _show_target(self, shot: TargetShot[BodyProgress] | TargetShot[JointProgress]) -> None:
-        self.view.pictures.show_pair(shot.left, shot.right)
-        self.view.space.show_rig(shot.rig)
-        self.view.space.show_found(shot.found)
+        self.view.show_seen(shot.images, shot.rig, shot.found)
 
     def _use(self, path: Path) -> None:
         """Go on with settings that were just saved."""
@@ -134,11 +141,24 @@ class _CaptureView(QSplitter):
         self.setAccessibleName(self.tr("Capture"))
 
     def show_shot(self, shot: LiveShot) -> None:
-        """Show the images of one moment and what was found in them."""
-        rig = shot.settings.rig
+        """Show the images of one moment of a live capture and what was found in them."""
+        self.show_seen(shot.images, shot.settings.rig, shot.found)
+
+    def show_seen(self, images: Sequence[CameraImage], rig: StereoRig | CameraRig, found: FoundInSpace) -> None:
+        """Show images and what was found in them.
+
+        Parameters
+        ----------
+        images : sequence of CameraImage
+            Those of all cameras.
+        rig : StereoRig or CameraRig
+            The cameras.
+        found : FoundInSpace
+            Points and bodies.
+        """
         if isinstance(rig, CameraRig):
-            self.pictures.show_all(shot.images, rig.names)
+            self.pictures.show_all(images, rig.names)
         else:
-            self.pictures.show_pair(*shot.images)
+            self.pictures.show_pair(*images)
         self.space.show_rig(rig)
-        self.space.show_found(shot.found)
+        self.space.show_found(found)

@@ -144,7 +144,7 @@ def _grid(count: int, ratio: float, size: tuple[int, int]) -> tuple[int, tuple[f
         rows = -(-count // columns)
         cell = (size[0] - (columns - 1) * _GAP) / columns, (size[1] - (rows - 1) * _GAP) / rows
         shown = min(cell[0], cell[1] * ratio)
-        if shown > largest and (count != TWO or columns == TWO):
+        if shown >= largest and (count != TWO or columns == TWO):
             best, largest = (columns, cell), shown
     return best
 

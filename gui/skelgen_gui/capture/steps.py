@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFileDialog, QLabel, QLayout, QPushButton, QScroll
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
 from skelgen.capture.calibration.verdict import Verdict
 from skelgen.errors import Cancelled, SkelgenError
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import AnySettings
 from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
@@ -187,7 +187,7 @@ class _Calibration(Protocol):
 
 class _Collector(Protocol):
     @property
-    def settings(self) -> CaptureSettings | None: ...
+    def settings(self) -> AnySettings | None: ...
 
     def run(self, title: str, monitor: Monitor) -> None: ...
 
@@ -269,7 +269,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Show what came out; None if nothing has yet."""
 
     @abstractmethod
-    def adding(self, found: _CalibrationT) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
+    def adding(self, found: _CalibrationT) -> Callable[[Path, AnySettings], tuple[str, ...]]:
         """Return what adds a result to settings on another thread; it returns what the user should know."""
 
     def start(self) -> None:

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.capture import add_body
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import AnySettings
 from skelgen_gui.capture.forms import TargetForm
 from skelgen_gui.capture.measured import BallTable
 from skelgen_gui.capture.steps import AddingStep, Plan
@@ -84,7 +84,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         else:
             self.balls.show_calibration(found)
 
-    def adding(self, found: BodyCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
+    def adding(self, found: BodyCalibration) -> Callable[[Path, AnySettings], tuple[str, ...]]:
         """Return what adds the target to settings, under the name that stands in the form by now."""
         named = replace(found, target=replace(found.target, name=self._name))
         return lambda path, used: add_body(path, used, named)

@@ -49,7 +49,7 @@ class ShownCamera:
 
 def cameras_of(rig: StereoRig | CameraRig) -> tuple[ShownCamera, ...]:
     """Return the cameras of a rig."""
-    return tuple(_shown(camera) for camera in (rig.cameras if isinstance(rig, CameraRig) else (rig.left, rig.right)))
+    return tuple(_shown(camera) for camera in rig.cameras)
 
 
 def _shown(camera: Camera) -> ShownCamera:

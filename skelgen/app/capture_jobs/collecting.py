@@ -4,6 +4,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from typing import Generic, TypeVar
@@ -11,7 +12,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from skelgen.app.capture_jobs.board_views import View, ViewCollection, is_new, is_steady
-from skelgen.app.capture_jobs.live import open_capture, source_of_text, warm_up
+from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,
     CameraImage,
@@ -21,6 +22,7 @@ from skelgen.app.capture_jobs.messages import (
     FoundInSpace,
     JointProgress,
     TargetShot,
+    seen_by_cameras,
 )
 from skelgen.capture.calibration.board import Board, BoardView, find_board
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
@@ -28,14 +30,13 @@ from skelgen.capture.calibration.joints import JointCalibration, calibrate_joint
 from skelgen.capture.calibration.stereo import absence
 from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointTaking
 from skelgen.capture.calibration.verdict import PairSeen
-from skelgen.capture.health import RigWatch
 from skelgen.capture.images import opencv
-from skelgen.capture.live import PointFinder, search_parameters
+from skelgen.capture.live import search_parameters
 from skelgen.capture.optics import triangulate
 from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
+from skelgen.model.rig import AnySettings, BodyTarget, StereoRig
 from skelgen.progress import Monitor
 
 _Progress = TypeVar("_Progress")
@@ -151,7 +152,7 @@ class TargetCollector(_Collector, ABC, Generic[_Progress]):
     def __init__(self, options: CaptureOptions, control: CollectingControl, feed: Feed[TargetShot[_Progress]]) -> None:
         super().__init__(control)
         self._options, self._feed = options, feed
-        self.settings: CaptureSettings | None = None
+        self.settings: AnySettings | None = None
         self._rate: float | None = None
 
     def run(self, title: str, monitor: Monitor) -> None:
@@ -169,39 +170,35 @@ class TargetCollector(_Collector, ABC, Generic[_Progress]):
         SkelgenError
             If settings or source cannot be used, or the source breaks off; frames before are kept.
         """
-        settings, source = open_capture(self._options)
-        self.settings = settings if self._options.settings else self._without_file(settings)
+        opened = open_stream(self._options, only_points=True)
+        self.settings = opened.settings if self._options.settings else self._without_file(opened.settings)
         self._begin(self.settings)
-        self._rate = source.rate
+        self._rate = opened.rate
         warm_up(monitor)
         monitor.begin(title)
         last: TargetShot[_Progress] | None = None
-        watch = RigWatch(settings.rig)
-        with ThreadPoolExecutor(2, "targets") as threads, source as opened:
-            finder = PointFinder(self.settings, threads)
-            for pair in self._pairs(opened, monitor):
-                left, right, points = finder.find(pair)
-                for sentence in watch.notices(pair, left, right, points)[1 if pair.dropped else 0 :]:
+        total = opened.n_frames or 0
+        with closing(opened.stream) as stream:
+            for captured in stream:
+                for sentence in captured.notices[1 if captured.pair.dropped else 0 :]:
                     self._feed.notice(sentence)  # but not of lost pairs, which cost nothing here
-                bodies = self._take(points)
+                bodies = self._take(captured.points)
                 if self._feed.is_waiting:
-                    last = TargetShot(
-                        CameraImage.of_balls(pair.left, left, bodies, points.left),
-                        CameraImage.of_balls(pair.right, right, bodies, points.right),
-                        FoundInSpace.of(points, bodies),
-                        settings.rig,
-                        self._recent_progress,
-                    )
+                    images, found = seen_by_cameras(captured, bodies), FoundInSpace.of(captured.points, bodies)
+                    last = TargetShot(images, found, opened.settings.rig, self._recent_progress)
                     self._feed.put(last)
+                monitor.advance(captured.pair.index + 1 if total else 0, total or 1)
+                if self._control.stop.is_set():
+                    break
         if last is not None:
             self._feed.put(replace(last, progress=self._progress))
 
-    def _without_file(self, settings: CaptureSettings) -> CaptureSettings:
+    def _without_file(self, settings: AnySettings) -> AnySettings:
         """What is used of a simulated rig, which knows its settings by itself."""
         return settings
 
     @abstractmethod
-    def _begin(self, settings: CaptureSettings) -> None:
+    def _begin(self, settings: AnySettings) -> None:
         """Get ready for a capture by these settings."""
 
     @abstractmethod
@@ -261,11 +258,11 @@ class BodyCollector(TargetCollector[BodyProgress]):
         others, search = _others(self.settings, name), search_parameters(self.settings)
         return calibrate_body(self._taking.frames, name, n_balls, others, search, monitor)
 
-    def _without_file(self, settings: CaptureSettings) -> CaptureSettings:
+    def _without_file(self, settings: AnySettings) -> AnySettings:
         """Leave out the targets: they are what is to be calibrated."""
         return replace(settings, bodies=(), joints=())
 
-    def _begin(self, settings: CaptureSettings) -> None:
+    def _begin(self, settings: AnySettings) -> None:
         others = _others(settings, self._name)
         self._taking = BodyTaking(self._name, self._n_balls, others, search_parameters(settings))
 
@@ -315,7 +312,7 @@ class JointCollector(TargetCollector[JointProgress]):
             raise InputError("no frames of the joints were taken yet")
         return calibrate_joints(self._taking.frames, self._taking.names, requests, self._rate, use_frames)
 
-    def _begin(self, settings: CaptureSettings) -> None:
+    def _begin(self, settings: AnySettings) -> None:
         self._taking = JointTaking(settings.bodies, search_parameters(settings))
 
     def _take(self, points: StereoPoints) -> Mapping[int, FoundBody]:
@@ -339,7 +336,7 @@ class JointCollector(TargetCollector[JointProgress]):
         return self._last_progress
 
 
-def _others(settings: CaptureSettings, name: str) -> list[BodyTarget]:
+def _others(settings: AnySettings, name: str) -> list[BodyTarget]:
     """The targets beside one of this name."""
     return [body for body in settings.bodies if body.name != name]
 

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Generator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
@@ -32,7 +33,7 @@ from skelgen.capture.room.live import RoomCaptured
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
-from skelgen.model.rig import CaptureSettings, RoomSettings
+from skelgen.model.rig import AnySettings, CaptureSettings, RoomSettings
 from skelgen.progress import Monitor
 
 _SPEED_FRAMES = 60
@@ -40,7 +41,6 @@ _SPEED_FRAMES = 60
 
 _IS_WARM = Event()
 
-AnySettings = CaptureSettings | RoomSettings
 AnyCaptured = Captured | RoomCaptured
 
 
@@ -85,7 +85,7 @@ class LiveCapture:
         return CaptureEnd(self._n_frames, self._n_dropped, recorded, error, self._settings)
 
     def _run(self, monitor: Monitor) -> None:
-        opened = _open_stream(self._options)
+        opened = open_stream(self._options)
         warm_up(monitor)
         self._settings, self._recorder = opened.settings, _Recorder(opened.settings, opened.rate, self._feed)
         total = opened.n_frames or 0
@@ -200,7 +200,7 @@ def warm_up(monitor: Monitor) -> None:
     _IS_WARM.set()
 
 
-class _Opened(NamedTuple):
+class Opened(NamedTuple):
     """A capture that is about to run: of two cameras or of a room."""
 
     settings: AnySettings
@@ -209,8 +209,21 @@ class _Opened(NamedTuple):
     stream: Generator[AnyCaptured, None, None]
 
 
-def _open_stream(options: CaptureOptions) -> _Opened:
-    """Return the capture that options name; errors as `open_capture`."""
+def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened:
+    """Return the capture that options name.
+
+    Parameters
+    ----------
+    options : CaptureOptions
+        What is captured.
+    only_points : bool
+        Whether neither targets nor joints are looked for.
+
+    Raises
+    ------
+    SkelgenError
+        If settings or source cannot be read or opened, or if the options name cameras that are not calibrated.
+    """
     is_wanted = options.predicts or options.predicts_joints
     prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
     settings = read_rig_settings(Path(options.settings)) if options.settings else None
@@ -220,19 +233,15 @@ def _open_stream(options: CaptureOptions) -> _Opened:
         room = open_room_source(options.source)
         settings = getattr(room, "settings", None)
     if isinstance(settings, RoomSettings):
-        return _Opened(settings, room.rate, room.n_frames, capture_room(settings, room, prediction=prediction))
-    known, source = open_capture(options)
-    return _Opened(known, source.rate, source.n_frames, capture(known, source, prediction=prediction))
+        used = replace(settings, bodies=(), joints=()) if only_points else settings
+        return Opened(settings, room.rate, room.n_frames, capture_room(used, room, prediction=prediction))
+    known, source = _open_capture(options)
+    looked_for = replace(known, bodies=(), joints=()) if only_points else known
+    return Opened(known, source.rate, source.n_frames, capture(looked_for, source, prediction=prediction))
 
 
-def open_capture(options: CaptureOptions) -> tuple[CaptureSettings, FrameSource]:
-    """Return settings and source that options name.
-
-    Raises
-    ------
-    SkelgenError
-        If they cannot be read or opened, or if the options name cameras that are not calibrated.
-    """
+def _open_capture(options: CaptureOptions) -> tuple[CaptureSettings, FrameSource]:
+    """Settings and source of two cameras that options name."""
     if options.settings:
         settings = read_capture_settings(Path(options.settings))
         return settings, source_of(settings, options.source)

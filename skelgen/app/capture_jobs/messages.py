@@ -15,7 +15,7 @@ import numpy as np
 
 from skelgen.errors import SkelgenError
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.rig import CaptureSettings, RoomSettings, StereoRig
+from skelgen.model.rig import AnySettings, CameraRig, StereoRig
 
 if TYPE_CHECKING:
     from skelgen.capture.angles import JointAngle
@@ -331,7 +331,7 @@ class LiveShot:
     images: tuple[CameraImage, ...]
     found: FoundInSpace
     angles: Mapping[str, JointAngle]
-    settings: CaptureSettings | RoomSettings
+    settings: AnySettings
     index: int
     rate: float
     latency: float
@@ -359,7 +359,7 @@ class CaptureEnd:
     n_dropped: int
     recorded: tuple[Recorded, ...]
     error: SkelgenError | None
-    settings: CaptureSettings | RoomSettings | None
+    settings: AnySettings | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,20 +395,19 @@ class TargetShot(Generic[_Progress]):
 
     Attributes
     ----------
-    left, right : CameraImage
-        Both pictures.
+    images : tuple of CameraImage
+        The pictures of all cameras.
     found : FoundInSpace
         Points and targets.
-    rig : StereoRig
+    rig : StereoRig or CameraRig
         The cameras.
     progress : BodyProgress or JointProgress
         How far it is.
     """
 
-    left: CameraImage
-    right: CameraImage
+    images: tuple[CameraImage, ...]
     found: FoundInSpace
-    rig: StereoRig
+    rig: StereoRig | CameraRig
     progress: _Progress
 
 

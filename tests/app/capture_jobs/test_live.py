@@ -9,8 +9,9 @@ import pytest
 from skelgen_formats.capture_settings import write_settings
 
 import skelgen
-from skelgen.app.capture_jobs.live import LiveCapture, open_capture
-from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed
+from skelgen.app.capture_jobs.collecting import BodyCollector
+from skelgen.app.capture_jobs.live import LiveCapture, open_stream
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, CollectingControl, Feed
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.errors import InputError
@@ -52,7 +53,7 @@ def test_settings_files_are_read_and_name_their_source(tmp_path):
 
 def test_cameras_of_which_nothing_is_known_are_refused(tmp_path):
     with pytest.raises(InputError, match="choose the settings file that their calibration wrote"):
-        open_capture(CaptureOptions("", "simulated:board?frames=2"))
+        open_stream(CaptureOptions("", "simulated:board?frames=2"))
 
 
 @pytest.mark.parametrize("suffix", [".mfml", ".c3d"])
@@ -119,3 +120,15 @@ def test_other_cameras_than_those_of_the_settings_are_told(tmp_path):
     ended, _, _ = run(CaptureOptions(str(path), "room:arm?cameras=3"))
     assert "has 3 cameras" in str(ended.error)
     assert ended.n_frames == 0
+
+
+def test_a_target_is_taken_by_the_cameras_of_a_room():
+    feed = Feed(lambda: None)
+    options = CaptureOptions("", "room:arm?cameras=4&frames=24&rate=8&show=lower arm")
+    collector = BodyCollector(options, CollectingControl(), feed, "lower arm", None)
+    collector.run("taking", SILENT)
+    shot, _ = feed.take()
+    assert len(shot.images) == len(shot.rig.cameras) == 4
+    assert shot.progress.n_balls == 5
+    assert shot.progress.n_alone == shot.progress.n_frames == 24
+    assert len(collector.calibrate("lower arm", None, SILENT).target.points) == 5
