@@ -58,7 +58,7 @@ def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
     path : Path
         The file.
     options : Options
-        `recorded_rate` and `recorded_unit` count.
+        `recorded_rate`, `recorded_unit` and `sample` count.
 
     Raises
     ------
@@ -71,6 +71,8 @@ def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
         raise FormatError(path, "", f"{what} gives for them as .npy, (frames, points, 3), or take the markers' C3D")
     key = _key_of_positions(path, arrays)
     positions = arrays[key]
+    if options.sample:
+        positions = positions[options.sample.of(np.arange(len(positions)))]
     if len(arrays) == 1:
         return take_from_table(path, positions, _names(arrays, positions.shape[1], key), None, options)
     rate = _number(arrays, _RATES)

@@ -40,6 +40,7 @@ from skelgen_formats.marker_output import (
 )
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"
@@ -51,13 +52,15 @@ _KNOWN_FIRST = ("$comments", "$firstframe", "$lastframe", "$spinelinks", "$rate"
 _Sections = dict[str, tuple[int, list[str]]]  # keyword -> line number and its words
 
 
-def read_csm(path: Path) -> Trajectories | PointCloud:
+def read_csm(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud:
     """Read a Character Studio marker file.
 
     Parameters
     ----------
     path : Path
         The file.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def read_csm(path: Path) -> Trajectories | PointCloud:
     FormatError
         If a keyword is missing, a line has the wrong number of numbers, or frames are missing between others.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     sections, first = _sections(path, lines)
     _, names = _section(path, sections, "$order")
     rate_line, rate = _section(path, sections, "$rate")
@@ -161,17 +164,20 @@ def _frames(path: Path, lines: Lines, first: int, n_markers: int, notices: list[
     numbers: list[int] = []
 
     def checked() -> Iterator[tuple[int, str]]:
-        for number, line in lines.numbered(first):
+        for number, line in lines.rows(first):
             if number == len(lines) and len(line.split()) + 2 * line.upper().count(_DROPOUT) < 3 * n_markers + 1:
                 notices.append(f"line {number}, the last, is cut off and left out")
                 return
             numbers.append(count_in(path, number, line.split(None, 1)[0], "the frame number"))
-            if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
+            if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1 and not lines.is_sampled:
                 raise FormatError(path, number, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
             dropped = _DROPOUT in line.upper()
             yield number, _without_dropouts(path, line.split(), number, n_markers) if dropped else line
 
-    return parse_rows(path, checked(), 3 * n_markers + 1, None, leading=1), numbers
+    rows = parse_rows(path, checked(), 3 * n_markers + 1, None, leading=1)
+    if numbers and numbers[-1] - numbers[0] + 1 != lines.count(rows):
+        raise FormatError(path, "", "frames are missing; where, only the whole file tells")
+    return rows, numbers
 
 
 def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> str:
@@ -216,7 +222,7 @@ FORMAT = Format(
     suffixes=(".csm",),
     holds="markers",
     sniff=_sniff,
-    read=lambda path, options: read_csm(path),
+    read=lambda path, options: read_csm(path, options.sample),
     write=lambda value, path, options, monitor: write_csm(
         value, path, options.dropout, options.filled, options.unit, monitor
     ),

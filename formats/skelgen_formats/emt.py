@@ -23,6 +23,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import POINTS, Format
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import (
     Lines,
     count_in,
@@ -35,14 +36,21 @@ from skelgen_formats.text import (
 )
 
 _FIRST_LINE = "BTS ASCII"
-_KEY = re.compile(r"(\w[\w ]*?)\s*:\s*(.*)")
+_KEY = re.compile(r"\w[\w ]*")
 _TITLE = re.compile(r"(.{1,200})[.]([XYZ])")
 
 _Header = dict[str, tuple[int, str]]  # key in small letters -> line number and value
 
 
-def read_emt(path: Path) -> Trajectories | PointCloud:
+def read_emt(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud:
     """Read the tracks of points of an EMT file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def read_emt(path: Path) -> Trajectories | PointCloud:
     FormatError
         If the file holds no tracks of points, or is damaged.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     header, number = _header(path, lines)
     titles = [title.strip() for title in without_trailing_empty(lines[number - 1].split("\t"))]
     names = {titles.index(f"{name}.X"): name for name in _points(titles)}
@@ -67,7 +75,7 @@ def read_emt(path: Path) -> Trajectories | PointCloud:
     rate_hz = rate_in(path, rate[0], rate[1].removesuffix("Hz").strip(), "Frequency")
     notices: list[str] = []
     rows = parse_rows(
-        path, whole_lines(lines.numbered(number), len(lines), len(titles), "\t", notices), len(titles), "\t", columns
+        path, whole_lines(lines.rows(number), len(lines), len(titles), "\t", notices), len(titles), "\t", columns
     )
     rows = uncut(lines, rows, count_in(path, *frames, "Frames"), notices)
     positions = scaled(path, rows.reshape(len(rows), len(names), 3), mm_per_unit(path, *unit))
@@ -78,10 +86,10 @@ def _header(path: Path, lines: Lines) -> tuple[_Header, int]:
     """Return the keys, and the number of the line with the titles of the columns."""
     header: _Header = {}
     for number, line in lines.numbered(1):
-        pair = _KEY.fullmatch(line.strip())
-        if pair is None:
+        key, colon, value = line.strip().partition(":")
+        if not colon or _KEY.fullmatch(key) is None:
             return header, number
-        header.setdefault(pair[1].lower(), (number, pair[2].strip()))
+        header.setdefault(key.strip().lower(), (number, value.strip()))
     raise FormatError(path, len(lines), "the file ends within its header")
 
 
@@ -103,7 +111,7 @@ FORMAT = Format(
     suffixes=(".emt",),
     holds="markers",
     sniff=lambda head, path: decoded_head(head).lstrip().startswith(_FIRST_LINE),
-    read=lambda path, options: read_emt(path),
+    read=lambda path, options: read_emt(path, options.sample),
     options=(POINTS,),
     note="3D tracks of BTS SMART as text, unit from the file; blank cells are unseen.",
 )

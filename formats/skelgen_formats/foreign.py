@@ -15,7 +15,8 @@ class _Foreign(NamedTuple):
     sentence: str
 
 
-_NUMBERS = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?([\s;,]+[-+]?[\d.,]+(e[-+]?\d+)?){2,}", re.IGNORECASE)
+_NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
+_FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _MARKERS = "export the markers as C3D or TRC"
 
 _OPENSIM = "coordinates, forces or results of OpenSim, no measured markers; give the .trc that they come from"
@@ -102,5 +103,6 @@ def is_foreign(head: bytes, path: Path) -> str:
         told = _OPENSIM
     by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
     by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
-    is_untitled = bool(lines) and _NUMBERS.fullmatch(lines[0]) is not None
+    words = [word for word in _PARTING.split(lines[0]) if word] if lines else []
+    is_untitled = len(words) >= _FEWEST_NUMBERS and all(map(_NUMBER.fullmatch, words))
     return next(filter(None, (told, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")

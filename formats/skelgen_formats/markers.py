@@ -14,6 +14,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.options import MM_PER_UNIT
+from skelgen_formats.text import Lines
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -223,12 +224,12 @@ def check_frames(path: Path, place: str | int, announced: int, found: int, notic
         notices.append(f"{found} frames were read although the header announces {announced}")
 
 
-def uncut(lines: Sequence[str], rows: Floats, announced: int, notices: list[str]) -> Floats:
+def uncut(lines: Lines, rows: Floats, announced: int, notices: list[str]) -> Floats:
     """Return the rows of a text file but the last, where it ends in it before the frames that its header announces.
 
     Parameters
     ----------
-    lines : sequence of str
+    lines : Lines
         Of the file.
     rows : ndarray, shape (n_frames, n)
         Read from it.
@@ -237,11 +238,11 @@ def uncut(lines: Sequence[str], rows: Floats, announced: int, notices: list[str]
     notices : list of str
         Gets a sentence if there are more or fewer.
     """
-    if len(rows) < announced:
+    if lines.count(rows) < announced:
         rows = rows[:-1] if lines[-1].strip() and not any("is cut off" in notice for notice in notices) else rows
-        notices.append(f"{announced} frames are announced and {len(rows)} are there: the file is cut off")
-    elif len(rows) > announced:
-        notices.append(f"{len(rows)} frames were read although the header announces {announced}")
+        notices.append(f"{announced} frames are announced and {lines.count(rows)} are there: the file is cut off")
+    elif lines.count(rows) > announced:
+        notices.append(f"{lines.count(rows)} frames were read although the header announces {announced}")
     return rows
 
 

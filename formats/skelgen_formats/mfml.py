@@ -10,6 +10,7 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled
+from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
@@ -25,6 +26,7 @@ from skelgen_formats.mfml_stream import (
     write_frames,
 )
 from skelgen_formats.options import Format, Option, Writable
+from skelgen_formats.sample import Sample
 
 _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
 _EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must
@@ -35,7 +37,9 @@ _REMARK = "The recording is written as it was read: labels that were found or re
 __all__ = ["FORMAT", "iterate_mfml", "read_mfml", "write_frames", "write_mfml"]
 
 
-def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") -> PointCloud:
+def read_mfml(
+    path: Path, id_width: str = "auto", timestamp_unit: str = "us", sample: Sample | None = None
+) -> PointCloud:
     """Read a tracker recording.
 
     Parameters
@@ -46,6 +50,8 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
         Bytes of a unique id: ``4``, ``8``, ``16``, or ``auto`` to find out.
     timestamp_unit : str
         ``us``, ``ms``, ``s`` or ``ns``.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -61,11 +67,15 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
     with Content(path) as content:
         width, n_frames = find_id_width(path, content.view, id_width)
         headers = np.fromiter(frame_headers(content.view, width), dtype=_HEADER_ROW, count=n_frames)
-        counts = headers["count"]
-        if not counts.any():
+        if not headers["count"].any():
             raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
-        markers = _all_markers(content.view, width, headers["start"])
-    starts = np.concatenate(([0], np.cumsum(counts))).astype(np.intp)
+        if sample:
+            sample.rate = rate_of(headers["stamp"].astype(np.float64) * SECONDS_PER_UNIT[timestamp_unit])
+            headers = headers[sample.of(np.arange(n_frames))]
+            markers = _markers_in(content.view, width, headers)
+        else:
+            markers = _all_markers(content.view, width, headers["start"])
+    starts = np.concatenate(([0], np.cumsum(headers["count"]))).astype(np.intp)
     _check_numbers(path, markers, starts)
     notices = [
         f"the file does not say how it counts: points are read with numbers of {width} bytes, times in {timestamp_unit}"
@@ -119,6 +129,13 @@ def _all_markers(view: mmap.mmap, width: int, starts: Ints) -> Markers:
     for byte in range(FRAME_HEADER.itemsize):
         is_marker[starts - FRAME_HEADER.itemsize + byte] = False
     return np.frombuffer(view, np.uint8)[is_marker].view(MARKER_DTYPES[width])
+
+
+def _markers_in(view: mmap.mmap, width: int, headers: Markers) -> Markers:
+    """What stands behind some headers of frames."""
+    dtype = MARKER_DTYPES[width]
+    spans = zip(headers["start"].tolist(), headers["count"].tolist(), strict=True)
+    return np.frombuffer(b"".join(view[start : start + count * dtype.itemsize] for start, count in spans), dtype)
 
 
 def _check_numbers(path: Path, markers: Markers, starts: Ints) -> None:
@@ -184,7 +201,7 @@ FORMAT = Format(
     suffixes=(".mfml",),
     holds="points",
     sniff=lambda head, path: any(_looks_right(head, width) for width in MARKER_DTYPES),
-    read=lambda path, options: read_mfml(path, options.id_width, options.timestamp_unit),
+    read=lambda path, options: read_mfml(path, options.id_width, options.timestamp_unit, options.sample),
     write=lambda value, path, options, monitor: write_mfml(
         value, path, options.id_width, options.timestamp_unit, monitor
     ),

@@ -27,6 +27,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, split_cells, whole_lines
 
 _FIRST_CELL = "Format Version"
@@ -64,7 +65,7 @@ class _Item:
         return found if len(found) == len(axes) else []
 
 
-def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud | Poses:
+def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) -> Trajectories | PointCloud | Poses:
     """Read the markers, or the bodies, of a Motive export.
 
     Parameters
@@ -73,6 +74,8 @@ def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud |
         The file.
     bodies : bool
         Whether bodies are read although there are markers.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud |
         If the header is not that of Motive, neither markers nor bodies were exported, or bodies in another way than as
         quaternions in the world.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     delimiter = _delimiter(path, lines[0])
     cells = split_cells(path, lines[0], 1, delimiter)
     header = dict(zip(cells[0::2], cells[1::2], strict=False))
@@ -100,7 +103,7 @@ def read_motive(path: Path, bodies: bool = False) -> Trajectories | PointCloud |
     kinds = [_PLACE] if items else [_PLACE, _TURN]
     items = items or _bodies(path, header, titles, notices)
     wanted = [column for item in items for quantity, axes in kinds for column in item.of(quantity, axes)]
-    whole = whole_lines(lines.numbered(titles.first), len(lines), len(titles.axes), delimiter, notices)
+    whole = whole_lines(lines.rows(titles.first), len(lines), len(titles.axes), delimiter, notices)
     rows = parse_rows(path, whole, len(titles.axes), delimiter, wanted)
     if announced := header.get("Total Exported Frames"):
         rows = uncut(lines, rows, count_in(path, 1, announced, "Total Exported Frames"), notices)
@@ -202,7 +205,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=lambda head, path: decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL),
-    read=lambda path, options: read_motive(path, options.bodies),
+    read=lambda path, options: read_motive(path, options.bodies, options.sample),
     options=(POINTS, BODIES),
     note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",
 )

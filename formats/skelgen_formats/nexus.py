@@ -33,6 +33,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import POINTS, Format
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines, split_cells
 
 BLOCKS = (
@@ -47,6 +48,7 @@ _BODIES = ("Objects", "Segments")
 _TURN, _PLACE = ("RW", "RX", "RY", "RZ"), ("TX", "TY", "TZ")
 _LEADING_TITLES = ("Frame", "Field #")  # of the first column; the second may be that of sub-frames
 _TITLE_LINES = 12  # within which the titles of the first block stand
+_LONGEST_TITLE = 256  # bytes of a block's title with what a spreadsheet parts cells by behind it
 _MOST_TIMES = 4  # frames in the take for one in the file, at most
 
 
@@ -57,8 +59,15 @@ class _Block(NamedTuple):
     first: int
 
 
-def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
+def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud | Poses:
     """Read the trajectories, or else the bodies, of an ASCII export of Vicon Nexus or Tracker.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -70,7 +79,7 @@ def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
     FormatError
         If neither was exported, or their header is not as the layout demands.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     blocks = list(_blocks(lines))
     found = [block for block in blocks if block.title == BLOCKS[0]]
     found = found or [block for block in blocks if block.title in _BODIES]
@@ -94,7 +103,9 @@ def read_nexus(path: Path) -> Trajectories | PointCloud | Poses:
     rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
     if not len(rows):
         raise FormatError(path, len(lines), f"the block {title} holds no frame")
-    rows = _every_frame(rows, notices)
+    if lines.is_sampled and rows[-1, 0] - rows[0, 0] + 1 != lines.count(rows):
+        raise FormatError(path, "", "frames are left out; which, only the whole file tells")
+    rows = rows if lines.is_sampled else _every_frame(rows, notices)
     numbers = rows[:, 1:].reshape(len(rows), len(columns), -1)
     names_in_file = [names[first] for first in columns]
     if title == BLOCKS[0]:
@@ -110,7 +121,7 @@ def _body_name(title: str) -> str:
 
 
 def _blocks(lines: Lines) -> Iterator[_Block]:
-    for number, line in lines.numbered():
+    for number, line in lines.few(_LONGEST_TITLE):
         title = _title(line)
         if title in BLOCKS:
             yield _Block(title, number)
@@ -167,11 +178,11 @@ def _unit(
 
 def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
     """Yield the rows of a block, up to the next empty line; what they lack at their end is unseen."""
-    last, padded = 0, 0
-    for number, line in lines.numbered(first):
-        if (last and number > last + 1) or not line.strip(_DELIMITERS + " "):
+    padded = 0
+    for number, line in lines.rows(first, block=True):
+        if not line.strip(_DELIMITERS + " "):
             break
-        last, missing = number, n_cells - 1 - line.count(delimiter)
+        missing = n_cells - 1 - line.count(delimiter)
         padded += missing > 0
         if missing > 0 and number == len(lines):
             notices.append(f"line {number}, the last, is cut off and left out")
@@ -211,7 +222,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_is_nexus,
-    read=lambda path, options: read_nexus(path),
+    read=lambda path, options: read_nexus(path, options.sample),
     options=(POINTS,),
     note="ASCII export of Trajectories, any unit, or of bodies with quaternions; other blocks are left out.",
 )

@@ -12,6 +12,7 @@ from skelgen.model.filled import Filled
 from skelgen.model.takes import BoneMotion
 from skelgen.parameters import Declaration
 from skelgen.progress import Monitor
+from skelgen_formats.sample import Sample
 
 _UNITS = {
     1.0: ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
@@ -88,6 +89,8 @@ class Options:
         What bones are called, a choice of `BONE_NAMES`.
     rest : str
         How bones rest, a choice of `REST`.
+    sample : Sample, optional
+        Some frames of a large file instead of all, where the reader can do that.
     """
 
     axes: str = AS_RECORDED
@@ -109,6 +112,7 @@ class Options:
     xml_detail: str = "motion"
     bone_names: str = "own"
     rest: str = REFERENCE
+    sample: Sample | None = None
 
 
 @dataclass(frozen=True)

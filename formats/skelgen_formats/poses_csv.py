@@ -29,6 +29,7 @@ from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import AXES, FIXED_DISTANCE, RATE, UNIT, Format, Options, Writable, per_mm
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
 _MAGIC = "skelgen-poses"
@@ -38,7 +39,7 @@ _LEADING_CELLS = 2  # frame and time
 _HEADER_LINES = 4
 
 
-def read_poses(path: Path, fixed_distance: float = 0.0) -> Poses:
+def read_poses(path: Path, fixed_distance: float = 0.0, sample: Sample | None = None) -> Poses:
     """Read bodies with orientation.
 
     Parameters
@@ -47,6 +48,8 @@ def read_poses(path: Path, fixed_distance: float = 0.0) -> Poses:
         The file.
     fixed_distance : float, mm
         Distance of two sensors that are fixed to one limb, from which the unit is found; 0: as the file says.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -58,12 +61,12 @@ def read_poses(path: Path, fixed_distance: float = 0.0) -> Poses:
     FormatError
         If a line is not as the layout demands, or a quaternion is not one of a rotation.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     header = [split_cells(path, line, number, ",") for number, line in enumerate(lines[:_HEADER_LINES], start=1)]
     rate, factor = _rate_and_unit(path, header)
     names = _names(path, header[3])
     rows = parse_rows(
-        path, lines.numbered(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
+        path, lines.rows(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
     )
     numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
     take = take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
@@ -162,7 +165,7 @@ FORMAT = Format(
     suffixes=(".poses.csv",),
     holds="poses",
     sniff=lambda head, path: decoded_head(head).startswith(_MAGIC),
-    read=lambda path, options: read_poses(path, options.fixed_distance),
+    read=lambda path, options: read_poses(path, options.fixed_distance, options.sample),
     write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),
     keeps=("bodies", "motion"),

@@ -22,6 +22,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import (
     Lines,
     count_in,
@@ -44,8 +45,15 @@ _MM = 1.0  # the format has no unit: Track Manager exports mm
 _Header = dict[str, tuple[int, list[str]]]  # key -> line number and values
 
 
-def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
+def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud | Poses:
     """Read a 3D or a 6D export of Qualisys Track Manager.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -57,7 +65,7 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
     FormatError
         If the header lacks what is needed, or lines are cut off.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     header, first = _header(lines)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
@@ -77,7 +85,7 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud | Poses:
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names))
     n_cells = leading + width * len(names)
-    whole = whole_lines(lines.numbered(first), len(lines), n_cells, "\t", notices)
+    whole = whole_lines(lines.rows(first), len(lines), n_cells, "\t", notices)
     rows = parse_rows(path, whole, n_cells, "\t", leading=leading)
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     rows = uncut(lines, rows, count_in(path, frames_line, frames[0], _FIRST_KEY), notices)
@@ -177,7 +185,7 @@ FORMAT = Format(
     suffixes=(".tsv",),
     holds="markers",
     sniff=_is_qualisys,
-    read=lambda path, options: read_qualisys(path),
+    read=lambda path, options: read_qualisys(path, options.sample),
     options=(POINTS,),
     note="3D or 6D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen.",
 )

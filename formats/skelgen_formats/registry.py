@@ -4,7 +4,7 @@ Each format module declares one `Format`; the command line's help, the table of 
 generated from `FORMATS`. A file is recognised by its content first and by its suffix second.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,7 @@ from skelgen_formats.foreign import no_file
 from skelgen_formats.marker_output import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.rest_pose import with_rest_pose
+from skelgen_formats.sample import Sample
 from skelgen_formats.upright import turn_wished
 
 SNIFF_BYTES = 1 << 16
@@ -117,7 +118,9 @@ def recognise(path: Path) -> Format:
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 
 
-def read_take(path: Path | str, format_name: str | None = None, **options: OptionValue) -> Take:
+def read_take(
+    path: Path | str, format_name: str | None = None, *, sample: Sample | None = None, **options: OptionValue
+) -> Take:
     """Read a take from a file of any registered format.
 
     Parameters
@@ -126,6 +129,8 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Optio
         The file.
     format_name : str, optional
         Skip the recognition and read as this format.
+    sample : Sample, optional
+        Some frames of a large file only, if its reader can do that; what they do not tell is read whole.
     **options
         Options of the format's reader by name; unknown ones are errors.
 
@@ -139,8 +144,19 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Optio
     if entry.read is None:
         raise FormatError(path, "", f"the format {entry.name} can only be written")
     chosen = options_of(entry, options, reading=True)
-    take = entry.read(path, chosen)
+    take = _sampled(entry.read, path, replace(chosen, sample=sample)) or entry.read(path, chosen)
     return with_kind(take, chosen.points) if POINTS in entry.options else take
+
+
+def _sampled(read: Callable[[Path, Options], Take], path: Path, options: Options) -> Take | None:
+    """Return a take of some frames of a large file; None if it is not large, or only the whole file tells enough."""
+    if options.sample is None or path.stat().st_size <= options.sample.above:
+        return None
+    try:
+        return read(path, options)
+    except FormatError:
+        options.sample.n_left_out, options.sample.rate = 0, None
+        return None
 
 
 def with_kind(take: Take, points: str) -> Take:

@@ -15,6 +15,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model.arrays import Floats
+from skelgen_formats.sample import LineIndex, Sample
 
 _UTF8_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -40,10 +41,13 @@ class Lines(Sequence[str]):
         Its content, with LF as the ends of lines.
     encoding : str
         Of the text.
+    sample : Sample, optional
+        Which `rows` are wanted; all if left out.
     """
 
-    def __init__(self, path: Path, content: bytes, encoding: str) -> None:
-        self._path, self._content, self._encoding = path, content, encoding
+    def __init__(self, path: Path, content: bytes, encoding: str, sample: Sample | None = None) -> None:
+        self._path, self._content, self._encoding, self._sample = path, content, encoding, sample
+        self._lines = LineIndex(content) if sample else None
         self._length = content.count(b"\n") + 1
         self._index, self._start = 0, 0  # of the line that was asked for last
 
@@ -86,12 +90,60 @@ class Lines(Sequence[str]):
                 continue
             index += 1
 
+    def rows(self, first: int, *, block: bool = False) -> Iterator[tuple[int, str]]:
+        """Yield lines as `numbered`; where a sample is wanted, evenly spread ones from the first to the last.
 
-def read_lines(path: Path) -> Lines:
+        Parameters
+        ----------
+        first : int
+            Index of a line.
+        block : bool
+            Whether lines end at the first blank one after others.
+        """
+        if self._lines is not None and self._sample is not None:
+            for index in self._sample.of(self._lines.rows(first, block=block)).tolist():
+                line = self._lines.line(index).decode(self._encoding)
+                if not line.isspace():
+                    yield index + 1, line
+            return
+        last = 0
+        for number, line in self.numbered(first):
+            if block and last and number > last + 1:
+                return
+            last = number
+            yield number, line
+
+    def few(self, n_bytes: int) -> Iterator[tuple[int, str]]:
+        """Yield lines as `numbered`; where a sample is wanted, only those shorter than so many bytes."""
+        if self._lines is None:
+            yield from self.numbered()
+            return
+        for index in self._lines.shorter(n_bytes).tolist():
+            if not self._lines.is_blank[index]:
+                yield index + 1, self._lines.line(index).decode(self._encoding)
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether `rows` yields some rows only."""
+        return self._sample is not None
+
+    def count(self, rows: Sequence[object] | Floats) -> int:
+        """Return of how many rows these are those that were read."""
+        return len(rows) + (self._sample.n_left_out if self._sample else 0)
+
+
+def read_lines(path: Path, sample: Sample | None = None) -> Lines:
     """Return the lines of a text file without their line ends.
 
     UTF-8 with or without a byte order mark and UTF-16 with one are recognised; anything else is taken as latin-1,
     as older Windows programs write it. Lines may end with LF, CR LF or CR.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sample : Sample, optional
+        Which rows are wanted; all if left out.
 
     Raises
     ------
@@ -107,7 +159,7 @@ def read_lines(path: Path) -> Lines:
         raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return Lines(path, content.removeprefix(_UTF8_MARK), "utf-8" if _is_utf8(content) else "latin-1")
+    return Lines(path, content.removeprefix(_UTF8_MARK), "utf-8" if _is_utf8(content) else "latin-1", sample)
 
 
 def decoded_head(head: bytes) -> str:

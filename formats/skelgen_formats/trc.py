@@ -41,6 +41,7 @@ from skelgen_formats.marker_output import (
 )
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.sample import Sample
 from skelgen_formats.text import (
     Lines,
     count_in,
@@ -84,7 +85,7 @@ class _Table:
         return _LEADING_CELLS + 3 * len(self.names)
 
 
-def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
+def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) -> Trajectories | PointCloud:
     """Read a TRC file.
 
     Parameters
@@ -93,6 +94,8 @@ def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
         The file.
     points : str
         `ALL_POINTS` to read virtual markers, too.
+    sample : Sample, optional
+        Some frames only.
 
     Returns
     -------
@@ -104,7 +107,7 @@ def read_trc(path: Path, points: str = MARKERS) -> Trajectories | PointCloud:
     FormatError
         If the header is not that of a TRC file, a line has the wrong number of cells, or there is no frame.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, sample)
     start = _header_start(path, lines)
     delimiter = _delimiter(lines, start)
     header = _header(path, lines, start, delimiter)
@@ -191,7 +194,7 @@ def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
     """Yield the lines with numbers as `parse_rows` wants them; the line of coordinate names may be left out."""
     axes = lines[start + _HEADER_LINES - 1].split()
     has_axes = not axes or not axes[0].replace(".", "", 1).isdigit()
-    for number, line in lines.numbered(start + _HEADER_LINES - (not has_axes)):
+    for number, line in lines.rows(start + _HEADER_LINES - (not has_axes)):
         if line.startswith("#") or not line.strip(table.delimiter + " "):
             continue
         cells = _DOUBLED.sub(table.delimiter, line) if table.doubled else line
@@ -266,12 +269,13 @@ def _value(path: Path, header: dict[str, str], key: str, start: int) -> str:
     return header[key]
 
 
-def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: list[str]) -> None:
+def _check_length(lines: Lines, announced: int, rows: Floats, notices: list[str]) -> None:
     # People shorten TRC files by hand and leave the header as it is, so fewer frames are no proof of damage.
-    if len(rows) == announced:
+    n_frames = lines.count(rows)
+    if n_frames == announced:
         return
-    notices.append(f"{len(rows)} frames were read although the header announces {announced}")
-    if 0 < len(rows) < announced and lines[-1].strip():
+    notices.append(f"{n_frames} frames were read although the header announces {announced}")
+    if 0 < n_frames < announced and lines[-1].strip():
         rows[-1, -1] = np.nan  # the marker's other coordinates follow when half-seen markers become unseen
         notices.append("the last line has no line end, so its last marker, which may be cut off, is taken as unseen")
 
@@ -290,7 +294,7 @@ FORMAT = Format(
     suffixes=(".trc",),
     holds="markers",
     sniff=lambda head, path: any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20]),
-    read=lambda path, options: read_trc(path, options.points),
+    read=lambda path, options: read_trc(path, options.points, options.sample),
     write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),

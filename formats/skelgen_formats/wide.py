@@ -11,7 +11,7 @@ coordinates; options state both. Columns of forces, accelerations, angles and th
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, product
 from pathlib import Path
@@ -27,7 +27,7 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import Lines, decoded_head, parse_rows, rate_in, read_lines
+from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
@@ -79,14 +79,14 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
     path : Path
         The file.
     options : Options
-        `recorded_rate` and `recorded_unit` count.
+        `recorded_rate`, `recorded_unit` and `sample` count.
 
     Raises
     ------
     FormatError
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, options.sample)
     delimiter, columns = _columns_of([line for _, line in islice(lines.numbered(), _PREAMBLE + _TITLE_LINES)])
     if columns is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
@@ -98,9 +98,15 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
     wanted = [column for triple in columns.points.values() for column in triple]
     times = [columns.times] if columns.times is not None else []
     n_cells = columns.n_cells
-    rows = parse_rows(path, _padded(lines, columns, delimiter), n_cells, delimiter, wanted + times)
+    numbered = list(islice(lines.numbered(), columns.n_titles))
+    first = numbered[-1][0] if numbered else 0
+    rows = parse_rows(path, _padded(lines.rows(first), delimiter), n_cells, delimiter, wanted + times)
     positions = rows[:, : len(wanted)].reshape(len(rows), len(columns.points), 3)
     stamps = rows[:, -1] if times else None
+    if times and options.sample and options.sample.n_left_out:
+        head = islice(_padded(lines.numbered(first), delimiter), options.sample.most)
+        stamps = parse_rows(path, head, n_cells, delimiter, times)[:, 0]
+        columns.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     if columns.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, columns.rate, "the frame rate"))
     take = take_from_table(path, positions, list(columns.points), stamps, options, columns.unit)
@@ -120,8 +126,8 @@ def take_from_table(
         In the file's unit; NaN or three zeros where unseen.
     names : sequence of str, length n_points
         Of the points.
-    times : ndarray, shape (n_frames,), s, or None
-        Time stamps.
+    times : ndarray, shape (n,), s, or None
+        Time stamps, of some frames at least.
     options : Options
         `recorded_rate` and `recorded_unit` count.
     unit : str
@@ -232,13 +238,10 @@ def _visual3d(rows: list[list[str]]) -> _Columns | None:
     return found if found.points else None
 
 
-def _padded(lines: Lines, columns: _Columns, delimiter: str) -> Iterator[tuple[int, str]]:
+def _padded(lines: Iterable[tuple[int, str]], delimiter: str) -> Iterator[tuple[int, str]]:
     """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
-    titles = columns.n_titles
-    for number, line in lines.numbered():
-        if titles:
-            titles -= 1
-        elif line.strip(delimiter + " "):
+    for number, line in lines:
+        if line.strip(delimiter + " "):
             yield number, QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
 
 
@@ -296,7 +299,9 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     except (ArrowException, OSError, ValueError) as error:
         raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
     n_numbers = 3 * len(columns.points)
-    positions = numbers[:, :n_numbers].reshape(len(numbers), -1, 3)
+    frames = np.arange(len(numbers))
+    positions = numbers[options.sample.of(frames) if options.sample else frames, :n_numbers]
+    positions = positions.reshape(len(positions), -1, 3)
     times = numbers[:, -1] if columns.times is not None else None
     return take_from_table(path, positions, list(columns.points), times, options, columns.unit)
 

@@ -11,6 +11,7 @@ from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.options import Format, Option
+from skelgen_formats.sample import Sample
 
 from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import body_files
@@ -37,6 +38,7 @@ def open_input(
     identities: Path | None = None,
     *,
     monitor: Monitor = SILENT,
+    sample: Sample | None = None,
     **options: Any,
 ) -> Project:
     """Open what every stage starts from: a take in any format, or a project file with its results.
@@ -53,6 +55,8 @@ def open_input(
         File of identities stated by hand; by default those of the project file.
     monitor : Monitor
         Receives progress where reading takes long; may cancel.
+    sample : Sample, optional
+        Some frames of a large file only.
     **options
         Options of the format's reader.
 
@@ -75,7 +79,7 @@ def open_input(
     if is_stereo(path, format):
         taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
-    take = registry.read_take(path, format, **options)
+    take = registry.read_take(path, format, sample=sample, **options)
     source = source_of(Path(path), format or registry.recognise(Path(path)).name, options)
     return Project(take, seed or 0, identities=given_identities(identities), source=source)
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from skelgen_formats.sample import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.app.take_account import account_of
@@ -16,20 +17,33 @@ from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]
 
+ALL = Sample()
+"""Nothing was left out."""
+
 _HIGH_PERCENTILE = 95.0
 
 
-def take_facts(take: Take) -> Row:
-    """Return kind, counts, rate, duration and extent of a take."""
+def take_facts(take: Take, sample: Sample = ALL) -> Row:
+    """Return kind, counts, rate, duration and extent of a take.
+
+    Parameters
+    ----------
+    take : PointCloud, Trajectories or Poses
+        The take, or evenly spread frames of it.
+    sample : Sample
+        What was left out when it was read: then all but the count of frames, rate and duration are estimates.
+    """
     positions = _positions(take)
+    n_frames, rate = take.n_frames + sample.n_left_out, sample.rate or take.rate
     seen = positions[~np.isnan(positions[:, 0])]
     return {
         "name": take.name,
         "kind": {"PointCloud": "points", "Trajectories": "markers", "Poses": "poses"}[type(take).__name__],
-        "frames": take.n_frames,
-        "rate_hz": take.rate,
-        "seconds": max(take.n_frames - 1, 0) / take.rate,
-        "count": _count(take),
+        "frames": n_frames,
+        "sampled_frames": take.n_frames if sample.n_left_out else None,
+        "rate_hz": rate,
+        "seconds": max(n_frames - 1, 0) / rate,
+        "count": _count(take, n_frames),
         "low_mm": seen.min(axis=0).tolist() if len(seen) else None,
         "high_mm": seen.max(axis=0).tolist() if len(seen) else None,
         **account_of(take),
@@ -37,26 +51,42 @@ def take_facts(take: Take) -> Row:
     }
 
 
-def column_rows(take: Take) -> list[Row]:
-    """Return one row per marker or body: name, frames seen, number of gaps, longest gap [frames]."""
+def column_rows(take: Take, sample: Sample = ALL) -> list[Row]:
+    """Return one row per marker or body: name, frames seen, number of gaps, longest gap [frames].
+
+    Parameters
+    ----------
+    take, sample
+        As of `take_facts`; of a sample frames seen are estimated, and gaps unknown (None).
+    """
     if isinstance(take, PointCloud):
         return []
     seen = ~np.isnan(take.world_from_body[..., 0, 0]) if isinstance(take, Poses) else take.seen
     rows = []
     for name, column in zip(take.names, seen.T, strict=True):
         gaps = _gap_lengths(column)
-        rows.append(
-            {"name": name, "seen": int(column.sum()), "gaps": len(gaps), "longest_gap": int(max(gaps, default=0))}
-        )
+        row: Row = {"name": name, "seen": int(column.sum()), "gaps": len(gaps), "longest_gap": max(gaps, default=0)}
+        if sample.n_left_out:
+            seen_of_all = round(float(column.mean()) * (take.n_frames + sample.n_left_out))
+            row |= {"seen": seen_of_all, "gaps": None, "longest_gap": None}
+        rows.append(row)
     return rows
 
 
-def project_tables(project: Project) -> dict[str, Any]:
-    """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals."""
+def project_tables(project: Project, sample: Sample = ALL) -> dict[str, Any]:
+    """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals.
+
+    Parameters
+    ----------
+    project : Project
+        What they are of.
+    sample : Sample
+        As of `take_facts`.
+    """
     stages = [
         {"stage": name, "seconds": one.seconds, "notices": [*one.notices]} for name, one in project.reports.items()
     ]
-    tables: dict[str, Any] = {"take": take_facts(project.take), "seed": project.seed, "stages": stages}
+    tables: dict[str, Any] = {"take": take_facts(project.take, sample), "seed": project.seed, "stages": stages}
     if project.has_labelling:
         tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):
@@ -268,9 +298,9 @@ def _positions(take: Take) -> Floats:
     return take.positions.reshape(-1, 3)
 
 
-def _count(take: Take) -> int:
+def _count(take: Take, n_frames: int) -> int:
     if isinstance(take, PointCloud):
-        return take.n_points
+        return round(take.n_points * n_frames / max(take.n_frames, 1))
     return take.n_bodies if isinstance(take, Poses) else take.n_markers
 
 

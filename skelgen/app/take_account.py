@@ -1,7 +1,9 @@
 """What a take looks like: which axis is up, how tall it is, how much is missing, whether its unit can be right."""
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,7 @@ _KEYPOINTS = {
     ),
 }
 _MOST_OF_SUIT = 0.75
+_MARKER_SETS = "simulation/people/tables/marker_sets.toml"  # read as a file: the simulation is slow to load
 _APART = re.compile(r"[^a-z0-9]")
 
 
@@ -47,6 +50,10 @@ def account_of(take: Take) -> dict[str, Any]:
 def account_sentences(facts: Mapping[str, Any]) -> list[str]:
     """Return what `account_of` found as lines for people."""
     lines = []
+    if facts.get("sampled_frames"):
+        of_all = f"from {facts['sampled_frames']} of {facts['frames']} frames, evenly spread"
+        what = "extent, what is seen or missing and all notes are of these, gaps are not counted, and the others were"
+        lines.append(f"{of_all}: {what} not checked (`--full` reads all)")
     if facts["up"]:
         standing = f"; the highest points are {facts['height_mm']:.0f} mm above the lowest"
         lines.append(f"up: {facts['up']} ({facts['up_sure']}){standing}")
@@ -79,10 +86,9 @@ def _unit(frames: Sequence[Floats]) -> str:
 
 def _suit(names: Sequence[str]) -> str:
     """Return the marker set most of whose names are there."""
-    from skelgen.simulation.people.tables import MARKER_SETS, read_table  # noqa: PLC0415 - the simulation is slow to load
-
     there = {_plain(name) for name in names}
-    suits = {suit: tuple(read_table("marker_sets")[suit]["markers"]) for suit in MARKER_SETS} | _KEYPOINTS
+    table = tomllib.loads(resources.files("skelgen").joinpath(_MARKER_SETS).read_text(encoding="utf-8"))
+    suits = {suit: tuple(described["markers"]) for suit, described in table.items()} | _KEYPOINTS
     common = {suit: sum(_plain(name) in there for name in wanted) for suit, wanted in suits.items()}
     best = max(suits, key=lambda suit: (common[suit] / len(suits[suit]), common[suit]))
     return best if common[best] >= _MOST_OF_SUIT * len(suits[best]) else ""

@@ -92,9 +92,16 @@ def _named_values(texts: Iterable[str]) -> dict[str, str]:
 
 
 def info(
-    take: InputFile, format_name: FormatName = None, quiet: Quiet = False, as_json: AsJson = False, **values: Any
+    take: InputFile,
+    format_name: FormatName = None,
+    full: Annotated[bool, typer.Option("--full", help="Read all of a large file, too: gaps are counted.")] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    **values: Any,
 ) -> None:
     """Say what a file holds: format, frames, rate, markers with their gaps, extent, results.
+
+    Of files above 16 MB some frames stand for all: frames and rate are exact, what is seen and the extent estimated.
 
     Parameters
     ----------
@@ -102,20 +109,25 @@ def info(
         A take or a project.
     format_name : str, optional
         Format to read; found by content if left out.
+    full : bool
+        Whether all of a large file is read.
     quiet, as_json : bool
         Whether neither progress nor notes are shown, and one JSON object stands for everything else.
     **values
         Options of readers.
     """
+    from skelgen_formats.sample import Sample
+
     from skelgen.app.files import name_of_format, open_input
     from skelgen.app.tables import column_rows, project_tables
     from skelgen.app.take_account import account_sentences
 
     screen = Screen(quiet, as_json)
+    sample = Sample()
     with screen.watching() as monitor:
-        project = open_input(take, format_name, monitor=monitor, **given(values))
+        project = open_input(take, format_name, monitor=monitor, sample=None if full else sample, **given(values))
     format_name = format_name or name_of_format(take)
-    tables, columns = project_tables(project), column_rows(project.take)
+    tables, columns = project_tables(project, sample), column_rows(project.take, sample)
     screen.note(project.take.notices)
     screen.say(f"format: {format_name}")
     if project.reports:
@@ -127,7 +139,7 @@ def info(
         screen.say(f"extent [mm]: {low} .. {high}")
     for sentence in account_sentences(tables["take"]):
         screen.say(sentence)
-    screen.table("Markers", columns)
+    screen.table("Markers, estimated" if sample.n_left_out else "Markers", columns)
     screen.json({"format": format_name, **tables, "columns": columns})
 
 

@@ -114,6 +114,20 @@ class TestRunning:
         assert data["format"] == "csm"
         assert data["columns"][0] == {"name": "a", "seen": 20, "gaps": 0, "longest_gap": 0}
 
+    def test_info_counts_a_large_file_and_reads_a_sample_of_it(self, tmp_path, capsys):
+        positions = np.zeros((40_000, 20, 3)) + np.arange(1, 61).reshape(20, 3)
+        positions[:10_000, 3] = np.nan
+        np.savez("take.npz", positions=positions, names=np.array([f"m{k}" for k in range(20)]), rate=100.0, unit="mm")
+        assert main(["info", "take.npz", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert (data["take"]["frames"], data["take"]["count"], data["take"]["seconds"]) == (40_000, 20, 399.99)
+        assert data["take"]["sampled_frames"] == 2000
+        assert data["columns"][3]["seen"] == pytest.approx(30_000, abs=20)
+        assert data["columns"][3]["gaps"] is None
+        assert main(["info", "take.npz", "--full", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["columns"][3] == {"name": "m3", "seen": 30_000, "gaps": 1, "longest_gap": 10_000}
+
     def test_info_of_a_project_shows_its_results(self, wave, capsys):
         main(["run", wave, "-o", "out", "-q"])
         capsys.readouterr()
@@ -340,7 +354,7 @@ def test_memory_that_does_not_suffice_is_told_as_that(waving, tmp_path):
     path.write_bytes(content)
     os.truncate(path, 2**31 + 2**20)  # takes no place on most disks
     code = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))\n"
-    code += f"import sys; from skelgen.cli import main; sys.exit(main(['info', {str(path)!r}]))"
+    code += f"import sys; from skelgen.cli import main; sys.exit(main(['info', '--full', {str(path)!r}]))"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr.count("\n")) == (2, 1), result.stderr
     assert "the memory of this computer does not suffice" in result.stderr

@@ -16,6 +16,7 @@ from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.registry import known_formats, read_motion, read_take, write_file
+from skelgen_formats.sample import Sample
 
 import skelgen
 from skelgen.app.capture import read_capture_settings
@@ -35,8 +36,8 @@ from skelgen.simulation import read_truth, recorded_body, write_truth
 N_FRAMES = 24
 """Of the sound files: small files are read quickly, and most damages hit something."""
 
-SHOWN, WRITTEN = 4, 40
-"""One of so many accepted files is shown as `skelgen info` does; of projects, one of so many is written anew."""
+SHOWN, SAMPLED, WRITTEN = 4, 3, 40
+"""Of so many files one, if accepted, is shown and one is sampled, as `skelgen info` does; one project written anew."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ class Reader:
 
 def _take(name: str) -> Callable[[Path, int], object]:
     def read(path: Path, turn: int) -> None:
-        take = read_take(path, None if turn % 2 else name)
+        sample = Sample(N_FRAMES // 2, above=0) if turn % SAMPLED == 0 else None
+        take = read_take(path, None if turn % 2 else name, sample=sample)
         if turn % SHOWN == 0:
             _show(Project(take))
 

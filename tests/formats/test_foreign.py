@@ -32,3 +32,11 @@ import pytest
 )
 def test_file_that_holds_nothing_to_read_says_what_it_is(refused, put, name, content, sentence):
     assert sentence in refused(put(name, content))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("points.csv", b"1.5" + b"," * 5000 + b"x"), ("tracks.emt", b"BTS ASCII format\n\na" + b" " * 300_000 + b"b\n")],
+)
+def test_long_line_of_nothing_is_refused_at_once(refused, put, name, content):
+    assert refused(put(name, content))

@@ -106,7 +106,7 @@ C3D = Format(
     suffixes=(".c3d",),
     holds="markers",
     sniff=lambda head, path: len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE,
-    read=lambda path, options: read_c3d(path, options.points, options.bodies),
+    read=lambda path, options: read_c3d(path, options.points, options.bodies, options.sample),
     write=write_c3d,
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),

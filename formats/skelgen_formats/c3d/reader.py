@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from skelgen_formats.markers import (
     zeros_unseen,
 )
 from skelgen_formats.options import ALL_POINTS, MARKERS
+from skelgen_formats.sample import Sample
 
 _OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS", "USERMOS")
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
@@ -44,7 +45,9 @@ class _Points(NamedTuple):
     measured: Ints
 
 
-def read_c3d(path: Path, points: str = MARKERS, bodies: bool = False) -> Trajectories | PointCloud | Poses:
+def read_c3d(
+    path: Path, points: str = MARKERS, bodies: bool = False, sample: Sample | None = None
+) -> Trajectories | PointCloud | Poses:
     """Read the points of a C3D file.
 
     Parameters
@@ -55,6 +58,8 @@ def read_c3d(path: Path, points: str = MARKERS, bodies: bool = False) -> Traject
         `ALL_POINTS` to read points that a model computed, too.
     bodies : bool
         Whether segments with rotations are read although there are points.
+    sample : Sample, optional
+        Some frames only, where the file says how many there are.
 
     Returns
     -------
@@ -73,15 +78,18 @@ def read_c3d(path: Path, points: str = MARKERS, bodies: bool = False) -> Traject
     if has_rotations(layout.parameters):
         notices.append("segments with rotations are left out; `--bodies` reads them instead of the points")
     names = _names(layout, notices)
-    read = _read_points(path, layout)
+    frames = np.arange(layout.n_frames)
+    chosen = sample.of(frames) if sample and not layout.counted else frames
+    read = _read_points(path, layout, chosen)
     if layout.counted:
         notices.append(f"the header cannot say how many frames there are; {len(read.positions)} were found")
-    _compare_counts(layout, len(read.positions), notices)
+    _compare_counts(layout, len(read.positions) + layout.n_frames - len(chosen), notices)
     outputs = _are_outputs(layout, names, read)
     left_out = outputs & (points != ALL_POINTS)
     generated = int(read.computed[~left_out].sum())
     if generated and read.measured.any():
-        notices.append(f"{generated} positions are marked as computed (residual 0), and taken as if they were measured")
+        some = generated if len(chosen) == layout.n_frames else "some"
+        notices.append(f"{some} positions are marked as computed (residual 0), and taken as if they were measured")
     kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
     factor = _mm_per_unit(path, layout, kept, notices)
     if kept is read.positions:
@@ -119,15 +127,14 @@ def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
     return [label or f"point {number}" for number, label in enumerate(labels, start=1)]
 
 
-def _read_points(path: Path, layout: C3dLayout) -> _Points:
-    """Return positions, shape (n_frames, n_points, 3), NaN where unseen, and how they are marked."""
-    positions = np.empty((layout.n_frames, layout.n_points, 3))
+def _read_points(path: Path, layout: C3dLayout, chosen: Ints) -> _Points:
+    """Return positions of some frames, shape (n, n_points, 3), NaN where unseen, and how they are marked."""
+    positions = np.empty((len(chosen), layout.n_points, 3))
     last = 0  # the last frame that is filled
     computed, measured = (np.zeros(layout.n_points, dtype=np.intp) for _ in range(2))
     with open_regular(path) as stream:
-        stream.seek(layout.data_start)
         for first, block in frames_in_blocks(positions):
-            points = _points(layout, stream.read(len(block) * layout.frame_words * layout.word_bytes))
+            points = _points(layout, _raw(stream, layout, chosen[first : first + len(block)]))
             filled = np.flatnonzero(points.any(axis=(1, 2)))
             last = first + int(filled[-1]) if len(filled) else last
             block[:], residuals = points[:, :, :3], points[:, :, 3]
@@ -137,6 +144,17 @@ def _read_points(path: Path, layout: C3dLayout) -> _Points:
             measured += (residuals > 0).sum(axis=0)
     # points without residual and camera are computed, by the convention, if others of the file have them
     return _Points(positions[: last + 1] if layout.counted else positions, computed, measured)
+
+
+def _raw(stream: BinaryIO, layout: C3dLayout, frames: Ints) -> bytes:
+    """Return the bytes of frames: at once, if they follow each other."""
+    size = layout.frame_words * layout.word_bytes
+    n_bytes = len(frames) * size if len(frames) and frames[-1] - frames[0] + 1 == len(frames) else size
+    pieces = []
+    for frame in frames[:: n_bytes // size].tolist():
+        stream.seek(layout.data_start + frame * size)
+        pieces.append(stream.read(n_bytes))
+    return b"".join(pieces)
 
 
 def _points(layout: C3dLayout, raw: bytes) -> Floats:

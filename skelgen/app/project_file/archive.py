@@ -40,6 +40,7 @@ _RUN = "run.json"  # times and versions: all that may differ between two runs of
 _ARRAYS = "arrays/"
 _FORMAT = "skelgen project"
 _MAGIC = b"PK\x03\x04"
+_NAME_LENGTH, _NAME_FROM = slice(26, 28), 30  # bytes of a zip that tell the name of its first member
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold: the same bytes at any time of day
 _PIECE = 2**20  # bytes written at once
 _FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
@@ -125,9 +126,12 @@ def is_project_file(path: Path | str) -> bool:
     if path.suffix.lower() == SUFFIX or path.is_dir():
         return True
     try:
-        return read_content(path, len(_MAGIC)) == _MAGIC
+        head = read_content(path, 1 << 10)
     except FormatError:
         return False
+    first = head[_NAME_FROM : _NAME_FROM + int.from_bytes(head[_NAME_LENGTH], "little")]
+    is_npz = first.endswith(b".npy") and not first.startswith(_ARRAYS.encode())
+    return head.startswith(_MAGIC) and not is_npz
 
 
 def find_result(path: Path | str) -> Path:
