@@ -7,12 +7,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from skelgen.app.constraints import corrected_marker
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Motion, Poses, Project, Skeleton
 from skelgen.model.corrections import Correction
 from skelgen.progress import SILENT, Monitor
+
+if TYPE_CHECKING:
+    from skelgen.stages.names import WornShape
 
 
 def with_stated_names(project: Project, names: Mapping[str, str]) -> Project:
@@ -113,10 +119,37 @@ def names_in_motion(
                 "both sides are exchanged"
             )
         return names
-    found = names_by_shape(skeleton, motion, said)
+    found = names_by_shape(skeleton, motion, said, worn_by_shape(project))
     for sentence in found.sentences:
         monitor.notice(sentence)
     return _with_stated(found.names, said)
+
+
+def worn_by_shape(project: Project) -> list[WornShape]:
+    """Return the marker sets whose shape the markers of a body have: which side is left stays open.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    """
+    from skelgen.stages.limbs import markers_of_set  # noqa: PLC0415 - loads the stage
+    from skelgen.stages.names import MARKER_SET_CHOICES, WornShape, find_marker_set, name_limbs  # noqa: PLC0415
+
+    limbs, found = project.limbs, []
+    for body in range(limbs.n_bodies):
+        markers = np.flatnonzero((limbs.limb_of_marker >= 0) & (limbs.body_of_limb[limbs.limb_of_marker] == body))
+        alike = markers_of_set(project.trajectories.positions[:, markers]) if len(markers) else None
+        if alike is None or alike[0] not in MARKER_SET_CHOICES:
+            continue
+        names = [f"M{marker}" for marker in range(limbs.n_markers)]
+        for marker, name in zip(markers.tolist(), alike[1], strict=True):
+            names[marker] = name or names[marker]
+        worn = find_marker_set(alike[0], names)
+        called = enumerate(name_limbs(limbs, names, worn))
+        told = {limb: one for limb, one in called if one != f"limb{limb}" and limbs.body_of_limb[limb] == body}
+        found.append(WornShape(told, alike[2], worn.title))
+    return found
 
 
 def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monitor = SILENT) -> Limbs:

@@ -140,7 +140,7 @@ def right_segments(examples, rows):
     for markers, labels in examples:
         limbs = tuple(range(len(labels)))
         tree = MovingTree(limbs, {}, np.empty(0), dict(enumerate(markers)), 100.0)
-        found = [likely.LABELS[label] for label in likely.likely_segments(tree, tables).labels]
+        found = [likely.LABELS[label] for label in likely.likely_segments(tree, tables=tables).labels]
         other = [(segment, 1 - side if side >= 0 else -1) for segment, side in found]
         wanted = [None if label is None else likely.LABELS[label] for label in labels]
         right += max(sum(one == two for one, two in zip(guess, wanted, strict=True)) for guess in (found, other))

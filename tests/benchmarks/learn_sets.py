@@ -36,6 +36,7 @@ def main() -> None:
         least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
         table[f"{marker_set}/mean"] = found.mean(axis=0).astype(np.float16)
         table[f"{marker_set}/spread"] = np.sqrt(found.var(axis=0) + least**2).astype(np.float16)
+        table[f"{marker_set}/markers"] = np.array(case.take.names)
         table[f"{marker_set}/segments"] = case.truth.limb_of_marker.astype(np.uint8)
         print(marker_set, len(case.truth.limb_of_marker), flush=True)
     np.savez_compressed(Path(module.__file__).with_name("tables") / "worn_sets.npz", **table)

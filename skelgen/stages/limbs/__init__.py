@@ -10,5 +10,14 @@ from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
+from skelgen.stages.limbs.worn_sets import markers_of_set
 
-__all__ = ["LimbConstraints", "LimbParameters", "bodies_by_distances", "doubt_notices", "find_limbs", "rigid_groups"]
+__all__ = [
+    "LimbConstraints",
+    "LimbParameters",
+    "bodies_by_distances",
+    "doubt_notices",
+    "find_limbs",
+    "markers_of_set",
+    "rigid_groups",
+]

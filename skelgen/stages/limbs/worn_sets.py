@@ -88,15 +88,21 @@ class WornSet:
 
     Attributes
     ----------
+    name : str
+        What the set is called.
     mean, spread : Shape
         Of people, and the standard deviations between them.
     segments : ndarray of intp, shape (n_markers,)
         Number of the segment that carries each marker.
+    markers : tuple of str, length n_markers
+        What the set calls them.
     """
 
+    name: str
     mean: Shape
     spread: Shape
     segments: Ints
+    markers: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +138,10 @@ def set_odds(positions: Floats, by_motion: Floats) -> Floats:
         Log odds by what each pair does.
     """
     odds = np.zeros(by_motion.shape)
-    n_markers = len(odds)
-    shape = shape_of(positions)
-    sizes = [(worn, n_markers / len(worn.segments)) for worn in worn_sets()]
-    found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
-    if not found:
+    found = nearest_set(positions)
+    if found is None:
         return odds
-    match, worn = min(found, key=lambda one: one[0].misfit)
+    match, worn = found
     segments, pairs = worn.segments[match.of_set], np.ix_(match.markers, match.markers)
     together = segments[:, np.newaxis] == segments
     others = together & ~np.eye(len(segments), dtype=np.bool_)
@@ -148,6 +151,47 @@ def set_odds(positions: Floats, by_motion: Floats) -> Floats:
     odds[pairs] = belief * np.where(together, STRENGTH, -STRENGTH) * np.minimum(fits[:, np.newaxis], fits)
     np.fill_diagonal(odds, 0.0)
     return odds
+
+
+def nearest_set(positions: Floats) -> tuple[Match, WornSet] | None:
+    """Return the set that fits markers best and how, or None if all have far more or fewer markers.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    shape, n_markers = shape_of(positions), positions.shape[1]
+    sizes = [(worn, n_markers / len(worn.segments)) for worn in worn_sets()]
+    found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
+    return min(found, key=lambda one: one[0].misfit, default=None)
+
+
+def markers_of_set(positions: Floats) -> tuple[str, tuple[str, ...], bool] | None:
+    """Return the set that markers have the shape of, and which of its markers each is, or None if there is none.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+
+    Returns
+    -------
+    name : str
+        Of the set.
+    markers : tuple of str, length n_markers
+        What the set calls each; empty for those that fit none.
+    is_whole : bool
+        Whether all markers of the set are there and no others.
+    """
+    found = nearest_set(positions)
+    if found is None or found[0].misfit > WORN:
+        return None
+    match, worn = found
+    called = [""] * positions.shape[1]
+    for marker, of_set, misfit in zip(match.markers.tolist(), match.of_set.tolist(), match.misfits, strict=True):
+        called[marker] = worn.markers[of_set] if misfit < MARKER_DOES_NOT else ""
+    return worn.name, tuple(called), len(worn.segments) == sum(map(bool, called)) == len(called)
 
 
 def shape_of(positions: Floats) -> Shape:
@@ -177,9 +221,11 @@ def worn_sets() -> tuple[WornSet, ...]:
         names = sorted({key.partition("/")[0] for key in table.files})
         return tuple(
             WornSet(
+                name,
                 Shape(*table[f"{name}/mean"].astype(np.float64)),
                 Shape(*table[f"{name}/spread"].astype(np.float64)),
                 table[f"{name}/segments"].astype(np.intp),
+                tuple(table[f"{name}/markers"].tolist()),
             )
             for name in names
         )

@@ -1,7 +1,7 @@
 """Names of limbs by what the markers on them are called and the sets that people wear, or by shape and motion."""
 
 from skelgen.stages.names.by_markers import name_bones, name_limbs, segments_of_markers
-from skelgen.stages.names.by_shape import contradicts_sides, names_by_shape
+from skelgen.stages.names.by_shape import WornShape, contradicts_sides, names_by_shape
 from skelgen.stages.names.marker_sets import (
     MARKER_SET_CHOICES,
     PARENTS,
@@ -15,6 +15,7 @@ __all__ = [
     "MARKER_SET_CHOICES",
     "PARENTS",
     "MarkerSet",
+    "WornShape",
     "contradicts_sides",
     "find_marker_set",
     "marker_names",

@@ -11,18 +11,41 @@ from skelgen.model import Motion, Skeleton
 from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
 from skelgen.stages.names.facing import side_evidence
+from skelgen.stages.names.likely_segments import OfSet
 from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together
 from skelgen.stages.names.person import find_person
 
 SURE = 3.0
 """Log odds from which sides are told: nineteen of twenty would be right if signs were independent."""
 
-_LEAST_OTHERS = 1.0
+_LEAST_OTHERS = 2.5
 """Log odds of all signs but the knees, which have to agree with them."""
+
+_LIKE_SET, _WHOLE_SET = 4.0, 16.0
+"""Log odds of a limb to be what it is in a set whose shape its markers have: in a like one, and where all are there."""
 
 _CHAIN, _PERSON = "a chain", "a person"
 _STATED = 99.0
 _MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
+
+
+@dataclass(frozen=True)
+class WornShape:
+    """A marker set whose shape the markers of a body have.
+
+    Attributes
+    ----------
+    called : mapping of int to str
+        What the set calls limbs; its left may be the right.
+    is_whole : bool
+        Whether all of the set's markers are there and no others.
+    title : str
+        Of the set.
+    """
+
+    called: Mapping[int, str]
+    is_whole: bool
+    title: str
 
 
 @dataclass(frozen=True)
@@ -41,7 +64,9 @@ class ShapeNames:
     sentences: tuple[str, ...]
 
 
-def names_by_shape(skeleton: Skeleton, motion: Motion, stated: Mapping[int, str]) -> ShapeNames:
+def names_by_shape(
+    skeleton: Skeleton, motion: Motion, stated: Mapping[int, str], worn: Sequence[WornShape] = ()
+) -> ShapeNames:
     """Return names of limbs by what their trees look like: a person, an animal, a hand, a chain.
 
     Parameters
@@ -52,22 +77,31 @@ def names_by_shape(skeleton: Skeleton, motion: Motion, stated: Mapping[int, str]
         With at least one frame.
     stated : mapping of int to str
         Names that the user gives limbs; one with a side decides the sides of its body.
+    worn : sequence of WornShape
+        Of each body whose markers have the shape of a marker set.
     """
     named: dict[int, tuple[float, str]] = {}
-    sentences = []
-    for tree, what, shape in _shapes(moving_trees(skeleton, motion)):
+    sentences = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
+    for tree, what, shape in _shapes(moving_trees(skeleton, motion), worn):
         evidence = _stated_evidence(shape, stated) or shape.evidence
         named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
         sentences.append(_sentence(what, shape, evidence))
     return ShapeNames(unique_names(named, skeleton.n_limbs), tuple(sentences))
 
 
-def _shapes(trees: Sequence[MovingTree]) -> list[tuple[MovingTree, str, Shape]]:
+def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tuple[MovingTree, str, Shape]]:
     """What trees are, in words, and their shapes; those that alone are nothing may be pieces of one person."""
-    found, rest = [], []
-    for tree in trees:
+    found, rest, others = [], [], list(trees)
+    for one in worn:
+        of_set = [tree for tree in others if sum(limb in one.called for limb in tree.limbs) * 2 > len(tree.limbs)]
+        whole = together(of_set) if len(of_set) > 1 else next(iter(of_set), None)
+        shape = None if whole is None else _person(whole, len(of_set) == 1, _of_set(one))
+        if whole is not None and shape is not None:
+            found.append((whole, _PERSON, shape))
+            others = [tree for tree in others if tree not in of_set]
+    for tree in others:
         what, shape = _recognised(tree) or ("", None)
-        if shape is None or (what == _CHAIN and len(trees) > 1):  # beside others, a piece of them
+        if shape is None or (what == _CHAIN and len(others) > 1):  # beside others, a piece of them
             rest.append(tree)
         else:
             found.append((tree, what, shape))
@@ -107,9 +141,19 @@ def _recognised(tree: MovingTree) -> tuple[str, Shape] | None:
     return None if shape is None else (_PERSON, shape)
 
 
-def _person(tree: MovingTree, is_whole: bool = True) -> Shape | None:
+def _of_set(worn: WornShape) -> dict[int, OfSet]:
+    """What limbs are by the names that a set gives them."""
+    odds, found = _WHOLE_SET if worn.is_whole else _LIKE_SET, {}
+    for limb, name in worn.called.items():
+        plain = name.rstrip("0123456789 ")
+        side = next((side for side in SIDES if plain.startswith(side)), "")
+        found[limb] = OfSet(plain.removeprefix(f"{side} "), SIDES.index(side) if side else -1, odds)
+    return found
+
+
+def _person(tree: MovingTree, is_whole: bool = True, worn: Mapping[int, OfSet] | None = None) -> Shape | None:
     """The shape of the person that a tree is, or None if it is none; the sides of pieces without joints stay unsure."""
-    person = find_person(tree)
+    person = find_person(tree, worn)
     if person is None:
         return None
     signs = side_evidence(tree, person)

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,24 @@ _GAP, _UNEVEN = 1.0, 1.5
 _STATURES = np.geomspace(0.7, 1.45, 13)  # times the one that the median distance tells
 _MEDIAN_DISTANCE = 0.38  # statures
 _FEW, _MANY = 40, 200  # states of the beam, to find the stature and then the segments
+
+
+class OfSet(NamedTuple):
+    """What a limb is by the marker set whose shape its markers have.
+
+    Attributes
+    ----------
+    segment : str
+        Without its side.
+    side : int
+        0 or 1, of which nobody knows which is left, or -1 of segments in the middle.
+    odds : float
+        Log odds for it.
+    """
+
+    segment: str
+    side: int
+    odds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +114,15 @@ def relation(first: int, second: int) -> str:
     return ", ".join([*sorted((one, other)), *how])
 
 
-def likely_segments(tree: MovingTree, tables: Tables | None = None) -> Likely:
+def likely_segments(tree: MovingTree, worn: Mapping[int, OfSet] | None = None, tables: Tables | None = None) -> Likely:
     """Return the segments of a person that the limbs of a tree are most likely.
 
     Parameters
     ----------
     tree : MovingTree
         With two limbs and more.
+    worn : mapping of int to OfSet, optional
+        What limbs are by the marker set whose shape their markers have, which pairs of limbs may outweigh.
     tables : Tables, optional
         What is learned of people; that of the package, if none is given.
     """
@@ -113,13 +134,20 @@ def likely_segments(tree: MovingTree, tables: Tables | None = None) -> Likely:
     n_limbs = len(tree.limbs)
     stature = np.exp(np.median(features[..., 0][np.triu_indices(n_limbs, 1)])) / _MEDIAN_DISTANCE
     tables = tables or learned_tables()
+    of_set = np.array([[_odds_by_set(label, (worn or {}).get(limb)) for label in LABELS] for limb in tree.limbs])
 
     def searched(tall: float, width: int) -> tuple[float, Ints]:
-        return _search(tables.pairs(features - np.log(tall), joined), tables.limbs(sizes, tall), order, width)
+        return _search(tables.pairs(features - np.log(tall), joined), tables.limbs(sizes, tall) + of_set, order, width)
 
     tall = max((stature * _STATURES).tolist(), key=lambda one: searched(one, _FEW)[0])
     score, labels = searched(tall, _MANY)
     return Likely(tuple(labels.tolist()), score / max(n_limbs * (n_limbs - 1) / 2, 1))
+
+
+def _odds_by_set(label: tuple[str, int], said: OfSet | None) -> float:
+    """Log odds of a label by a marker set; a stiff arm is called a forearm."""
+    segment = CHAINS[0][1] if label[0] == STIFF_ARM else label[0]
+    return said.odds if said is not None and (segment, label[1]) == (said.segment, said.side) else 0.0
 
 
 def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[float, Ints]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.stages.names.likely_segments import CHAINS, LABELS, STIFF_ARM, TRUNK, likely_segments
+from skelgen.stages.names.likely_segments import CHAINS, LABELS, STIFF_ARM, TRUNK, OfSet, likely_segments
 from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
 
 _LEAST_ODDS = 1.1
@@ -60,23 +60,29 @@ class Person:
     sides: Mapping[int, int]
 
 
-def find_person(tree: MovingTree) -> Person | None:
-    """Return the person that a tree is, or None if it is none."""
+def find_person(tree: MovingTree, worn: Mapping[int, OfSet] | None = None) -> Person | None:
+    """Return the person that a tree is, or None if it is none.
+
+    Parameters
+    ----------
+    tree : MovingTree
+        The limbs in motion.
+    worn : mapping of int to OfSet, optional
+        What limbs are by the marker set whose shape their markers have.
+    """
     if len(tree.limbs) < 2 * _LEG_OF:
         return None
-    likely = likely_segments(tree)
-    found = (LABELS[label] for label in likely.labels)
-    between = ((CHAINS[0][1] if segment == STIFF_ARM else segment, side) for segment, side in found)
-    labels = dict(zip(tree.limbs, between, strict=True))
+    labels = _likely_labels(tree, worn or {})
     trunk = [limb for limb, (segment, _) in labels.items() if segment in TRUNK]
     upper = [limb for limb in trunk if labels[limb][0] != "pelvis"]
-    if likely.odds < _LEAST_ODDS or not upper:
+    if not upper:
         return None
     legs, arms = ([_chain(tree, labels, chain, side) for side in (0, 1)] for chain in reversed(CHAINS))
     if min(len(leg.limbs) for leg in legs) < _LEG_OF:
         return None
     segments = {limb: segment for limb, (segment, _) in labels.items()}
-    segments |= {limb: "foot" for leg in legs for limb in leg.limbs.get("toes", ()) if _is_forefoot(tree, leg, limb)}
+    toes = [(leg, limb) for leg in legs for limb in leg.limbs.get("toes", ()) if limb not in (worn or {})]
+    segments |= {limb: "foot" for leg, limb in toes if _is_forefoot(tree, leg, limb)}
     sides = {limb: side for limb, (_, side) in labels.items() if side >= 0}
     if min(len(arm.limbs) for arm in arms) == 0:
         arms = []
@@ -88,6 +94,14 @@ def find_person(tree: MovingTree) -> Person | None:
         elif alike < 0:
             arms, sides = arms[::-1], sides | {limb: 1 - sides[limb] for limb in in_arms}
     return Person((legs[0], legs[1]), tuple(arms), tree.middle(upper), segments, sides)
+
+
+def _likely_labels(tree: MovingTree, worn: Mapping[int, OfSet]) -> dict[int, tuple[str, int]]:
+    """Likeliest segments and sides of limbs; none if the tree is not like a person."""
+    likely = likely_segments(tree, worn)
+    found = (LABELS[label] for label in likely.labels)
+    between = ((CHAINS[0][1] if segment == STIFF_ARM else segment, side) for segment, side in found)
+    return dict(zip(tree.limbs, between, strict=True)) if likely.odds >= _LEAST_ODDS else {}
 
 
 def _chain(tree: MovingTree, labels: Mapping[int, tuple[str, int]], segments: Sequence[str], side: int) -> Chain:

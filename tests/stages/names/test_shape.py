@@ -41,6 +41,16 @@ def test_a_person_without_names_has_them_with_sides_and_joints_too(human):
     assert "mirrored" in " ".join(project.reports["skeleton"].notices)
 
 
+def test_a_marker_set_is_known_by_its_shape_and_names_hands_and_forearms():
+    options = {"motion": "run", "marker_set": "plug-in-gait", "soft_tissue": "realistic"}
+    simulated = simulate("human", n_frames=100, seed=20, noise=0.3, **options)
+    project = skelgen.reconstruct(hidden(simulated.take))
+    named = skelgen.reconstruct(simulated.take, parameters={"limbs": {"marker_set": "auto"}})
+    assert set(project.limbs.names) == set(named.limbs.names)
+    assert project.limbs.names == true_names(simulated, project)
+    assert "the markers have the shape of Plug-in Gait" in " ".join(project.reports["skeleton"].notices)
+
+
 def test_a_mirrored_person_with_names_is_told(human):
     simulated, project = human
     assert not contradicts_sides(project.skeleton, project.motion)
