@@ -38,7 +38,32 @@ RADIUS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Captured:
+class Recognised:
+    """What was found in space in the images of one moment.
+
+    Attributes
+    ----------
+    points : StereoPoints
+        Points in space; of a room without crossings of two rays that do not last.
+    bodies : dict of str to FoundBody
+        The targets that were found, by name.
+    angles : dict of str to JointAngle
+        The joints of which both bodies were found, by name.
+    notices : tuple of str
+        What the user should know; each trouble is reported once, when it begins.
+    latency : float, s
+        From the images to the angles.
+    """
+
+    points: StereoPoints
+    bodies: dict[str, FoundBody]
+    angles: dict[str, JointAngle]
+    notices: tuple[str, ...]
+    latency: float
+
+
+@dataclass(frozen=True, eq=False)
+class Captured(Recognised):
     """All that was found in one pair of images.
 
     Attributes
@@ -47,26 +72,11 @@ class Captured:
         The images, with their time and number.
     left, right : Balls
         Balls in both images.
-    points : StereoPoints
-        Points in space.
-    bodies : dict of str to FoundBody
-        The targets that were found, by name.
-    angles : dict of str to JointAngle
-        The joints of which both bodies were found, by name.
-    notices : tuple of str
-        What the user should know; each trouble is reported once, when it begins.
-    latency : float, s
-        From the pair to the angles.
     """
 
     pair: FramePair
     left: Balls
     right: Balls
-    points: StereoPoints
-    bodies: dict[str, FoundBody]
-    angles: dict[str, JointAngle]
-    notices: tuple[str, ...]
-    latency: float
 
     @property
     def images(self) -> tuple[Image, ...]:
@@ -270,7 +280,7 @@ class MotionCapture(Recogniser):
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start
-        return Captured(pair, left, right, points, bodies, angles, notices, latency)
+        return Captured(points, bodies, angles, notices, latency, pair, left, right)
 
     def _measure_noise(self) -> None:
         """Weigh balls by the noise that targets show, where the filters use it and the rig states more."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skelgen.cli.options import AsJson, Config, FormatName, Methods, Overwrite, Quiet, Seed
+from skelgen.cli.options import AsJson, Calibrated, Config, FormatName, Methods, Overwrite, Quiet, Seed, Square
 from skelgen.cli.screen import Screen, show_results
 from skelgen.errors import InputError
 
@@ -28,9 +28,9 @@ def stereo(
         list[Path], typer.Argument(metavar="LEFT... RIGHT...", help="All left images, then all right ones.")
     ],
     board: Annotated[str, typer.Option("--board", metavar="9x6", help="Inner corners of the chessboard.")] = "9x6",
-    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square in mm.")] = 25.0,
+    square: Square = 25.0,
     lens: Annotated[str, typer.Option("--lens", help="Lens model: auto, radial, tangential or full.")] = "auto",
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    output: Calibrated = SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -82,7 +82,7 @@ def simulated(
     cameras_only: Annotated[
         bool, typer.Option("--cameras-only", help="Leave out targets and joints, so as to calibrate them.")
     ] = False,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    output: Calibrated = SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

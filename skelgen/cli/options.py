@@ -46,6 +46,8 @@ InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any kno
 OutputFolder = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False)
 ]
+Calibrated = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")]
+Square = Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square of the board.")]
 Seed = Annotated[
     int | None,
     typer.Option("--seed", min=0, help="Seed of every random choice.", show_default="0, or that of the project"),

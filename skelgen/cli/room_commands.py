@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.options import AsJson, Calibrated, Quiet, Square
 from skelgen.cli.screen import Screen
 from skelgen.errors import InputError
 
@@ -30,11 +30,11 @@ def room(
         str | None,
         typer.Option("--board", metavar="9x6", help="A chessboard instead of the wand, or charuco:10x7:4X4_50."),
     ] = None,
-    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square of the board.")] = 25.0,
+    square: Square = 25.0,
     marker: Annotated[
         float | None, typer.Option("--marker", metavar="MM", help="Side of a marker, else 3/4 of a square.")
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    output: Calibrated = SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

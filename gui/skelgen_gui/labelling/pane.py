@@ -4,8 +4,8 @@ from functools import partial
 from typing import NamedTuple
 
 from PySide6.QtCore import QEvent, QStringListModel, Qt, Signal
-from PySide6.QtGui import QKeyEvent, QShowEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QListView, QWidget
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QListView
 
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
@@ -27,7 +27,7 @@ from skelgen_gui.model.labelling import (
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions
-from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.document import Document
 from skelgen_gui.widgets.layouts import column, describe, row_of
 
@@ -44,7 +44,7 @@ class _State(NamedTuple):
     marker_set: str
 
 
-class LabellingPane(QWidget):
+class LabellingPane(PanelWhileSeen):
     """Names all markers of a take by keys and clicks, without a dialog.
 
     Parameters
@@ -61,7 +61,7 @@ class LabellingPane(QWidget):
         super().__init__()
         self._document, self._corrections, self._runner = document, corrections, runner
         self._session = session = document.session
-        self._is_stale, self._knows_sets = True, False
+        self._knows_sets = False
         self.span: Span | None = None  # for which names are given, where the user has chosen one
         self.deriver = Deriver(self)
         self.search, self.table = QLineEdit(self), MarkerTable(session, self)
@@ -129,24 +129,12 @@ class LabellingPane(QWidget):
         if following is not None:
             self._session.select(Selection(frozenset({following})))
 
-    def showEvent(self, event: QShowEvent) -> None:
-        """List what there is by now."""
-        super().showEvent(event)
-        if self._is_stale:
-            self._catch_up()
-
     def clicked_in_view(self) -> None:
         """Let the user type the name of the one marker that was clicked in a view, if that is wished."""
         if self.isVisible() and self.after_click.isChecked() and len(self._session.selection.markers) == 1:
             self._begin_to_name()
 
-    def _follow_project(self) -> None:
-        self._is_stale = True
-        if self.isVisible():
-            self._catch_up()
-
-    def _catch_up(self) -> None:
-        self._is_stale = False
+    def _list_project(self) -> None:
         project = self._session.project
         if project is None or not project.has("labels"):
             self.deriver.forget()

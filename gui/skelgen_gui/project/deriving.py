@@ -1,4 +1,5 @@
-"""Derives what a widget shows of a project on a thread, as long takes need more time than the window may wait.
+"""Derives what a widget shows of a project: on a thread, as long takes need more time than the window may wait; or only
+while the widget is seen.
 
 The threads are Python's. A thread pool of Qt would wait for its threads in its destructor while it holds Python's lock,
 so that neither could go on.
@@ -15,6 +16,8 @@ from functools import cache
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QWidget
 from shiboken6 import Shiboken
 
 _T = TypeVar("_T")
@@ -152,3 +155,31 @@ class Deriver(QObject):
                 raise result.error
             then(result)
             self.settled.emit()
+
+
+class PanelWhileSeen(QWidget):
+    """A panel that lists a project only while it is seen, and catches up when it is shown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._is_stale = True
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """List what there is by now."""
+        super().showEvent(event)
+        self._catch_up()
+
+    def _follow_project(self) -> None:
+        self._is_stale = True
+        if self.isVisible():
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """List what there is by now, if that is not done yet."""
+        if self._is_stale:
+            self._is_stale = False
+            self._list_project()
+
+    def _list_project(self) -> None:
+        """List the project as it is by now."""
+        raise NotImplementedError

@@ -4,8 +4,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWidgetItem
 
 from skelgen.app.drawing.wording import whole_percent
 from skelgen.model import Project
@@ -14,6 +13,7 @@ from skelgen_gui.model.offers import naming_markers
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.corrections import CorrectionActions
+from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import bare_column, describe
 
@@ -37,7 +37,7 @@ class _Item(QTreeWidgetItem):
         return mine < theirs
 
 
-class Outline(QWidget):
+class Outline(PanelWhileSeen):
     """Limbs with their markers, and joints.
 
     F2 or a second click renames a limb or a marker, the box before a name hides it in the 3-D view. Columns say how
@@ -76,7 +76,7 @@ class Outline(QWidget):
         tip = self.tr("F2 or a second click renames, the box hides, a click on a head sorts")
         describe(self.tree, self.tr("Limbs, joints and markers"), tip)
         bare_column(self, (self.search, self.tree))
-        self._is_following, self._is_stale = False, True
+        self._is_following = False
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self._follow_selection)
         self.search.textChanged.connect(self._filter)
@@ -104,21 +104,8 @@ class Outline(QWidget):
         found = [self.tree.topLevelItem(row) for row in range(self.tree.topLevelItemCount())]
         return [item for item in found if item is not None]
 
-    def showEvent(self, event: QShowEvent) -> None:
-        """List what there is by now."""
-        super().showEvent(event)
-        self._catch_up()
-
-    def _follow_project(self) -> None:
-        self._is_stale = True
-        if self.isVisible():
-            self._catch_up()
-
-    def _catch_up(self) -> None:
-        """List what there is by now, if that is not done yet; what was folded stays folded."""
-        if not self._is_stale:
-            return
-        self._is_stale = False
+    def _list_project(self) -> None:
+        """List what there is by now; what was folded stays folded."""
         folded = {item.text(_NAME) for item in self._items() if item.childCount() and not item.isExpanded()}
         self._is_following = True
         self.tree.clear()

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from functools import partial
 
-from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QWidget
 
 from skelgen.model import Project
@@ -20,7 +19,7 @@ from skelgen_gui.model.marker_curves import (
     preview_smooth,
 )
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.gaps import GapTools
 from skelgen_gui.timeline.plot_view import PlotView
@@ -34,7 +33,7 @@ _LEAST_AROUND = 20  # frames
 Found = tuple[tuple[Panel, ...], Preview | str | None]
 
 
-class MarkerCurves(QWidget):
+class MarkerCurves(PanelWhileSeen):
     """Places, speeds and distances of the selected markers; gaps, filled in ways that are tried first; smoothing.
 
     Parameters
@@ -52,7 +51,7 @@ class MarkerCurves(QWidget):
         self._session, self._span, self._apply = session, span, apply
         self.range: tuple[int, int] | None = None  # frames to be smoothed, where the user has chosen some
         self.preview: Preview | None = None
-        self._is_stale, self._is_following = True, False
+        self._is_following = False
         self._smooths = False  # whether smoothing is previewed, and not what fills a gap
         self.deriver, self._lister = Deriver(self), Deriver(self)
         self.plot, self.quantity, self.tools = PlotView(session, span, self), QComboBox(self), GapTools(self)
@@ -112,25 +111,12 @@ class MarkerCurves(QWidget):
         self._smooths = smooths
         self._follow()
 
-    def showEvent(self, event: QShowEvent) -> None:
-        """Draw what there is by now."""
-        super().showEvent(event)
-        if self._is_stale:
-            self._catch_up()
-
     def _state_smooth(self, found: Preview | str) -> None:
         self.tools.words.setText(found if isinstance(found, str) else found.words)
         if isinstance(found, Preview):
             self._apply(found.correction)
 
-    def _follow_project(self) -> None:
-        self._is_stale = True
-        if self.isVisible():
-            self._catch_up()
-
-    def _catch_up(self) -> None:
-        """List gaps and draw curves of the project as it is by now."""
-        self._is_stale = False
+    def _list_project(self) -> None:
         project = self._session.project
         if project is None or not project.has("labels"):
             self._lister.forget()

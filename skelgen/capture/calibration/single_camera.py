@@ -1,5 +1,7 @@
 """One camera and its lens, from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from skelgen.capture.calibration.board import Board
@@ -20,8 +22,6 @@ from skelgen.model.rig import Camera
 
 LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
 """Lens models: which of k1 k2 p1 p2 k3 are estimated. Gaschler (2011) uses the first."""
-
-_NO_CAMERA = "no camera explains these views of the board; see that its corners are counted right"
 
 AUTO = "auto"
 """The lens model that the views themselves ask for: the least Bayesian information criterion."""
@@ -55,18 +55,42 @@ def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
         raise InputError(
             f"{len(corners)} views of the board are too few; at least {LEAST_VIEWS} are needed, 10 to 20 are better"
         )
+    return fit_camera([board.points] * len(corners), list(corners), size, "these views of the board")
+
+
+def fit_camera(
+    points: Sequence[Floats], pixels: Sequence[Floats], size: tuple[int, int], views: str
+) -> tuple[Camera, Floats]:
+    """Return what `guess_camera` does, from views that may each show a part of a board.
+
+    Parameters
+    ----------
+    points : sequence of ndarray, shape (n_shown, 3), mm
+        The corners that each view shows, in the board's frame.
+    pixels : sequence of ndarray, shape (n_shown, 2), px
+        Where it shows them.
+    size : tuple of int, px
+        Width and height of the images.
+    views : str
+        What the views are, for the message.
+
+    Raises
+    ------
+    InputError
+        If no camera explains them.
+    """
     cv2 = opencv()
-    points = [board.points.astype(np.float32)] * len(corners)
-    seen = [view.astype(np.float32).reshape(-1, 1, 2) for view in corners]
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    corners = [one.astype(np.float32) for one in points], [one.astype(np.float32).reshape(-1, 1, 2) for one in pixels]
     try:
-        _, matrix, lens, turns, shifts = cv2.calibrateCamera(points, seen, size, None, None, flags=flags)
-    except cv2.error as error:
-        raise InputError(_NO_CAMERA) from error
+        _, matrix, lens, turns, shifts = cv2.calibrateCamera(*corners, size, None, None, flags=flags)
+        fits = bool(np.isfinite(matrix).all() and np.isfinite(lens).all() and min(matrix[0, 0], matrix[1, 1]) > 0)
+    except cv2.error:
+        fits = False
+    if not fits:
+        raise InputError(f"no camera explains {views}; see that its corners are counted right")
     poses = [transform_from(matrix_from_vector(np.ravel(t)), np.ravel(s)) for t, s in zip(turns, shifts, strict=True)]
-    if not (np.isfinite(matrix).all() and min(matrix[0, 0], matrix[1, 1]) > 0):
-        raise InputError(_NO_CAMERA)
-    return Camera(size[0], size[1], matrix, np.ravel(lens)), np.stack(poses)
+    return Camera(*size, np.asarray(matrix, dtype=np.float64), np.ravel(lens)), np.stack(poses)
 
 
 def adjust_lens(bundle: Bundle, trusted: Bools, lens: str) -> Robust:

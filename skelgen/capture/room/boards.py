@@ -6,12 +6,13 @@ which both see the board; a chessboard that looks alike when it is turned by hal
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from skelgen.capture.calibration.board import Board, board_from_text, find_board
+from skelgen.capture.calibration.single_camera import fit_camera
 from skelgen.capture.images import opencv
 from skelgen.capture.room.bundles import BoardBundle
 from skelgen.capture.values import Image
@@ -168,7 +169,6 @@ def board_start(seen: Floats, board: AnyBoard, sizes: Sequence[tuple[int, int]],
 
 
 def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Camera:
-    cv2 = opencv()
     shown = np.isfinite(seen[..., 0])
     views = np.flatnonzero(shown.sum(axis=1) >= FEWEST_CORNERS)
     if len(views) < FEWEST_VIEWS:
@@ -177,14 +177,8 @@ def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Ca
             "camera looks, turned about different axes; is the camera dark, are the board's squares counted right?"
         )
     views = evenly_spread(views, MOST_VIEWS)
-    points = [board.points[shown[view]].astype(np.float32) for view in views]
-    pixels = [seen[view, shown[view]].astype(np.float32) for view in views]
-    flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    try:
-        _, matrix, lens, _, _ = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
-    except cv2.error as error:
-        raise InputError(f"no lens explains what {name} sees of the board; see that it is counted right") from error
-    return Camera(*size, np.asarray(matrix, dtype=np.float64), np.ravel(lens), name=name)
+    points, pixels = zip(*((board.points[shown[view]], seen[view, shown[view]]) for view in views), strict=True)
+    return replace(fit_camera(points, pixels, size, f"what {name} sees of the board")[0], name=name)
 
 
 def _placed(corners: Floats, board: AnyBoard, eye: Camera) -> Floats:

@@ -33,7 +33,7 @@ ENOUGH_VIEWS, ENOUGH_OF_BOARD = 200, 15
 """Of each camera: two seconds at 100 Hz in which the wand is where it has not been, and poses of a board."""
 
 MUCH_LEFT_OUT = 0.05
-"""Part of the balls that fit nothing from which on something shines besides the wand."""
+"""Part of the balls or corners that fit nothing from which on that is told."""
 
 _B = TypeVar("_B", bound=RoomBundle)
 
@@ -141,11 +141,14 @@ class _Words(NamedTuple):
     parts: str
     thing: str
     better: str
+    fits_nothing: str
     enough: int
 
 
-_WAND = _Words("balls", "wand", "wave it", ENOUGH_VIEWS)
-_BOARD = _Words("corners", "board", "hold it", ENOUGH_OF_BOARD)
+_WAND = _Words("balls", "wand", "wave it", "cover what shines besides the wand", ENOUGH_VIEWS)
+_BOARD = _Words(
+    "corners", "board", "hold it", "hold it still, and see that it is flat and counted right", ENOUGH_OF_BOARD
+)
 
 
 def _calibration(adjusted: AdjustedRoom[_B], names: Sequence[str], words: _Words) -> WandCalibration:
@@ -213,7 +216,7 @@ def _judge(
     n_used = int(np.isfinite(adjusted.bundle.seen[..., 0]).sum())
     if adjusted.n_left_out > MUCH_LEFT_OUT * n_used:
         share = 100 * adjusted.n_left_out / (n_used + adjusted.n_left_out)
-        sentences.append(f"{share:.0f} % of the {words.parts} fit nothing: cover what shines besides the wand.")
+        sentences.append(f"{share:.0f} % of the {words.parts} fit nothing: {words.fits_nothing}.")
     for camera, count in zip(rig.cameras, n_views.tolist(), strict=True):
         if count < words.enough:
             sentences.append(

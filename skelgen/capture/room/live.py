@@ -10,13 +10,12 @@ from typing import Self
 
 import numpy as np
 
-from skelgen.capture.angles import JointAngle
 from skelgen.capture.bodies.prediction import PredictionParameters
-from skelgen.capture.live import Recogniser
+from skelgen.capture.live import Recognised, Recogniser
 from skelgen.capture.room.recording import BallFinder
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.values import FrameSet
-from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
+from skelgen.capture.values import Balls, Image
 from skelgen.model.arrays import Ints
 from skelgen.model.rig import RoomSettings
 
@@ -29,37 +28,22 @@ LASTING = 4
 
 
 @dataclass(frozen=True, eq=False)
-class RoomCaptured:
+class RoomCaptured(Recognised):
     """All that was found in one set of images.
 
     Attributes
     ----------
     pair : FrameSet
         The images, with their time and number.
-    points : StereoPoints
-        Points in space, without crossings of two rays that do not last.
     views : tuple of Balls
         Balls in all images.
     balls : ndarray of intp, shape (n_points, n_cameras)
         The ball of each point in all images, -1 of cameras that do not see it.
-    bodies : dict of str to FoundBody
-        The targets that were found, by name.
-    angles : dict of str to JointAngle
-        The joints of which both bodies were found, by name.
-    notices : tuple of str
-        What the user should know; each trouble is reported once, when it begins.
-    latency : float, s
-        From the images to the angles.
     """
 
     pair: FrameSet
-    points: StereoPoints
     views: tuple[Balls, ...]
     balls: Ints
-    bodies: dict[str, FoundBody]
-    angles: dict[str, JointAngle]
-    notices: tuple[str, ...]
-    latency: float
 
     @property
     def images(self) -> tuple[Image | None, ...]:
@@ -111,7 +95,7 @@ class RoomCapture(Recogniser):
         bodies, angles = self.recognise(stereo, frame.time)
         notices = self._notices(frame, [balls.notice for balls in views])
         latency = perf_counter() - start
-        return RoomCaptured(frame, stereo, tuple(views), points.balls, bodies, angles, notices, latency)
+        return RoomCaptured(stereo, bodies, angles, notices, latency, frame, tuple(views), points.balls)
 
     def _notices(self, frame: FrameSet, faults: list[str]) -> tuple[str, ...]:
         names = self.settings.rig.names

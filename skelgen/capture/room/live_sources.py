@@ -14,6 +14,7 @@ Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
 """Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
 
 _MILLISECONDS = 1e-3
+_SAME_RATE = 0.01  # of the largest
 
 
 class LiveSets:
@@ -153,11 +154,25 @@ def open_firewire_sets(text: SourceText) -> LiveSets:
 
 def _with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
     """Cameras with their rate: the one that all have, else None."""
-    rates = [getattr(camera, "rate", None) for camera in cameras]
-    known = [rate for rate in rates if rate is not None]
-    if len(known) < len(cameras):
-        return cameras, None
-    if max(known) - min(known) > 0.01 * max(known):
-        listed = ", ".join(f"{camera.name} {rate:.4g} Hz" for camera, rate in zip(cameras, known, strict=True))
-        raise CaptureError(f"the cameras run at different rates: {listed}; set all by ?rate=...")
-    return cameras, known[0]
+    rates = [(camera.name, getattr(camera, "rate", None)) for camera in cameras]
+    return cameras, None if any(rate is None for _, rate in rates) else shared_rate(rates)
+
+
+def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
+    """Return the rate that cameras or recordings have [Hz]; None if that of none is known.
+
+    Parameters
+    ----------
+    rates : sequence of tuple of str and float or None, Hz
+        What each is called, and its rate, if it is known.
+
+    Raises
+    ------
+    CaptureError
+        If their rates differ by more than a hundredth.
+    """
+    known = [rate for _, rate in rates if rate is not None]
+    if known and max(known) - min(known) > _SAME_RATE * max(known):
+        listed = ", ".join(f"{name} {rate:.4g} Hz" for name, rate in rates if rate is not None)
+        raise CaptureError(f"images come at different rates: {listed}; give each the right one by ?rate=...")
+    return known[0] if known else None

@@ -5,12 +5,9 @@ from contextlib import ExitStack
 from itertools import zip_longest
 from typing import Protocol, Self
 
-from skelgen.capture.room.live_sources import LiveSets
+from skelgen.capture.room.live_sources import LiveSets, shared_rate
 from skelgen.capture.room.values import FrameSet
 from skelgen.capture.sources.pairs import LiveCamera, Shot
-from skelgen.errors import CaptureError
-
-_SAME_RATE = 0.01
 
 
 class _Recorded(Protocol):
@@ -46,11 +43,7 @@ class RecordedTogether:
         self._sources = tuple(sources)
         self.name = " + ".join(source.name for source in sources)
         self.cameras = _names([source.cameras for source in sources])
-        rates = [source.rate for source in sources if source.rate is not None]
-        self.rate = rates[0] if rates else None
-        if rates and max(rates) - min(rates) > _SAME_RATE * max(rates):
-            listed = ", ".join(f"{source.name} {source.rate:g} Hz" for source in sources if source.rate is not None)
-            raise CaptureError(f"the recordings have different rates: {listed}; give each the right one by ?rate=...")
+        self.rate = shared_rate([(source.name, source.rate) for source in sources])
 
     @property
     def n_frames(self) -> int | None:
@@ -92,15 +85,13 @@ def run_together(sources: Sequence[LiveSets]) -> LiveSets:
 
     def opener(stack: ExitStack) -> tuple[Sequence[LiveCamera], float | None]:
         cameras: list[LiveCamera] = []
-        rates: list[float] = []
+        rates: list[tuple[str, float | None]] = []
         for source in sources:
             own, rate = source.opener(stack)
             clock: list[float] = []
             cameras += [_FromFirstImage(camera, clock) for camera in own]
-            rates += [] if rate is None else [rate]
-        if rates and max(rates) - min(rates) > _SAME_RATE * max(rates):
-            raise CaptureError(f"the cameras run at {min(rates):g} to {max(rates):g} Hz; set all by ?rate=...")
-        return cameras, rates[0] if rates else None
+            rates.append((source.name, rate))
+        return cameras, shared_rate(rates)
 
     return LiveSets(" + ".join(source.name for source in sources), names, opener, sources[0].options)
 

@@ -79,3 +79,21 @@ def test_a_part_of_a_charuco_board_is_found_in_an_image():
 def test_texts_that_are_no_board_are_refused(text):
     with pytest.raises(ParameterError):
         room_board(text, 40.0)
+
+
+def test_a_board_that_fits_nothing_is_to_be_held_still(rig):
+    board = Board(9, 6, 90.0)
+    seen, rng = seen_by(rig, board), np.random.default_rng(1)
+    seen[rng.random(seen.shape[:3]) < 0.07] += 8.0  # px
+    said = calibrate_boards(seen, board, [eye.size for eye in rig.cameras], rig.names).verdict.sentences
+    assert [sentence for sentence in said if "of the corners fit nothing: hold it still" in sentence]
+    assert not [sentence for sentence in said if "wand" in sentence]
+
+
+def test_views_that_no_camera_explains_are_refused_by_the_name_of_the_camera(rig):
+    board = Board(9, 6, 90.0)
+    seen = seen_by(rig, board)
+    on_a_line = np.arange(N_FRAMES)[:, np.newaxis, np.newaxis] + 0.3 * board.points[:, :1] + 200.0
+    seen[:, 1] = np.where(np.isfinite(seen[:, 1]), on_a_line, np.nan)
+    with pytest.raises(InputError, match="no camera explains what camera 2 sees of the board"):
+        calibrate_boards(seen, board, [eye.size for eye in rig.cameras], rig.names)
