@@ -84,14 +84,14 @@ them](how-to/motions.md).
 """
 TRIED = """## Large files
 
-`skelgen info` reads files above 16 MB by a sample: 2000 frames, evenly spread, first and last among them. Exact are format,
-names, number of frames (lines, or frames of a binary file, are all counted), rate and duration; the extent, what is up,
-missing and seen, and the notes are those of the sample, and it says so. Gaps are not counted, and what stands between the
-sampled frames is not checked; every other command reads, and refuses, the whole file, and so does `skelgen info --full`.
-Where the sample cannot tell (frames that an export leaves out, a line that cannot be read), the whole file is read at once.
-Files of 96 to 114 MB with 100,000 frames of 40 markers take 0.6 s of processor time as C3D (64 MB), mfml, npy or npz and
-0.8 to 0.9 s as TRC, Qualisys, Nexus or wide CSV (4.1, 1.6 and 1.8 s for TRC, C3D and mfml if all is read); MVNX, MAT, TDF and
-tidy CSV are always read whole.
+`skelgen info` reads files above 16 MB by a sample: 2000 frames, evenly spread, first and last among them. Exact are
+format, names, number of frames (lines, or frames of a binary file, are all counted), rate and duration; the extent,
+what is up, missing and seen, and the notes are those of the sample, and it says so. Gaps are not counted, and what
+stands between the sampled frames is not checked; every other command reads, and refuses, the whole file, and so does
+`skelgen info --full`. Where the sample cannot tell (frames that an export leaves out, a line that cannot be read),
+the whole file is read at once. Files of 96 to 114 MB with 100,000 frames of 40 markers take 0.6 s of processor time
+as C3D (64 MB), mfml, npy or npz and 0.8 to 0.9 s as TRC, Qualisys, Nexus or wide CSV (4.1, 1.6 and 1.8 s for TRC, C3D
+and mfml if all is read); MVNX, MAT, TDF and tidy CSV are always read whole.
 
 ## What was tried
 

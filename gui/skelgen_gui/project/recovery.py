@@ -142,7 +142,7 @@ class Autosave(QObject):
         self._thread.start()
 
     def take_over(self, entry: RecoveryEntry) -> None:
-        """Keep what was restored, which is open now, and only then remove what it was restored from."""
+        """Save the restored project, which is open now, and then remove the file that it was restored from."""
         self._inherited.append(entry)
         self.save()
 

@@ -55,7 +55,7 @@ class LogScale:
 
     @classmethod
     def of(cls, values: Floats) -> LogScale:
-        """Return the scale of some values, any shape; NaN, 0 and what is very much smaller than the largest apart."""
+        """Return the scale of some values of any shape; NaN, 0 and values far below the largest do not count."""
         positive = values[values > 0]
         high = float(positive.max()) if len(positive) else 1.0
         low = max(float(positive.min()), high / 10**_DECADES) if len(positive) else high

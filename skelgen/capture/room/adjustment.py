@@ -236,7 +236,7 @@ def _inverse(normal: Floats) -> Floats:
 
 
 def _moved(bundle: _B, free: Bools, step: Floats, parts: _Parts) -> _B | None:
-    """The bundle after a step of the cameras and what follows for the wands; None if that is no camera."""
+    """Return the bundle after a step of the cameras, the wands following; None if a camera becomes impossible."""
     whole, wands, pulls = parts
     back = np.linalg.solve(wands, (pulls - np.swapaxes(whole, 1, 2) @ step)[..., np.newaxis])[..., 0]
     shared = np.zeros(len(free))

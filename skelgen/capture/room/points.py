@@ -75,7 +75,7 @@ class PointMatcher:
         return RoomPoints(found.points, found.covariances, found.balls, misfit, found.scores)
 
     def by_single_balls(self, points: RoomPoints, is_settled: Bools, states: Floats, covariances: Floats) -> RoomPoints:
-        """Return hidden markers by balls of one camera that lie where they must be; of the others no ball is given.
+        """Place hidden markers by balls that a single camera sees where they must be; those without one have no ball.
 
         Parameters
         ----------

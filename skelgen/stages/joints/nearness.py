@@ -208,7 +208,7 @@ def _filled(table: Floats) -> Floats:
 
 
 def _bottlenecks(table: Floats) -> Floats:
-    """Largest step of the way between each two limbs whose largest step is least."""
+    """Find for each two limbs the way whose largest step is least, and return that step."""
     steps = table.copy()
     np.fill_diagonal(steps, -np.inf)
     for limb in range(len(steps)):

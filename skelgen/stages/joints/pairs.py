@@ -91,7 +91,7 @@ class JointGuess:
 
     @property
     def doubt(self) -> float:
-        """What noise could hide, per motion [mm^2]: of two guesses of one joint the lower is surer."""
+        """Mean square gap and what noise adds to it, the more the less the limbs turn [mm^2]: a surer guess has a lower one."""
         return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
 
     def cost(self, alpha: float) -> float:

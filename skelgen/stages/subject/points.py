@@ -16,7 +16,7 @@ from skelgen.stages.subject.posing import SubjectPoses
 
 @dataclass(frozen=True, eq=False)
 class TrackedPoints:
-    """Points of a take, and which of them are one in time.
+    """Points of a take, and which of them are one point in several frames.
 
     Attributes
     ----------

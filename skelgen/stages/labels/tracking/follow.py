@@ -270,7 +270,7 @@ def find_tracklets(cloud: PointCloud, track_of_point: Ints, rate: float, paramet
 
 
 def _gathered(cloud: PointCloud, track_of_point: Ints, sizes: Ints, wanted: Bools) -> TrackletPoints:
-    """Points of the wanted tracks, which have so many each: sorted block by block, as long takes need much memory."""
+    """Gather the points of some tracks, of which the lengths are known; block by block, as that needs less memory."""
     starts = np.concatenate([[0], np.cumsum(sizes[wanted])]).astype(np.intp)
     points, frames = np.empty((2, starts[-1]), dtype=np.int32)
     following = np.full(len(sizes), -1, dtype=np.intp)  # where a track's next point goes
