@@ -91,7 +91,7 @@ class JointGuess:
 
     @property
     def doubt(self) -> float:
-        """Mean square gap and what noise adds to it, the more the less the limbs turn [mm^2]: a surer guess has a lower one."""
+        """Mean square gap, and what noise adds where limbs turn little [mm^2]: a surer guess has a lower one."""
         return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
 
     def cost(self, alpha: float) -> float:

@@ -256,7 +256,7 @@ def _track_breaks(tracklets: Tracklets, seen: Bools) -> Bools:
 
 
 def _given_back(before: Labelling, edits: CorrectedLabels) -> list[Doubt]:
-    """Return spans in which swaps were repaired, with today's markers, but for those of which the user stated anything."""
+    """Return spans in which swaps were repaired, with today's markers; none of which the user stated anything."""
     kept = []
     for doubt in (doubt for doubt in before.doubts if doubt.kind == "repaired"):
         middle = (doubt.first_frame + doubt.last_frame) // 2
