@@ -85,7 +85,7 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names))
     n_cells = leading + width * len(names)
-    whole = whole_lines(lines.rows(first), len(lines), n_cells, "\t", notices)
+    whole = whole_lines(lines.rows(first, least=0 if leading else n_cells - 1), len(lines), n_cells, "\t", notices)
     rows = parse_rows(path, whole, n_cells, "\t", leading=leading)
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     rows = uncut(lines, rows, count_in(path, frames_line, frames[0], _FIRST_KEY), notices)

@@ -68,17 +68,20 @@ class LineIndex:
         """Return the lines that are shorter than so many bytes."""
         return np.flatnonzero(self.ends - self.starts < n_bytes)
 
-    def rows(self, first: int, *, block: bool) -> Ints:
+    def rows(self, first: int, least: int, *, block: bool) -> Ints:
         """Return the lines from one on that are not blank.
 
         Parameters
         ----------
         first : int
             Index of a line.
+        least : int
+            Bytes from which on a blank line is a row of empty cells; 0 if none is.
         block : bool
             Whether only those before the next blank line.
         """
-        filled = first + np.flatnonzero(~self.is_blank[first:])
+        is_row = ~self.is_blank | ((self.ends - self.starts >= least) & (least > 0))
+        filled = first + np.flatnonzero(is_row[first:])
         if not block or not len(filled):
             return filled
         return filled[: int(np.argmax(np.diff(filled, append=filled[-1] + 2) > 1)) + 1]

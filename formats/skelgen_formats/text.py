@@ -77,20 +77,30 @@ class Lines(Sequence[str]):
             raise FormatError(self._path, index + 1, what)
         return self._content[self._start : end].decode(self._encoding)
 
-    def numbered(self, first: int = 0) -> Iterator[tuple[int, str]]:
-        """Yield lines from index `first` on that are not blank, with their numbers, which begin with 1."""
+    def numbered(self, first: int = 0, least: int = 0) -> Iterator[tuple[int, str]]:
+        """Yield lines that are not blank, with their numbers, which begin with 1.
+
+        Parameters
+        ----------
+        first : int
+            Index of a line, the first.
+        least : int
+            Characters from which on a blank line is a row of empty cells, in which nothing is seen; 0 if none is.
+        """
         index = first
         while index < self._length:
             line = self[index]
-            if line and not line.isspace():
+            if (line and not line.isspace()) or 0 < least <= len(line):
                 yield index + 1, line
-            elif (blank := _BLANK_LINES.match(self._content, self._start)) is not None:  # a run of them at once
-                self._index += self._content.count(b"\n", self._start, blank.end())
+            elif (
+                not least and (blank := _BLANK_LINES.match(self._content, self._start)) is not None
+            ):  # a run of them at once
+                self._index += self._content.count(b"\n", self._start, blank.end())  # a run of them at once
                 self._start, index = blank.end(), self._index
                 continue
             index += 1
 
-    def rows(self, first: int, *, block: bool = False) -> Iterator[tuple[int, str]]:
+    def rows(self, first: int, *, block: bool = False, least: int = 0) -> Iterator[tuple[int, str]]:
         """Yield lines as `numbered`; where a sample is wanted, evenly spread ones from the first to the last.
 
         Parameters
@@ -99,15 +109,17 @@ class Lines(Sequence[str]):
             Index of a line.
         block : bool
             Whether lines end at the first blank one after others.
+        least : int
+            As of `numbered`.
         """
         if self._lines is not None and self._sample is not None:
-            for index in self._sample.of(self._lines.rows(first, block=block)).tolist():
+            for index in self._sample.of(self._lines.rows(first, least, block=block)).tolist():
                 line = self._lines.line(index).decode(self._encoding)
-                if not line.isspace():
+                if not line.isspace() or 0 < least <= len(line):
                     yield index + 1, line
             return
         last = 0
-        for number, line in self.numbered(first):
+        for number, line in self.numbered(first, least):
             if block and last and number > last + 1:
                 return
             last = number

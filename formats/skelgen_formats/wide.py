@@ -100,11 +100,13 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud:
     n_cells = columns.n_cells
     numbered = list(islice(lines.numbered(), columns.n_titles))
     first = numbered[-1][0] if numbered else 0
-    rows = parse_rows(path, _padded(lines.rows(first), delimiter), n_cells, delimiter, wanted + times)
+    least = 0 if times else n_cells - 1  # without times, a row of empty cells is a frame in which nothing is seen
+    numbers = _padded(lines.rows(first, least=least), delimiter, least)
+    rows = parse_rows(path, numbers, n_cells, delimiter, wanted + times)
     positions = rows[:, : len(wanted)].reshape(len(rows), len(columns.points), 3)
     stamps = rows[:, -1] if times else None
     if times and options.sample and options.sample.n_left_out:
-        head = islice(_padded(lines.numbered(first), delimiter), options.sample.most)
+        head = islice(_padded(lines.numbered(first), delimiter, least), options.sample.most)
         stamps = parse_rows(path, head, n_cells, delimiter, times)[:, 0]
         columns.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     if columns.rate and options.recorded_rate == AS_RECORDED_RATE:
@@ -238,10 +240,10 @@ def _visual3d(rows: list[list[str]]) -> _Columns | None:
     return found if found.points else None
 
 
-def _padded(lines: Iterable[tuple[int, str]], delimiter: str) -> Iterator[tuple[int, str]]:
+def _padded(lines: Iterable[tuple[int, str]], delimiter: str, least: int) -> Iterator[tuple[int, str]]:
     """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
     for number, line in lines:
-        if line.strip(delimiter + " "):
+        if line.strip(delimiter + " ") or 0 < least <= len(line):
             yield number, QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
 
 

@@ -215,6 +215,8 @@ class Labelling:
         if self.tracklets is not None and self.tracklets.marker.max(initial=-1) >= n_markers:
             raise InputError(f"a tracklet went to a marker that does not exist: there are {n_markers}")
         left_out = check_ints(self.left_out, (n_frames,), "left_out")
+        if (left_out < 0).any():
+            raise InputError(f"points that belong to no marker are counted, and {left_out.min()} in a frame is below 0")
         set_fields(self, confidence=confidence, doubts=doubts, findings=tuple(self.findings))
         set_fields(self, twins=twins, left_out=left_out)
 

@@ -159,3 +159,20 @@ def test_damage_in_the_sample_is_refused_as_in_the_whole_file(positions, tmp_pat
     with pytest.raises(FormatError) as some:
         read_take(path, sample=small_sample())
     assert str(some.value) == str(whole.value)
+
+
+@pytest.mark.parametrize("name", ["qualisys", "wide-csv"])
+def test_frames_of_empty_cells_keep_their_time_where_no_column_tells_it(name, positions, tmp_path):
+    path = tmp_path / "take.csv"
+    delimiter, text = ("\t", qualisys_text_of(positions)) if name == "qualisys" else (",", wide_text(positions))
+    n_leading = 2 if name == "qualisys" else 1
+    lines = text.splitlines()
+    first = len(lines) - N_FRAMES
+    rows = [line.split(delimiter, n_leading)[-1] for line in lines[first:]]
+    head = lines[: first - 1] if name == "qualisys" else [lines[0].removeprefix("time,")]
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    sample = small_sample()
+    some, whole = read_take(path, name, sample=sample), read_take(path, name)
+    np.testing.assert_allclose(whole.positions, positions)
+    assert some.n_frames + sample.n_left_out == N_FRAMES
+    np.testing.assert_array_equal(some.positions, whole.positions[np.linspace(0, N_FRAMES - 1, MOST).astype(int)])

@@ -61,9 +61,10 @@ def test_runs_are_the_stretches_without_a_gap():
         {"doubts": (Doubt(0, 0, 10, "rival", 1, 0.1, ""),)},
         {"twins": ((0, 2),)},
         {"left_out": np.zeros(9, dtype=int)},
+        {"left_out": np.full(10, -3)},
         {"tracklets": Tracklets([0], [2], [0], [1], [2])},
     ],
-    ids=["confidence", "marker", "frame", "twins", "left_out", "tracklets"],
+    ids=["confidence", "marker", "frame", "twins", "left_out", "below 0", "tracklets"],
 )
 def test_parts_that_do_not_fit_are_refused(change):
     parts = {"confidence": confidence(), "doubts": (DOUBT,), "twins": (), "left_out": np.zeros(10, dtype=int)}
