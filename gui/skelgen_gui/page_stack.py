@@ -20,7 +20,7 @@ from skelgen_gui.widgets.layouts import column
 from skelgen_gui.widgets.painting import as_rich_text, drawn_pixmap
 from skelgen_gui.widgets.theme import doubt_colour
 
-WIDTH = 400  # px
+WIDTH, _LEAST_WIDTH = 400, 350  # px, where there is room, and at least
 _LINE = 22  # px, the least height of a line of the list
 
 SIZE = 16.0
@@ -83,7 +83,7 @@ class PageStack(QWidget):
             item.setSizeHint(QSize(0, max(_LINE, self.list.fontMetrics().height() + 4)))
         self.list.setFixedHeight(self.list.sizeHintForRow(0) * len(entries) + 2 * self.list.frameWidth())
         column(self, (self.list, self._stack)).setStretchFactor(self._stack, 1)
-        self.setMinimumWidth(WIDTH)
+        self.setMinimumWidth(_LEAST_WIDTH)
         self.list.currentRowChanged.connect(self._show)
         keys = [entry.key for entry in entries]
         self.home = keys.index(HOME) if HOME in keys else 0

@@ -47,6 +47,7 @@ from skelgen_gui.widgets.tutorial import Tutorial
 from skelgen_gui.window_commands import WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one, where the screen has room for it
+_STEPS, _TIMELINE = 0.3, 0.34  # of the window at first: the width of the steps, the height of the timeline
 _PART = 0.92  # of the screen's room that the window takes at most at first: the frame of the window needs some
 
 
@@ -95,6 +96,7 @@ class Window(QMainWindow):
         self.setAcceptDrops(True)
         room = self.screen().availableSize() * _PART
         self.resize(min(SIZE[0], room.width()), min(SIZE[1], room.height()))
+        self._share_room()
         self._first_layout = self.saveState()
         self.restoreGeometry(preferences.geometry)
         self.restoreState(preferences.layout)
@@ -190,6 +192,12 @@ class Window(QMainWindow):
         self.tabifyDockWidget(corrections, tutorial)
         tutorial.hide()
         corrections.raise_()
+
+    def _share_room(self) -> None:
+        """Leave most of a small screen to the views and to what stands beside them."""
+        steps, timeline = (self.findChild(QDockWidget, name) for name in ("steps", "timeline"))
+        self.resizeDocks([steps], [int(_STEPS * self.width())], Qt.Orientation.Horizontal)
+        self.resizeDocks([timeline], [int(_TIMELINE * self.height())], Qt.Orientation.Vertical)
 
     def _do(self, kind: str, name: str) -> None:
         """Do what a link of the first steps says."""

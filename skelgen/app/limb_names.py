@@ -227,9 +227,11 @@ def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:
 
     def named(match: re.Match[str]) -> str:
         numbers = [int(number) for number in re.findall(r"[0-9]+", match[0])]
-        if any(number >= limbs.n_limbs or limbs.called(number) == f"limb {number}" for number in numbers):
+        if any(number >= limbs.n_limbs for number in numbers):
             return match[0]
-        return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.names[int(number[1])], match[0])
+        if all(limbs.called(number) == f"limb {number}" for number in numbers):
+            return match[0]
+        return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.called(int(number[1])), match[0])
 
     return re.sub(r"\blimbs? [0-9]+(?:(?:, | and (?:limb )?)[0-9]+\b)*(?![.,]?[0-9])", named, sentence)
 

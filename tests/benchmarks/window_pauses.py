@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSettings, Qt, QTimer
@@ -24,6 +25,7 @@ from skelgen_gui.window import Window
 
 import skelgen
 from skelgen.model import Project
+from skelgen.model.corrections import Correction
 from skelgen.simulation import simulate
 
 STRUCTURE, N_FRAMES = "human", 10_000
@@ -94,6 +96,7 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
     assert project is not None and project.has("skeleton")
     yield "looking at every page", pause(lambda: [window.pages.page(entry.key) for entry in window.pages.entries])
     yield "looking at every view", pause(lambda: [window.tabs.setCurrentIndex(index) for index in range(3)])
+    yield from _corrections(window, pause)
     saved = folder / "long.skelgen"
     yield "saving", pause(lambda: window.files._write(saved, None))
     yield "opening what was saved", pause(lambda: window.open(saved))
@@ -103,6 +106,24 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
     until(app, lambda: not window.isVisible())
     collector.end()
     window.deleteLater()
+
+
+def _corrections(
+    window: Window, pause: Callable[[Callable[[], object]], tuple[float, float]]
+) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Own work and longest pause [ms] of what changes the project."""
+    assert window.session.project is not None
+    window.runner.computes_at_once = False
+    first, second, *_ = window.session.project.trajectories.names
+    for what, stated in (
+        ("naming a marker", Correction("rename", (first,), value="LKNE")),
+        ("exchanging markers in a span", Correction("swap", ("LKNE", second), 100, 200)),
+        ("filling gaps of a marker", Correction("fill", ("LKNE",), value="spline")),
+        ("smoothing a marker", Correction("smooth", ("LKNE",), value="6")),
+    ):
+        yield what, pause(partial(window.corrections.apply, stated))
+    yield "undoing all that", pause(lambda: [window.document.undo_stack.undo() for _ in range(4)])
+    window.runner.computes_at_once = True
 
 
 def is_idle(window: Window) -> bool:

@@ -32,7 +32,8 @@ from skelgen_gui.project.document import Document
 from skelgen_gui.widgets.layouts import column, describe, row_of
 
 _MOST_NAMES = 200  # in the list
-_NAMES_HEIGHT = 110  # px
+_NAMES_HEIGHT = 110  # px, at most
+_NAME_LINES = 2  # at least
 _LETTERS = 10  # of marker sets that are called by long words
 
 
@@ -70,10 +71,10 @@ class LabellingPane(PanelWhileSeen):
         self.after_click = QCheckBox(self.tr("Type a name after a click on a marker"), self)
         self.questions = Questions(session, self)
         self._describe()
-        column(
-            self,
-            (self.search, self.table, row_of(self.name, self.sets), self.names, self.after_click, self.questions),
-        ).setStretchFactor(self.table, 3)
+        parts = (self.search, self.table, row_of(self.name, self.sets), self.names, self.after_click, self.questions)
+        layout = column(self, parts)
+        layout.setStretchFactor(self.table, 4)
+        layout.setStretchFactor(self.names, 1)
         self._connect()
         self._follow_selection()
 
@@ -88,6 +89,7 @@ class LabellingPane(PanelWhileSeen):
         self.names.setModel(self._left)
         self.names.setEditTriggers(QListView.EditTrigger.NoEditTriggers)
         self.names.setMaximumHeight(_NAMES_HEIGHT)
+        self.names.setMinimumHeight(_NAME_LINES * (self.fontMetrics().height() + 6))
         self.names.setFlow(QListView.Flow.LeftToRight)
         self.names.setWrapping(True)
         self.names.setResizeMode(QListView.ResizeMode.Adjust)

@@ -19,6 +19,7 @@ from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
 
 _NAME = 0
+_LEAST_ROWS = 6  # in sight, one of them for the heads
 
 
 class MarkerModel(RowModel[MarkerRow]):
@@ -80,6 +81,7 @@ class MarkerTable(QTableView):
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setWordWrap(False)
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
+        self.setMinimumHeight(_LEAST_ROWS * self.verticalHeader().defaultSectionSize())
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         tip = self.tr("What needs most work comes first; a click on a head sorts, Enter goes on to the name")
         describe(self, self.tr("Markers to label"), tip)

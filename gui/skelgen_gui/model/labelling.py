@@ -95,7 +95,7 @@ def set_of(project: Project) -> str:
 
 
 def names_left(project: Project, marker_set: str) -> tuple[str, ...]:
-    """Return the names of a marker set that no marker has yet.
+    """Return the names of a marker set that no marker has yet, however it is written (``r.ASIS``, ``R_ASIS``).
 
     Parameters
     ----------
@@ -104,10 +104,10 @@ def names_left(project: Project, marker_set: str) -> tuple[str, ...]:
     marker_set : str
         One of `set_choices`, or empty for none.
     """
-    from skelgen.stages.names import marker_names  # noqa: PLC0415 - reads tables
+    from skelgen.stages.names import marker_names, plain_name  # noqa: PLC0415 - reads tables
 
-    taken = set(project.trajectories.names)
-    return tuple(name for name in marker_names(marker_set) if name not in taken) if marker_set else ()
+    taken = {plain_name(name) for name in project.trajectories.names}
+    return tuple(name for name in marker_names(marker_set) if plain_name(name) not in taken) if marker_set else ()
 
 
 def naming(project: Project, marker: int, name: str, frame: int, span: Span | None = None) -> Correction | None:

@@ -48,6 +48,7 @@ class OpenPage(QWidget):
         describe(self.samples, self.tr("Open a sample"), self.tr("A take that is simulated, to see what skelgen does"))
         describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
         invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
+        invitation.setWordWrap(True)
         buttons = row_of(self.browse, self.samples, self.identities, room=True)
         heading = QLabel(self.tr("Recent files"), self)
         layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))

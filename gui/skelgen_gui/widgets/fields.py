@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.parameters import Declaration
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 from skelgen_gui.widgets.plain_words import choice_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
@@ -70,6 +70,9 @@ class _NumberBox(QAbstractSpinBox):
         return QValidator.State.Acceptable, text, position
 
 
+_LETTERS = 12  # of a choice, at least
+
+
 class ChoiceBox(QComboBox):
     """One of several choices, in plain words; the tool tip of each says its name in files."""
 
@@ -80,6 +83,8 @@ class ChoiceBox(QComboBox):
         for choice in declaration.choices:
             self.addItem(choice_of(declaration, choice), choice)
             self.setItemData(self.count() - 1, choice, Qt.ItemDataRole.ToolTipRole)
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.setMinimumContentsLength(_LETTERS)  # the list that opens shows all
         self.currentTextChanged.connect(self.edited)
 
     def entered(self) -> Any:
@@ -218,9 +223,7 @@ class FoundOrGiven(QWidget):
         self._group = QButtonGroup(self)
         self._group.addButton(self._found)
         self._group.addButton(self._given)
-        row = row_of(QLabel(what, self), self._found, self._given, self._number, room=True)
-        row.setContentsMargins(0, 0, 0, 0)
-        self.setLayout(row)
+        bare_column(self, (QLabel(what, self), row_of(self._found, self._given, self._number, room=True)))
         describe(self._found, self.tr("{0}: found").format(what), self.tr("The number is found from the recording"))
         describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number, and the stage uses it"))
         describe(self._number, what, self.tr("The number that you know"))

@@ -7,19 +7,19 @@ from numpy.typing import NDArray
 
 from skelgen.model.arrays import Floats
 
-# Lightness on light and on dark pages, chroma and hue [degrees] in OKLab. Each next one is the farthest from all before
-# it, on both kinds of page, as people see them who have all three kinds of cones or lack one of them; after the last
-# the first comes again. tests/app/test_colours.py simulates these people.
+# Lightness on light and on dark pages, chroma and hue [degrees] in OKLab. Each next one is the farthest, on both kinds
+# of page, from all before it and from the colour of doubts, as people see them who have all kinds of cones or lack one
+# of them; after the last the first comes again. tests/gui/window/test_window_focus.py simulates these people.
 # fmt: off
 _COLOURS = (
-    (0.53, 0.75, 0.13, 250), (0.44, 0.65, 0.16, 40), (0.62, 0.85, 0.07, 10), (0.66, 0.90, 0.16, 120),
-    (0.40, 0.60, 0.13, 340), (0.40, 0.60, 0.07, 160), (0.53, 0.75, 0.07, 100), (0.40, 0.60, 0.16, 290),
-    (0.66, 0.90, 0.07, 320), (0.49, 0.70, 0.07, 280), (0.49, 0.70, 0.07, 350), (0.40, 0.60, 0.13, 310),
-    (0.57, 0.80, 0.16, 140), (0.53, 0.75, 0.07, 150), (0.40, 0.60, 0.13, 30), (0.53, 0.75, 0.13, 60),
-    (0.66, 0.90, 0.10, 90), (0.62, 0.85, 0.10, 140), (0.49, 0.70, 0.16, 280), (0.66, 0.90, 0.07, 180),
-    (0.44, 0.65, 0.07, 130), (0.57, 0.80, 0.13, 350), (0.57, 0.80, 0.10, 310), (0.49, 0.70, 0.16, 320),
-    (0.57, 0.80, 0.10, 200), (0.49, 0.70, 0.16, 340), (0.40, 0.60, 0.07, 350), (0.66, 0.90, 0.07, 140),
-    (0.44, 0.65, 0.13, 10), (0.53, 0.75, 0.07, 170),
+    (0.49, 0.72, 0.13, 250), (0.62, 0.86, 0.07, 0), (0.40, 0.63, 0.07, 70), (0.66, 0.90, 0.07, 110),
+    (0.40, 0.63, 0.16, 340), (0.62, 0.86, 0.07, 270), (0.40, 0.63, 0.16, 280), (0.40, 0.63, 0.07, 170),
+    (0.62, 0.86, 0.16, 140), (0.53, 0.76, 0.07, 320), (0.53, 0.76, 0.10, 40), (0.40, 0.63, 0.16, 320),
+    (0.44, 0.68, 0.10, 70), (0.53, 0.76, 0.07, 160), (0.66, 0.90, 0.07, 150), (0.49, 0.72, 0.16, 350),
+    (0.66, 0.90, 0.07, 210), (0.57, 0.81, 0.07, 130), (0.44, 0.68, 0.10, 310), (0.57, 0.81, 0.10, 290),
+    (0.49, 0.72, 0.13, 150), (0.44, 0.68, 0.10, 10), (0.40, 0.63, 0.13, 250), (0.57, 0.81, 0.16, 130),
+    (0.57, 0.81, 0.10, 180), (0.49, 0.72, 0.07, 0), (0.57, 0.81, 0.07, 230), (0.53, 0.76, 0.16, 310),
+    (0.66, 0.90, 0.13, 100), (0.40, 0.63, 0.07, 40),
 )
 # fmt: on
 

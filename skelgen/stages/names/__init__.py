@@ -8,6 +8,7 @@ from skelgen.stages.names.marker_sets import (
     MarkerSet,
     find_marker_set,
     marker_names,
+    plain_name,
     recognised_set,
 )
 
@@ -22,6 +23,7 @@ __all__ = [
     "name_bones",
     "name_limbs",
     "names_by_shape",
+    "plain_name",
     "recognised_set",
     "segments_of_markers",
 ]

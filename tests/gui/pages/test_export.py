@@ -106,6 +106,16 @@ def test_options_change_the_preview(page):
     assert "<b>walk.filled.csv</b>" in page.preview.text()
 
 
+def test_a_hidden_page_looks_through_no_take_until_it_is_seen_again(page, session):
+    """What a format cannot hold is found by looking through all frames, which would delay every correction."""
+    page.choice.setCurrentText("Joint positions, CSV")
+    page.hide()
+    session.change(Project(session.project.take))
+    assert "400 frames" in page.preview.text()
+    page.show()
+    assert "400 frames" not in page.preview.text()
+
+
 def test_options_stay_when_a_result_changes(page, session):
     page.form.rows["filled"].editor.click()
     session.change(session.project)

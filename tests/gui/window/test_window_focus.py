@@ -9,11 +9,13 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDockWidget, QScrollArea, QWidget
-from skelgen_gui.widgets.theme import component_colour, theme_palette
+from skelgen_gui.widgets.theme import colour_of_limb, component_colour, doubt_colour, theme_palette
 
 Key = Qt.Key
 ROW = 12  # px: what is at about the same height stands in one row
 LEAST_DIFFERENCE = 20.0  # CIELAB; 2.3 are just noticed side by side, 20 in thin lines apart from each other
+N_LIMBS, LEAST_OF_LIMBS = 16, 10.0  # of a person with hands and feet: any two of them may be neighbours in the tree
+LEAST_ON_PAGE = 29.0  # CIELAB, of a limb and the page that it is drawn on
 
 # From linear RGB to what is seen without one kind of cones (Machado, Oliveira and Fernandes 2009, severity 1)
 BLINDNESS = {
@@ -82,6 +84,10 @@ def test_tab_goes_from_above_to_below_and_from_left_to_right(qtbot, active, pers
     assert not [tuple(widget.accessibleName() or widget.text() for widget in pair) for pair in wrong]
 
 
+def test_no_ring_is_there_before_a_key_moves_the_focus(window):
+    assert not window.focus_ring.isVisible()
+
+
 def test_a_ring_shows_where_tab_has_brought_the_focus_and_a_click_takes_it_away(qtbot, active):
     ring = active.focus_ring
     active.view3d.setFocus()
@@ -116,3 +122,14 @@ def test_components_are_told_apart_without_one_kind_of_cones(dark, blindness):
     palette = theme_palette(dark=dark)
     seen = [lab(component_colour(component, palette), blindness) for component in range(3)]
     assert min(np.linalg.norm(one - other) for one, other in combinations(seen, 2)) > LEAST_DIFFERENCE
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("blindness", [np.eye(3), *BLINDNESS.values()], ids=["none", *BLINDNESS])
+def test_any_two_limbs_are_told_apart_in_view_graph_and_report(dark, blindness):
+    palette = theme_palette(dark=dark)
+    page = lab(palette.color(QPalette.ColorRole.Base), blindness)
+    seen = [lab(colour_of_limb(limb, palette), blindness) for limb in range(N_LIMBS)]
+    shown = [*seen, lab(doubt_colour(palette), blindness)]
+    assert min(np.linalg.norm(one - other) for one, other in combinations(shown, 2)) > LEAST_OF_LIMBS
+    assert min(np.linalg.norm(one - page) for one in seen) > LEAST_ON_PAGE

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QApplication, QDialog
-from skelgen_gui.model.labelling import marker_rows, naming, with_point_named
+from skelgen_gui.model.labelling import marker_rows, names_left, naming, with_point_named
 from skelgen_gui.model.selection import Selection
 
 import skelgen
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.labelling import Doubt
 from skelgen.model.questions import Question
+from skelgen.stages.names import marker_names
 
 Key = Qt.Key
 N_MARKERS, N_FRAMES = 53, 60
@@ -46,6 +47,20 @@ def pane(qtbot, window, person, unnamed):
     qtbot.waitUntil(window.labelling.isVisible)
     person.waits(lambda: window.labelling.table.filtered.rowCount() == N_MARKERS)
     return window.labelling
+
+
+def test_a_name_that_is_written_otherwise_is_not_offered_again(unnamed):
+    """A take has ``r.ASIS`` where the table of the marker set has ``R.ASIS``."""
+    names = marker_names("plug-in-gait")
+    given = (names[0].lower(), f"me:{names[1]}", *unnamed.trajectories.names[2:])
+    project = replace(unnamed, _trajectories=replace(unnamed.trajectories, names=given))
+    assert set(names) - set(names_left(project, "plug-in-gait")) == {names[0], names[1]}
+
+
+def test_names_and_markers_share_a_low_pane(window, pane, person):
+    window.resize(1024, 700)
+    person.waits()
+    assert pane.table.viewport().height() > pane.names.height() >= 2 * pane.fontMetrics().height()
 
 
 def presses(qtbot, *keys):

@@ -148,7 +148,8 @@ def test_sentences_call_limbs_by_their_names():
         with_names_of_limbs("the joint between limb 0 and 2 turns", limbs)
         == "the joint between left hand and head turns"
     )
-    assert with_names_of_limbs("limbs 0 and 1 are 3 mm apart", limbs) == "limbs 0 and 1 are 3 mm apart"
+    assert with_names_of_limbs("limbs 0 and 1 are 3 mm apart", limbs) == "left hand and limb 1 are 3 mm apart"
+    assert with_names_of_limbs("limbs 1 and 3 are 3 mm apart", limbs) == "limbs 1 and 3 are 3 mm apart"
     assert with_names_of_limbs("of 3 limbs 0.5 % are seen", limbs) == "of 3 limbs 0.5 % are seen"
 
 
