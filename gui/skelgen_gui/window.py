@@ -195,9 +195,9 @@ class Window(QMainWindow):
 
     def _share_room(self) -> None:
         """Leave most of a small screen to the views and to what stands beside them."""
-        steps, timeline = (self.findChild(QDockWidget, name) for name in ("steps", "timeline"))
-        self.resizeDocks([steps], [int(_STEPS * self.width())], Qt.Orientation.Horizontal)
-        self.resizeDocks([timeline], [int(_TIMELINE * self.height())], Qt.Orientation.Vertical)
+        docks = {dock.objectName(): dock for dock in self.findChildren(QDockWidget)}
+        self.resizeDocks([docks["steps"]], [int(_STEPS * self.width())], Qt.Orientation.Horizontal)
+        self.resizeDocks([docks["timeline"]], [int(_TIMELINE * self.height())], Qt.Orientation.Vertical)
 
     def _do(self, kind: str, name: str) -> None:
         """Do what a link of the first steps says."""
