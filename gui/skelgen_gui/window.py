@@ -25,6 +25,7 @@ from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.comparison import ComparisonPanel
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
+from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs, StatusLine
@@ -216,6 +217,8 @@ class Window(QMainWindow):
         dock = QDockWidget(title, self)
         dock.setObjectName(name)
         dock.setWidget(widget)
+        if isinstance(widget, PanelWhileSeen):
+            dock.visibilityChanged.connect(widget.come_into_sight)
         self.addDockWidget(area, dock)
         self.keys.watch(dock)
         return dock

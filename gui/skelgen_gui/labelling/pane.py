@@ -165,6 +165,7 @@ class LabellingPane(PanelWhileSeen):
         self.name.setPlaceholderText("" if name else self.tr("Select a marker"))
         if self.name.hasFocus():
             self.name.selectAll()
+        self._is_stale = self._is_stale or not self.is_seen
         self._list_names("")
 
     def _asks_for_point(self) -> bool:
@@ -200,7 +201,7 @@ class LabellingPane(PanelWhileSeen):
         project = self._session.project
         typed = (self.name.text() if typed is None else typed).strip().lower()
         found: tuple[str, ...] = ()
-        if project is not None and project.has("labels") and self.isVisible():
+        if project is not None and project.has("labels") and self.is_seen:
             found = names_left(project, self.sets.currentData() or "")
             found += project.trajectories.names if typed else ()
         self._left.setStringList([name for name in found if typed in name.lower()][:_MOST_NAMES])

@@ -158,20 +158,34 @@ class Deriver(QObject):
 
 
 class PanelWhileSeen(QWidget):
-    """A panel that lists a project only while it is seen, and catches up when it is shown."""
+    """A panel that lists a project only while it is seen, and catches up when it is shown.
+
+    Docks behind the tab of another one count as visible for Qt, which only puts them out of sight; whoever makes the
+    dock connects its `visibilityChanged` with `come_into_sight`.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self._is_stale = True
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether any of it is in sight."""
+        return self.isVisible() and not self.visibleRegion().isEmpty()
+
+    def come_into_sight(self, is_seen: bool = True) -> None:
+        """List what there is by now, if it is seen again."""
+        if is_seen:
+            self._catch_up()
+
     def showEvent(self, event: QShowEvent) -> None:
         """List what there is by now."""
         super().showEvent(event)
-        self._catch_up()
+        self.come_into_sight()
 
     def _follow_project(self) -> None:
         self._is_stale = True
-        if self.isVisible():
+        if self.is_seen:
             self._catch_up()
 
     def _catch_up(self) -> None:

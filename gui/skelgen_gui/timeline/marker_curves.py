@@ -185,8 +185,8 @@ class MarkerCurves(PanelWhileSeen):
     def _follow(self) -> None:
         """Draw the curves of what is selected, and what would fill the chosen gap."""
         project, row = self._session.project, self.tools.row
-        if self._is_following or not self.isVisible():
-            self._is_stale = self._is_stale or not self.isVisible()
+        if self._is_following or not self.is_seen:
+            self._is_stale = self._is_stale or not self.is_seen
             return
         markers = sorted(self._session.selection.markers)
         if project is None or not project.has("labels") or not markers:

@@ -99,6 +99,18 @@ def test_position_speed_and_distances_are_drawn_of_any_selection(qtbot, window, 
     person.waits(lambda: len(pane.plot.panels[0].curves) > 4)
 
 
+def test_panels_behind_the_tab_of_another_one_wait_until_they_are_raised(window, person, gapped):
+    window.document.open(gapped)
+    person.waits()
+    rows, tree = window.marker_curves.tools.table.gaps, window.outline.tree
+    assert not rows.rows
+    assert not tree.topLevelItemCount()
+    window.marker_curves_dock.raise_()
+    person.waits(lambda: bool(rows.rows))
+    window.outline.parentWidget().raise_()
+    person.waits(lambda: bool(tree.topLevelItemCount()))
+
+
 def test_smoothing_is_drawn_with_its_deviation_before_it_is_stated(qtbot, window, pane, person):
     window.session.select(Selection(frozenset({3})))
     person.waits()
