@@ -46,6 +46,9 @@ NEAR = 20.0
 SUSPICIOUS, MOST_LATE = 8.0, 20
 """px that most points are off a camera whose lens is not known: more is not the lens; frames that it may be late."""
 
+FALSE, FALSE_BY = 3.0, 10.0
+"""px that a view is off if it is no wand, and the same as a multiple of what the middle one is."""
+
 SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3
 """Samples and their points of which the one with the least median places a camera, then rounds with the points that fit
 better than three times the middle one: balls that are none may not drag it along."""
@@ -90,7 +93,32 @@ def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names
         order.append(camera)
         bundle = _adjusted(replace(bundle, cameras=(*bundle.cameras, eye), seen=seen[:, order]), seen[:, order])
     cameras = tuple(bundle.cameras[order.index(camera)] for camera in range(len(names)))
-    return _in_first(replace(bundle, cameras=cameras, seen=seen))
+    return _without_false(_in_first(replace(bundle, cameras=cameras, seen=seen)))
+
+
+def _without_false(bundle: WandBundle) -> WandBundle:
+    """The bundle without views that are no wand: what the others of their moment see is elsewhere."""
+    off = _views_off(bundle)
+    limit = max(FALSE, FALSE_BY * float(np.median(off[off > 0])))
+    wrong = np.flatnonzero((off > limit).any(axis=1))
+    without = np.full((len(wrong), len(bundle.cameras)), np.inf)
+    part = bundle.of(np.isin(np.arange(len(bundle.seen)), wrong))
+    for camera in range(len(bundle.cameras)):
+        others = part.seen.copy()
+        others[:, camera] = np.nan
+        trial = _replaced(replace(part, seen=others))
+        placed = np.isfinite(trial.first[:, 0]) & np.isfinite(part.seen[:, camera, 0, 0])
+        without[placed, camera] = _views_off(trial.of(placed)).max(axis=1)
+    seen, best = bundle.seen.copy(), without.argmin(axis=1)
+    is_one = without[np.arange(len(wrong)), best] <= limit
+    seen[wrong[is_one], best[is_one]] = np.nan
+    seen[wrong[~is_one]] = np.nan
+    return _replaced(replace(bundle, seen=seen))
+
+
+def _views_off(bundle: WandBundle) -> Floats:
+    """How far off each view of the wand is [px], shape (n_frames, n_cameras); 0 where there is none."""
+    return np.asarray(np.nan_to_num(np.linalg.norm(residuals_of(bundle), axis=-1), nan=0.0).max(axis=2))
 
 
 def check_overlap(shows: Bools, names: list[str]) -> None:
