@@ -20,7 +20,7 @@ a joint that motion places out of reach all frames together say as much as a thi
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,16 @@ from skelgen.kinematics.calibration.joint_places import (
     out_of_reach,
     places,
     pulls_to_places,
+)
+from skelgen.kinematics.calibration.known_body import (
+    TAIL,
+    KnownBody,
+    KnownLimb,
+    joints_of_body,
+    joints_of_limbs,
+    known_limbs,
+    pulls_to_body,
+    with_joint_at,
 )
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain
 from skelgen.kinematics.chain.normal_equations import constant_gradient
@@ -106,7 +116,12 @@ def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
 
 
 def with_joint_prior(
-    last: Calibration, correlated: float, astray: Sequence[int] = (), *, others: bool = True
+    last: Calibration,
+    correlated: float,
+    astray: Sequence[int] = (),
+    *,
+    others: bool = True,
+    body: KnownBody | None = None,
 ) -> tuple[Calibration, float]:
     """Return the fit with joints where motion and what is known of any body together place them, and its growth.
 
@@ -122,6 +137,8 @@ def with_joint_prior(
         Limbs below the joints that motion alone places out of reach, from `out_of_reach`.
     others : bool
         Whether the other joints are weighed as well.
+    body : KnownBody, optional
+        What is known of this one by the marker set that it wears.
 
     Returns
     -------
@@ -133,12 +150,18 @@ def with_joint_prior(
     shared = TOGETHER * max(1 - LASTING / correlated, 0.0)
     weight = last.noise**2 * (1 + shared) * correlated * some.n_frames / last.n_frames
     following = max(FOLLOWING * last.n_frames / ((1 + shared) * correlated), 1.0)
-    known = [
-        replace(one, tail=NO_TAIL, weight=following, is_astray=True) if one.limb in astray else one
-        for one in joint_places(some)
-        if others or one.limb in astray
-    ]
-    state, damping = FittedChain.of(_along_hinges(_drawn_back(some, known), known)), FIRST_DAMPING
+    limbs = known_limbs(last.chain, body) if body is not None and others else []
+    told = joints_of_limbs(last.chain, limbs)
+    known = _Known(
+        [
+            replace(one, tail=NO_TAIL, weight=following, is_astray=True) if one.limb in astray else one
+            for one in joint_places(some)
+            if one.limb not in told and (others or one.limb in astray)
+        ],
+        limbs,
+    )
+    guess = _along_hinges(joints_of_body(_drawn_back(some, known.joints), limbs), known)
+    state, damping = FittedChain.of(guess), FIRST_DAMPING
     for _ in range(ROUNDS):
         found = _improved(state, known, weight, damping)
         if found is None:
@@ -159,10 +182,24 @@ def with_joint_prior(
     return _with_information(better, known, growth), growth
 
 
-def _with_information(fit: Calibration, known: list[JointPlace], growth: float) -> Calibration:
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What is known: of joints of any body, and of limbs of this one."""
+
+    joints: list[JointPlace]
+    limbs: list[KnownLimb]
+
+    def pulls(self, chain: Chain) -> tuple[Floats, Floats, Floats]:
+        """Return how what should be 0 depends on `places`, what it is, and its tails."""
+        pulls, tails = pulls_to_places(chain, self.joints)
+        to_body, off = pulls_to_body(chain, self.limbs)
+        towards = np.concatenate([pulls @ places(chain).ravel(), off])
+        return np.concatenate([pulls, to_body]), towards, np.concatenate([tails, np.full(len(off), TAIL)])
+
+
+def _with_information(fit: Calibration, known: _Known, growth: float) -> Calibration:
     """The fit with the information of its joints' expected places added."""
-    pulls, tails = pulls_to_places(fit.chain, [replace(one, weight=1.0) for one in known])
-    towards = pulls @ places(fit.chain).ravel()
+    pulls, towards, tails = replace(known, joints=[replace(one, weight=1.0) for one in known.joints]).pulls(fit.chain)
     follow, seem = _turns_of_frames(fit.chain)
     pulls -= pulls @ follow @ seem
     information = fit.information.copy()
@@ -173,25 +210,18 @@ def _with_information(fit: Calibration, known: list[JointPlace], growth: float) 
 
 def _drawn_back(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
     """Move joints that lie out of reach to where they are expected."""
-    chain, rotations, markers = fit.chain, fit.poses.rotations, fit.poses.markers(fit.chain)
-    joints, offsets = chain.joints.copy(), chain.offsets.copy()
+    markers = fit.poses.markers(fit.chain)
     for joint in known:
-        if not joint.is_astray:
-            continue
-        parent, limb = rotations[:, chain.parents[joint.limb]], joint.limb
-        first, last = (markers[:, one] for one in joint.nearest)
-        gap = first + TOWARDS_CHILD * (last - first) - fit.poses.origins(chain)[:, limb]
-        in_parent, in_child = (np.einsum("fji,fj->i", one, gap) / len(gap) for one in (parent, rotations[:, limb]))
-        joints[limb] += in_parent
-        joints[chain.parents == limb] -= in_child
-        offsets[chain.limb_of_marker == limb] -= in_child
-    return replace(fit, chain=chain.moved(joints, offsets))
+        if joint.is_astray:
+            first, last = (markers[:, one] for one in joint.nearest)
+            fit = replace(fit, chain=with_joint_at(fit, joint.limb, first + TOWARDS_CHILD * (last - first)))
+    return fit
 
 
-def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
+def _along_hinges(fit: ObservedChain, known: _Known) -> ObservedChain:
     """Move hinges along their axes, which residuals leave open, to where they are expected."""
     chain, articulation = fit.chain, fit.articulation
-    size_of = {one.limb: one.distance for one in known if articulation.types[one.limb] == "hinge"}
+    size_of = {one.limb: one.distance for one in known.joints if articulation.types[one.limb] == "hinge"}
     hinges = list(size_of)
     if not hinges:
         return fit
@@ -202,16 +232,16 @@ def _along_hinges(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
         move[chain.n_markers + limb] = in_parent
         move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
     flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
-    pulls, _ = pulls_to_places(chain, known)
+    pulls, towards, _ = known.pulls(chain)
     held = np.diag([1 / (FARTHEST * size) for size in size_of.values()])  # where hardly anything is expected of them
-    left = np.concatenate([-pulls @ places(chain).ravel(), np.zeros(len(hinges))])
+    left = np.concatenate([-towards, np.zeros(len(hinges))])
     shifts = np.linalg.lstsq(np.concatenate([pulls @ flat.T, held]), left, rcond=None)[0]
     offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
     return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
 
 
 def _improved(
-    state: FittedChain, known: list[JointPlace], weight: float, damping: float
+    state: FittedChain, known: _Known, weight: float, damping: float
 ) -> tuple[FittedChain, float, float] | None:
     """Take damped steps that lower the sum; also return the next damping, and by how much; None if none do.
 
@@ -229,7 +259,7 @@ def _improved(
     return None
 
 
-def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping: float) -> FittedChain:
+def _stepped(state: FittedChain, known: _Known, weight: float, damping: float) -> FittedChain:
     """Take a damped step."""
     fit, chain = state.fit, state.fit.chain
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
@@ -237,8 +267,7 @@ def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping
     usual = float(np.diag(information)[:n_places].mean())
     free = np.full(len(information), FREE_SHARE * usual)
     free[n_places:] *= level_of_tilts(chain)
-    pulls, tails = pulls_to_places(chain, known)
-    towards = pulls @ places(chain).ravel()
+    pulls, towards, tails = known.pulls(chain)
     follow, seem = _turns_of_frames(chain)
     pulls -= pulls @ follow @ seem
     kept = 1 / (1 + (towards / tails) ** 2)
@@ -254,10 +283,10 @@ def _stepped(state: FittedChain, known: list[JointPlace], weight: float, damping
     return FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
 
 
-def _total(state: FittedChain, known: list[JointPlace], weight: float) -> float:
+def _total(state: FittedChain, known: _Known, weight: float) -> float:
     """Squares of the residuals, and what is surprising about the joints."""
-    pulls, tails = pulls_to_places(state.fit.chain, known)
-    return state.squares + weight * _surprise(pulls @ places(state.fit.chain).ravel(), tails)
+    _, towards, tails = known.pulls(state.fit.chain)
+    return state.squares + weight * _surprise(towards, tails)
 
 
 def _surprise(pulled: Floats, tails: Floats) -> float:

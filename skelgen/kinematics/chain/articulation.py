@@ -153,7 +153,8 @@ class Articulation:
             if kind == "universal":
                 normal = _unit(np.cross(axis, relative @ self.in_child[limb]))
                 relative = matrix_from_vector(tilt[2] * normal) @ relative
-                between[limb] += tilt[2]
+                # Axes that pass each other are as far apart again on the other side: angles have no sign
+                between[limb] = abs(np.remainder(between[limb] + tilt[2] + np.pi, 2 * np.pi) - np.pi)
             if kind != "rigid":
                 turn = matrix_from_vector(across(axis) @ tilt[:2])
                 axes[limb] = turn @ axis

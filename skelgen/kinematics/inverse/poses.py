@@ -13,7 +13,7 @@ from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, chain_table, rows, seen_weights, writable
 from skelgen.model.arrays import Floats
 
-MAX_STEPS = 15
+MAX_STEPS = 60
 
 UNKNOWN_TURN = 1.0
 """rad; standard deviation of a rotation that nothing in the frame determines."""

@@ -3,9 +3,19 @@
 What is known of them stands in readable tables, `tables/*.toml`, each with its sources.
 """
 
-from skelgen.simulation.people.body import HEIGHTS, Person, person
+from skelgen.simulation.people.body import HEIGHTS, Person, person, usual_person
 from skelgen.simulation.people.motions import MOTIONS, SLOWEST, natural_motion
 from skelgen.simulation.people.skin import skin_motion
 from skelgen.simulation.people.tables import MARKER_SETS
 
-__all__ = ["HEIGHTS", "MARKER_SETS", "MOTIONS", "SLOWEST", "Person", "natural_motion", "person", "skin_motion"]
+__all__ = [
+    "HEIGHTS",
+    "MARKER_SETS",
+    "MOTIONS",
+    "SLOWEST",
+    "Person",
+    "natural_motion",
+    "person",
+    "skin_motion",
+    "usual_person",
+]

@@ -5,6 +5,7 @@ Croce et al., Gait & Posture 21 (2005) 226-237), and so do we.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -80,7 +81,25 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
     body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
     missed = _PALPATION * rng.normal(size=(len(markers), 3))
-    limbs, order = [], []
+    worn, kept, order = _dressed(body, marker_set, scales, missed)
+    sliding = np.array([sliding_at(markers[index].place) for index in order])
+    plates = tuple(markers[index].plate for index in order)
+    return Person(body, worn, np.array(kept, dtype=np.intp), sliding, plates, _contacts(scales))
+
+
+@cache
+def usual_person(marker_set: str) -> Structure:
+    """Return somebody of usual proportions, `HEIGHT` tall, whose markers of a set are stuck where they belong."""
+    body = Structure(marker_set, tuple(_unmarked_limbs()))
+    same = dict.fromkeys(body.limb_names, np.ones(3))
+    return _dressed(body, marker_set, same, np.zeros((len(worn_markers(marker_set)), 3)))[0]
+
+
+def _dressed(
+    body: Structure, marker_set: str, scales: dict[str, Floats], missed: Floats
+) -> tuple[Structure, list[int], list[int]]:
+    """Put the markers of a set on a body; also return the limbs that are left, and the order of the markers."""
+    markers, limbs, order = worn_markers(marker_set), [], []
     for one in body.limbs:
         mine = [index for index, marker in enumerate(markers) if marker.limb == one.name]
         places = [scales[one.name] * markers[index].offset + missed[index] for index in mine]
@@ -88,10 +107,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
         limbs.append(replace(one, markers=np.array(places).reshape(-1, 3), marker_names=names))
         order += mine
     kept = _marked(limbs)
-    worn = Structure(marker_set, tuple(limbs[index] for index in kept))
-    sliding = np.array([sliding_at(markers[index].place) for index in order])
-    plates = tuple(markers[index].plate for index in order)
-    return Person(body, worn, np.array(kept, dtype=np.intp), sliding, plates, _contacts(scales))
+    return Structure(marker_set, tuple(limbs[index] for index in kept)), kept, order
 
 
 def _unmarked_limbs() -> list[LimbModel]:

@@ -10,6 +10,7 @@ from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
+from skelgen.stages.limbs.worn_body import worn_body
 from skelgen.stages.limbs.worn_sets import markers_of_set
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "find_limbs",
     "markers_of_set",
     "rigid_groups",
+    "worn_body",
 ]

@@ -13,6 +13,7 @@ from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
 from skelgen.kinematics.calibration.joint_places import out_of_reach
 from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
+from skelgen.kinematics.calibration.known_body import KnownBody
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.root_outward import pose_outward
@@ -20,6 +21,7 @@ from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.stages.limbs import worn_body
 from skelgen.stages.skeleton import joints as body_joints
 from skelgen.stages.skeleton.assembly import Body, assemble
 from skelgen.stages.skeleton.loops import FOUND, ClosedLoops, closed_body
@@ -120,12 +122,15 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
         astray = out_of_reach(found.last) if lasts else []
         found = fitter.without_slides(_with_joint_prior(found, astray, others=False) if astray else found)
-        found = _with_joint_prior(found, astray) if lasts else found
+        if lasts:
+            worn = worn_body(body.positions, body.limb_of_marker) if parameters.known_build else None
+            found = _with_joint_prior(found, astray, worn=worn)
         found = fitter.closed(found, loops)
     last, types, poses = found.last, found.types, found.poses
     # What is known of joints places hinges along their axes, too, and its information says how well
     freedom = np.zeros(len(types) + 1) if lasts else body_joints.axis_freedom(types, last.noise)
     shifts = {} if lasts else body_joints.shifts_along_axes(last.chain, types, freedom)
+    shifts = body_joints.harmless(shifts, last, types)
     chain, closed = body_joints.shifted(last.chain, types, shifts), found.loops
     if parameters.fit == "whole-chain":
         closed = None if closed is None else closed.shifted(types, shifts)
@@ -280,9 +285,9 @@ class _Fitter:
         return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
 
 
-def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True) -> _Fit:
+def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True, worn: KnownBody | None = None) -> _Fit:
     """Weigh what motion says of joints against what is known of any body, of all or of those that lie out of reach."""
-    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others)
+    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses, correlated=growth)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.chain import variances_across
-from skelgen.kinematics.calibration.calibrate import Calibration
+from skelgen.kinematics.calibration.calibrate import Calibration, FittedChain
 from skelgen.kinematics.calibration.limb_errors import HingeShifts, LimbErrors, limb_errors
 from skelgen.kinematics.calibration.uncertainty import frame_covariances, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
@@ -21,6 +21,9 @@ from skelgen.model.arrays import Bools, Floats, spread_frames
 NEIGHBOUR_WEIGHT = 0.1
 """Weight of a limb's other joints beside its markers for the place of a hinge along its axis. It is small: near the
 markers an axis is known best, and an error of its direction grows with the distance along it."""
+
+HARMLESS = 1.2
+"""Times the squares of the residuals that shifts along hinges may leave."""
 
 NUMBERS_OF_POSE = 6
 """Coordinates of a position and a rotation."""
@@ -158,6 +161,25 @@ def shifts_along_axes(chain: Chain, types: list[JointType], freedom: Floats) -> 
             right.append(weight * (second[0] - first[0]))
     shifts = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
     return {limb: float(freedom[limb] * shifts[position]) for limb, position in column.items()}
+
+
+def harmless(shifts: dict[int, float], fit: Calibration, types: list[JointType]) -> dict[int, float]:
+    """Return shifts along hinges that the markers bear: joints that are not held to their axes may not.
+
+    Parameters
+    ----------
+    shifts : dict of int to float
+        How far [mm], by child limb.
+    fit : Calibration
+        The fit.
+    types : list of JointType
+        Of its joints.
+    """
+    held = {limb: shift for limb, shift in shifts.items() if fit.articulation.types[limb] == "hinge"}
+    if len(held) == len(shifts):
+        return shifts
+    moved = FittedChain.of(replace(fit, chain=shifted(fit.chain, types, shifts)))
+    return shifts if moved.squares <= HARMLESS * fit.squares else held
 
 
 def axis_freedom(types: list[JointType], noise: float) -> Floats:

@@ -79,6 +79,12 @@ class SkeletonParameters(StageParameters):
         acts_with="fit=whole-chain and take=unlabelled/labelled",
         basic=True,
     )
+    known_build: bool = declare(
+        True,
+        "weigh joints of a person whose marker set is recognised by its shape against where they lie to its markers on "
+        "people, where soft tissue misplaces them",
+        acts_with="fit=whole-chain and take=unlabelled/labelled",
+    )
     hinge_wobble: float = declare(
         0.12,
         "a hinge or universal joint may turn in other ways by this part of its smallest own turn, noise apart",

@@ -46,6 +46,16 @@ def test_axes_that_are_tilted_keep_the_joints(tree):
     assert np.abs(changed.in_parent - articulation.in_parent).max() > 0.01
 
 
+def test_axes_of_a_universal_joint_that_pass_each_other_keep_the_joint(tree):
+    chain, articulation, poses, _ = tree
+    limb = articulation.types.index("universal")
+    change = np.zeros(articulation.n_constants)
+    change[articulation.constant_columns[limb].stop - 1] = -articulation.between[limb] - 0.2
+    changed, rotations = articulation.tilted(chain.parents, poses.rotations, change)
+    assert changed.between[limb] == pytest.approx(0.2)
+    np.testing.assert_allclose(changed.projected(chain.parents, rotations), rotations, atol=1e-9)
+
+
 def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
     chain, articulation, poses, _ = tree
     some = poses[slice(0, 2)]

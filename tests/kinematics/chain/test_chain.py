@@ -72,6 +72,14 @@ def test_more_frames_than_are_solved_together_are_all_fitted(true_chain):
     np.testing.assert_allclose(fitted.markers(case.chain), case.truth.marker_positions, atol=1e-4)
 
 
+def test_every_frame_ends_in_a_minimum_however_far_off_it_starts(true_chain):
+    case = true_chain("tree:12", n_frames=60, noise=1.0, dropouts=0.4)
+    fitted = fit_poses(case.chain, disturbed(case.poses, 1.0), case.positions)
+    again = fit_poses(case.chain, fitted, case.positions)
+    squares = [(residuals(case.chain, one, case.positions) ** 2).sum(axis=(1, 2)) for one in (fitted, again)]
+    np.testing.assert_allclose(*squares, rtol=1e-3)
+
+
 def test_fitted_poses_are_better_than_any_near_them(true_chain):
     case = true_chain("rods", n_frames=30, noise=1.0, dropouts=0.1)
     fitted = fit_poses(case.chain, case.poses, case.positions)

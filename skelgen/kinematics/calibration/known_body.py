@@ -1,0 +1,248 @@
+r"""A body of known build: how its markers and joints lie to each other on a usual person of its size.
+
+Of a limb that is a segment of the known body, points x (its markers, and the joints to its neighbours) are expected to
+be those of the segment, y, in any pose: what is surprising is
+
+.. math::
+    \min_{R, t} \sum_i |x_i - (s R y_i + t)|^2 / \sigma_i^2
+
+with the size s of the whole body. The deviations count what a marker misses its place by, and that people differ: the
+more, the farther a point is from the middle of its segment.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix, nearest_rotation
+from skelgen.kinematics.calibration.joint_places import places
+from skelgen.kinematics.chain.chain import Chain, ObservedChain
+from skelgen.model.arrays import Floats, Ints
+
+MISPLACED = 10.0
+"""mm; standard deviation of a coordinate of a marker, or of a joint, from its place."""
+
+UNLIKE = 0.06
+"""Of the distance to the middle of the segment: the same, as proportions of people differ."""
+
+TAIL = 3.0
+"""Standard deviations from which on a point counts less and less: some markers are stuck elsewhere."""
+
+FLAT = 0.05
+"""Of the largest: spread of a segment's markers across their line that tells how it is turned."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownBody:
+    """A body of known build.
+
+    Attributes
+    ----------
+    segments : ndarray of intp, shape (n_markers,)
+        Segment of each marker, -1 where it is not known.
+    offsets : ndarray, shape (n_markers, 3), mm
+        The markers in the frames of their segments, in the size of the body.
+    parents : ndarray of intp, shape (n_segments,)
+        Of the segments, -1 for the root.
+    joints : ndarray, shape (n_segments, 3), mm
+        Origins of the segments, which are their joints to their parents, in the parents' frames.
+    """
+
+    segments: Ints
+    offsets: Floats
+    parents: Ints
+    joints: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLimb:
+    """A limb of a chain that is a segment.
+
+    Attributes
+    ----------
+    limb : int
+        Place in the chain.
+    rows : ndarray of intp, shape (n_points,)
+        Its points among `places` of the chain; -1 for its origin.
+    expected : ndarray, shape (n_points, 3), mm
+        The same points in the segment's frame.
+    n_markers : int
+        How many of them, the first, are markers.
+    """
+
+    limb: int
+    rows: Ints
+    expected: Floats
+    n_markers: int
+
+    @property
+    def deviations(self) -> Floats:
+        """Standard deviations of the points [mm]."""
+        return np.asarray(
+            np.hypot(MISPLACED, UNLIKE * np.linalg.norm(self.expected - self.expected.mean(axis=0), axis=1))
+        )
+
+    @property
+    def fixes_turn(self) -> bool:
+        """Whether its markers, without its joints, tell how it is turned."""
+        markers = self.expected[: self.n_markers]
+        spread = np.linalg.svd(markers - markers.mean(axis=0), compute_uv=False)
+        return self.n_markers > 2 and bool(spread[1] > FLAT * spread[0])
+
+    def at(self, chain: Chain) -> Floats:
+        """Return its points in the limb's frame [mm], shape (n_points, 3)."""
+        every = np.vstack([places(chain), np.zeros(3)])
+        return np.asarray(every[self.rows])
+
+
+def known_limbs(chain: Chain, body: KnownBody) -> list[KnownLimb]:
+    """Return the limbs of a chain that are segments, with their points.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    body : KnownBody
+        What is known.
+    """
+    segment = [_most(body.segments[chain.limb_of_marker == limb]) for limb in range(chain.n_limbs)]
+    found = []
+    for limb, own in enumerate(segment):
+        if own < 0:
+            continue
+        markers = np.flatnonzero((chain.limb_of_marker == limb) & (body.segments == own))
+        rows, expected = markers.tolist(), list(body.offsets[markers])
+        ends = [
+            (chain.n_markers + child - 1, segment[child]) for child in np.flatnonzero(chain.parents == limb).tolist()
+        ]
+        ends += [(-1, segment[chain.parents[limb]])] if limb else []
+        for row, other in ends:
+            if other >= 0 and body.parents[other] == own:
+                rows.append(row)
+                expected.append(body.joints[other])
+            elif other >= 0 and body.parents[own] == other:
+                rows.append(row)
+                expected.append(np.zeros(3))
+        found.append(KnownLimb(limb, np.array(rows), np.array(expected), len(markers)))
+    return found
+
+
+def _most(segments: Ints) -> int:
+    """Return the segment of more than half of the markers that have one; -1 if there is none."""
+    known = segments[segments >= 0]
+    if not len(known):
+        return -1
+    count = np.bincount(known)
+    return int(count.argmax()) if 2 * count.max() > len(segments) else -1
+
+
+def joints_of_limbs(chain: Chain, limbs: list[KnownLimb]) -> set[int]:
+    """Return the limbs below joints that are known from a limb whose markers tell how it is turned.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    limbs : list of KnownLimb
+        What is known of them.
+    """
+    rows = [(one.limb, row) for one in limbs if one.fixes_turn for row in one.rows[one.n_markers :].tolist()]
+    return {limb if row < 0 else row - chain.n_markers + 1 for limb, row in rows}
+
+
+def pulls_to_body(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]:
+    """Return what each point is off, in standard deviations, and how that depends on `places`.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    limbs : list of KnownLimb
+        What is known of them.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_pulls, 3 (n_markers + n_limbs - 1)) and (n_pulls,)
+    """
+    n_places = chain.n_markers + chain.n_limbs - 1
+    rows, offs = [np.zeros((0, 3 * n_places))], [np.zeros(0)]
+    for one in limbs:
+        if len(one.rows) < 2:
+            continue
+        points, weights = one.at(chain), 1 / one.deviations
+        turned, off = _off(points, one.expected, weights)
+        free = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -cross_matrix(turned)], axis=2)
+        free = (weights[:, np.newaxis, np.newaxis] * free).reshape(-1, 6)
+        basis, sizes, _ = np.linalg.svd(free, full_matrices=False)
+        basis = basis[:, sizes > 1e-6 * sizes[0]]
+        pull = np.zeros((len(points), 3, n_places + 1, 3))
+        for point, (row, weight) in enumerate(zip(one.rows, weights, strict=True)):
+            pull[point, :, row] = weight * np.eye(3)
+        flat = pull[:, :, :n_places].reshape(3 * len(points), -1)
+        rows.append(flat - basis @ (basis.T @ flat))
+        offs.append((weights[:, np.newaxis] * off).ravel())
+    return np.concatenate(rows), np.concatenate(offs)
+
+
+def _off(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Return expected points about their middle as they are turned, and how far the points are from them."""
+    shares = weights**2 / (weights**2).sum()
+    middle, there = shares @ points, shares @ expected
+    turn = nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (expected - there))
+    turned = (expected - there) @ turn.T
+    return turned, points - middle - turned
+
+
+def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
+    """Move joints to where they are expected by the markers of limbs that show how they are turned.
+
+    Parameters
+    ----------
+    fit : ObservedChain
+        The chain.
+    limbs : list of KnownLimb
+        What is known of it.
+    """
+    chain = fit.chain
+    for joint in range(1, chain.n_limbs):
+        wanted = []
+        for one in limbs:
+            row = -1 if one.limb == joint else chain.n_markers + joint - 1
+            where = np.flatnonzero(one.rows[one.n_markers :] == row)
+            if one.limb not in (joint, chain.parents[joint]) or not len(where) or not one.fixes_turn:
+                continue
+            own = slice(0, one.n_markers)
+            points, weights = one.at(chain)[own], 1 / one.deviations[own]
+            shares = weights**2 / (weights**2).sum()
+            middle, there = shares @ points, shares @ one.expected[own]
+            turn = nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (one.expected[own] - there))
+            place = middle + turn @ (one.expected[one.n_markers + where[0]] - there)
+            rotations = fit.poses.rotations[:, one.limb]
+            wanted.append(fit.poses.origins(chain)[:, one.limb] + rotations @ place)
+        if wanted:
+            chain = with_joint_at(replace(fit, chain=chain), joint, np.mean(wanted, axis=0))
+            fit = replace(fit, chain=chain)
+    return fit
+
+
+def with_joint_at(fit: ObservedChain, limb: int, wanted: Floats) -> Chain:
+    """Return the chain with a joint as near as can be to where it is wanted in the world; all markers stay.
+
+    Parameters
+    ----------
+    fit : ObservedChain
+        The chain in its poses.
+    limb : int
+        Below the joint.
+    wanted : ndarray, shape (n_frames, 3), mm
+        In the world.
+    """
+    chain, rotations = fit.chain, fit.poses.rotations
+    joints, offsets = chain.joints.copy(), chain.offsets.copy()
+    gap = wanted - fit.poses.origins(chain)[:, limb]
+    ends = (rotations[:, chain.parents[limb]], rotations[:, limb])
+    in_parent, in_child = (np.einsum("fji,fj->i", one, gap) / len(gap) for one in ends)
+    joints[limb] += in_parent
+    joints[chain.parents == limb] -= in_child
+    offsets[chain.limb_of_marker == limb] -= in_child
+    return chain.moved(joints, offsets)

@@ -1,0 +1,80 @@
+"""The body beneath a marker set that is recognised by its shape: where its joints lie to its markers."""
+
+import numpy as np
+
+from skelgen.kinematics.calibration.known_body import KnownBody
+from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.simulation.articulated import Structure
+from skelgen.simulation.people import usual_person
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, nearest_set
+
+AGREED = 0.8
+"""Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
+
+TRUNK = ("pelvis", "chest", "head")
+"""Segments that tell a body from its mirror image, as they bend little."""
+
+LOOKED_AT = 30
+"""Frames for that."""
+
+ENOUGH = 5
+"""Markers of the trunk that a frame must show."""
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
+    """Return what is known of a body by the set that it wears; None if it wears none that is known.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Of one body; NaN where unseen.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        The limb of each.
+    """
+    found = nearest_set(positions)
+    if found is None or found[0].misfit > NOT_WORN:
+        return None
+    match, worn = found
+    person = usual_person(worn.name)
+    offsets = np.concatenate([limb.markers for limb in person.limbs])[match.of_set]
+    segments, limbs = worn.segments[match.of_set], limb_of_marker[match.markers]
+    alike, own = segments[:, np.newaxis] == segments, limbs[:, np.newaxis] == limbs
+    np.fill_diagonal(own, val=False)
+    if not own.any() or alike[own].mean() < AGREED:
+        return None
+    size = _size(positions[:, match.markers], offsets, alike & own)
+    mirror = MIRROR if _is_mirrored(positions[:, match.markers], person, match) else np.ones(3)
+    segment_of_marker, places = np.full(positions.shape[1], -1), np.zeros((positions.shape[1], 3))
+    fits = match.misfits < MARKER_DOES_NOT
+    segment_of_marker[match.markers[fits]] = segments[fits]
+    places[match.markers] = size * mirror * offsets
+    joints = np.array([limb.joint for limb in person.limbs])
+    return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints)
+
+
+def _size(positions: Floats, offsets: Floats, pairs: np.ndarray) -> float:
+    """How large the body is beside the usual person, by the distances on its limbs."""
+    first, second = np.nonzero(np.triu(pairs))
+    apart = np.linalg.norm(positions[:, first] - positions[:, second], axis=2)
+    seen = ~np.isnan(apart).all(axis=0)
+    found, usual = np.nanmedian(apart[:, seen], axis=0), np.linalg.norm(offsets[first] - offsets[second], axis=1)[seen]
+    return float(found @ usual / (usual @ usual))
+
+
+def _is_mirrored(positions: Floats, person: Structure, match: Match) -> bool:
+    """Whether left and right are exchanged: distances tell a body from its mirror image by no more than habit."""
+    origins = np.zeros((person.n_limbs, 3))
+    for limb in range(1, person.n_limbs):
+        origins[limb] = origins[person.parents[limb]] + person.limbs[limb].joint
+    standing = np.concatenate([limb.markers + origin for limb, origin in zip(person.limbs, origins, strict=True)])
+    of_trunk = np.isin(np.array(person.limb_names)[person.limb_of_marker[match.of_set]], TRUNK)
+    standing, sense = standing[match.of_set[of_trunk]], 0.0
+    for shown in positions[spread_frames(len(positions), LOOKED_AT)][:, of_trunk]:
+        seen = ~np.isnan(shown[:, 0])
+        if seen.sum() >= ENOUGH:
+            one, other = (points[seen] - points[seen].mean(axis=0) for points in (shown, standing))
+            product = one.T @ other
+            sense += float(np.sign(np.linalg.det(product)) * np.linalg.svd(product, compute_uv=False)[2])
+    return sense < 0

@@ -1,0 +1,45 @@
+"""The build of a body is known by the marker set that it wears, without names, and not by its mirror image."""
+
+import numpy as np
+import pytest
+
+from skelgen.simulation import simulate
+from skelgen.stages.limbs import worn_body
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+PROPORTIONS = 35.0  # mm by which a usual person's hips miss those of one of six sizes
+
+
+@pytest.fixture(scope="module")
+def walker():
+    return simulate("human", seed=5, motion="walk", marker_set="helen-hayes", n_frames=100, soft_tissue="realistic")
+
+
+def hips(body, names):
+    return body.joints[[names.index("left thigh"), names.index("right thigh")]]
+
+
+@pytest.mark.parametrize("mirror", [np.ones(3), MIRROR])
+def test_joints_of_a_set_that_is_worn_lie_where_they_are_on_the_person(walker, mirror):
+    truth, shuffled = walker.truth, np.random.default_rng(0).permutation(walker.take.n_markers)
+    limb = truth.limb_of_marker[shuffled]
+    body = worn_body(walker.take.positions[:, shuffled] * mirror, limb)
+    assert body is not None
+    assert np.array_equal(body.segments[body.segments >= 0], limb[body.segments >= 0])
+    names = list(truth.limb_names)
+    gap = np.diff(hips(body, names), axis=0)[0]
+    left_of_right = (truth.joint_positions[:, truth.joint_names.index("pelvis - left thigh")]
+                     - truth.joint_positions[:, truth.joint_names.index("pelvis - right thigh")])  # fmt: skip
+    assert abs(np.linalg.norm(gap) - np.linalg.norm(left_of_right, axis=1).mean()) < PROPORTIONS
+    assert -gap[1] * mirror[1] > 100
+
+
+def test_animals_and_trees_have_no_known_build():
+    for structure in ("quadruped", "tree:10", "human"):
+        case = simulate(structure, n_frames=60, soft_tissue=3.0)
+        assert worn_body(case.take.positions, case.truth.limb_of_marker) is None
+
+
+def test_limbs_that_are_not_those_of_the_set_are_no_body_of_it(walker):
+    wrong = np.random.default_rng(0).permutation(walker.truth.limb_of_marker)
+    assert worn_body(walker.take.positions, wrong) is None
