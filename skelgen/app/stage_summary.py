@@ -193,12 +193,12 @@ def _about_joints(project: Project) -> Iterator[str]:
     yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}{bodies}."
     if topology.edge_probability is not None and len(topology.edge_probability):
         worst = int(topology.edge_probability.argmin())
-        parent, child = topology.edges[worst].tolist()
+        parent, child = map(project.limbs.called, topology.edges[worst].tolist())
         sure, n_doubtful = f"{100 * topology.edge_probability[worst]:.0f} %", len(topology.doubtful)
-        yield f"{n_doubtful} of them are doubtful; least sure is that of limbs {parent} and {child}, {sure}."
+        yield f"{n_doubtful} of them are doubtful; least sure is that of {parent} and {child}, {sure}."
     if len(topology.loops):
-        pairs = ", ".join(f"{first} and {second}" for first, second in topology.loops)
-        yield f"Loops would be closed by joints between the limbs {pairs}."
+        pairs = ", ".join(" and ".join(map(project.limbs.called, pair)) for pair in topology.loops)
+        yield f"Loops would be closed by joints between {pairs}."
     if topology.spans:
         yield f"{counted(len(topology.spans), 'joint')} more for a part of the take only."
 

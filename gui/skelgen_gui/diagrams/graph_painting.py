@@ -1,12 +1,14 @@
 """Paints the graph: every joint that was tried as a faint line, the tree as strong ones, limbs as discs."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen
 
 from skelgen.app.drawing.graph import CostGraph, Disc, JointCost, joint_sign
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.graph import margin_label, place_words
+from skelgen_gui.model.graph import GAP, margin_label, place_words
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, is_dark
 
@@ -19,6 +21,7 @@ _TREE, _THIN = 4.0, 1.2
 _SIGN = 6.0
 _HALO = 5.0
 _WORDS_PAD = 4.0
+_SPACE = 2.0  # px, between a limb and its name
 _Role = QPalette.ColorRole
 
 
@@ -99,21 +102,31 @@ class GraphPainting:
             self._painter.setPen(Qt.PenStyle.NoPen)
             self._painter.drawPath(_sign_path(joint.kind, middle, _SIGN))
 
-    def margins(self) -> None:
-        """Write beside each joint how sure it is."""
+    def words(self, names: Sequence[str]) -> None:
+        """Write beside each joint how sure it is, and beside each limb its name, where there is one."""
         joints = self._graph.joints
         edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
         lines, height = self._places[edges], self._metrics.height()
-        labels = [margin_label(joint) for joint in joints]
+        named = [(limb, name) for limb, name in enumerate(names) if name != f"limb{limb}"]
+        text = self._palette.color(_Role.Text)
+        colours = [doubt_colour(self._palette) if joint.is_doubtful else text for joint in joints]
+        labels = [*map(margin_label, joints), *(name for _, name in named)]
         widths = [self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0 for label in labels]
-        sizes = np.array([(width, height if width else 0.0) for width in widths])
-        placed = place_words(lines.mean(axis=1), sizes.reshape(-1, 2), self._places, NODE, lines)
+        sizes = np.array([(width, height if width else 0.0) for width in widths]).reshape(-1, 2)
+        middles = np.concatenate([lines.mean(axis=1), self._places[[limb for limb, _ in named]]])
+        gaps = np.repeat([GAP, NODE + _SPACE], [len(joints), len(named)])
+        placed = place_words(middles, sizes, self._places, NODE, lines, gaps)
         ground = QColor(self._palette.color(_Role.Window))
         ground.setAlphaF(0.8)
-        for joint, label, (x, y), (width, _) in zip(joints, labels, placed.tolist(), sizes.tolist(), strict=True):
+        colours += [self._palette.color(_Role.PlaceholderText)] * len(named)
+        taken: list[QRectF] = []
+        for colour, label, (x, y), (width, _) in zip(colours, labels, placed.tolist(), sizes.tolist(), strict=True):
             room = QRectF(x - width / 2, y - height / 2, width, height)
+            if len(taken) >= len(joints) and any(room.intersects(other) for other in taken):
+                continue  # names that would cover other words are left out
+            taken.append(room)
             self._painter.fillRect(room, ground)
-            self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
+            self._painter.setPen(colour)
             self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, label)
 
     def limbs(self, selected: set[int], pointed: int | None) -> None:

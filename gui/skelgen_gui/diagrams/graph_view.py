@@ -104,9 +104,9 @@ class GraphView(QWidget):
             names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
             return count.format(limb_words(project, limb), len(markers)) + f"\n{names}"
         if joint is not None and self._graph is not None:
-            return joint_sentences(self._graph.joints[joint])
+            return joint_sentences(self._graph.joints[joint], self._called)
         if pair is not None and self._graph is not None:
-            return pair_sentences(self._graph, *pair)
+            return pair_sentences(self._graph, *pair, self._called)
         return self.tr(
             "Strong lines: the tree · faint lines: joints that were tried · % : how likely the joint is there"
         )
@@ -176,6 +176,12 @@ class GraphView(QWidget):
         else:
             super().keyPressEvent(event)
 
+    @property
+    def _called(self) -> list[str]:
+        """What the limbs are called."""
+        project = self._graph_of
+        return [] if project is None else [limb_words(project, limb) for limb in range(project.limbs.n_limbs)]
+
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
         with QPainter(self) as painter:
@@ -189,7 +195,7 @@ class GraphView(QWidget):
                 painting.rival(self._marked_joint(self._graph))
                 painting.signs()
                 painting.limbs(self._selected_limbs(), self._pointed_limb)
-                painting.margins()
+                painting.words(() if self._graph_of is None else self._graph_of.limbs.names)
                 words = self.tr("% : how likely the joint is there; dashed: doubtful")
                 painting.legend([(kind, translate("Graph", kind)) for kind in _KINDS], words, QRectF(self.rect()))
 

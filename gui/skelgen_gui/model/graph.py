@@ -1,5 +1,6 @@
 """The graph of joint costs: descriptions of joints, places of limbs and of words, and what lies under the pointer."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,8 @@ _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
 _APART = 1.1  # of the mean distance that limbs on a grid would have
 
-_GAP = 10.0  # px, from the middle of a joint to the nearest corner or side of its words
+GAP = 10.0
+"""px, from the middle of a joint to the nearest corner or side of its words."""
 
 # Directions that are tried, the first of equally good ones is taken
 _SIDES = np.array([[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1, 1]], dtype=np.float64)
@@ -36,15 +38,23 @@ def margin_label(joint: JointCost) -> str:
     return f"{digits(joint.ratio, 2)}×" if np.isfinite(joint.ratio) else ""
 
 
-def joint_sentences(joint: JointCost) -> str:
-    """Describe a joint of the tree, a line for each fact."""
-    lines = [_pair(joint.parent, joint.child) + (": " + translate("Graph", joint.kind) if joint.kind else "")]
+def joint_sentences(joint: JointCost, names: Sequence[str] = ()) -> str:
+    """Describe a joint of the tree, a line for each fact.
+
+    Parameters
+    ----------
+    joint : JointCost
+        Which one.
+    names : sequence of str
+        What the limbs are called; by default their numbers.
+    """
+    lines = [_pair((joint.parent, joint.child), names) + (": " + translate("Graph", joint.kind) if joint.kind else "")]
     lines.append(translate("Graph", "cost {0} mm²").format(digits(joint.cost)))
     if joint.rival is None:
         lines.append(translate("Graph", "no other joint could connect the two sides"))
     else:
         best = translate("Graph", "best other joint: {0}, {1} mm²")
-        lines.append(best.format(_pair(*joint.rival), digits(joint.cost + joint.margin)))
+        lines.append(best.format(_pair(joint.rival, names), digits(joint.cost + joint.margin)))
         lines.append(translate("Graph", "margin {0} mm²").format(digits(joint.margin)))
     if np.isfinite(joint.probability):
         sure = translate("Graph", "probability {0:.0f} %, of the other {1:.0f} %")
@@ -55,7 +65,7 @@ def joint_sentences(joint: JointCost) -> str:
     return "\n".join(lines)
 
 
-def pair_sentences(graph: CostGraph, first: int, second: int) -> str:
+def pair_sentences(graph: CostGraph, first: int, second: int, names: Sequence[str] = ()) -> str:
     """Say why the tree does not join two limbs.
 
     Parameters
@@ -64,9 +74,11 @@ def pair_sentences(graph: CostGraph, first: int, second: int) -> str:
         The graph.
     first, second : int
         Limbs.
+    names : sequence of str
+        What the limbs are called; by default their numbers.
     """
     topology = graph.topology
-    lines = [translate("Graph", "{0}: not in the tree").format(_pair(first, second))]
+    lines = [translate("Graph", "{0}: not in the tree").format(_pair((first, second), names))]
     lines.append(translate("Graph", "cost {0} mm²").format(digits(float(topology.joint_costs[first, second]))))
     if (first, second) in topology.loops or (second, first) in topology.loops:
         lines.append(translate("Graph", "seems to be a joint as well: it closes a kinematic loop"))
@@ -74,13 +86,15 @@ def pair_sentences(graph: CostGraph, first: int, second: int) -> str:
     if not path:
         return "\n".join([*lines, translate("Graph", "the two limbs belong to separate bodies")])
     dearest = max(float(topology.joint_costs[one, other]) for one, other in pairwise(path))
-    between = listed([str(limb) for limb in path[1:-1]])
+    between = listed([names[limb] if names else str(limb) for limb in path[1:-1]])
     joined = translate("Graph", "the tree joins them by way of {0}, at no joint for more than {1} mm²")
     return "\n".join([*lines, joined.format(between, digits(dearest))])
 
 
-def _pair(first: int, second: int) -> str:
-    return translate("Graph", "limb {0} – limb {1}").format(first, second)
+def _pair(limbs: tuple[int, int], names: Sequence[str]) -> str:
+    if not names:
+        return translate("Graph", "limb {0} – limb {1}").format(*limbs)
+    return translate("Graph", "{0} – {1}").format(*(names[limb] for limb in limbs))
 
 
 def find_graph(project: Project) -> tuple[CostGraph, tuple[Floats, Floats]]:
@@ -154,13 +168,15 @@ def _apart(places: Floats) -> Floats:
     return _boxed(places)
 
 
-def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, lines: Floats) -> Floats:
-    """Place words beside joints, one after the other.
+def place_words(
+    middles: Floats, sizes: Floats, discs: Floats, radius: float, lines: Floats, gaps: Floats | float = GAP
+) -> Floats:
+    """Place words beside joints and limbs, one after the other.
 
     Parameters
     ----------
     middles : ndarray, shape (n, 2), px
-        Joints.
+        Joints, and limbs.
     sizes : ndarray, shape (n, 2), px
         Width and height of their words; 0 without any.
     discs : ndarray, shape (n_discs, 2), px
@@ -169,6 +185,8 @@ def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, li
         Of the discs.
     lines : ndarray, shape (n_lines, 2, 2), px
         What had better not be covered.
+    gaps : ndarray, shape (n,), or float, px
+        From each middle to the nearest corner or side of its words.
 
     Returns
     -------
@@ -176,10 +194,10 @@ def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, li
         Middle of the words of each.
     """
     dots = (lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * _ALONG[:, np.newaxis]).reshape(-1, 2)
-    placed = np.array(middles, dtype=np.float64)
+    placed, gaps = np.array(middles, dtype=np.float64), np.broadcast_to(gaps, len(middles))
     for index in np.flatnonzero(sizes[:, 0] > 0):
         half = sizes[index] / 2
-        tried = middles[index] + _SIDES * (_GAP + half)
+        tried = middles[index] + _SIDES * (gaps[index] + half)
         costs = _ON_DISC * _touched(tried, half + radius, discs) + _ON_LINE * _touched(tried, half, dots)
         earlier = np.flatnonzero(sizes[:index, 0] > 0)
         for other in earlier:

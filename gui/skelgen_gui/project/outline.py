@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from functools import partial
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWidgetItem
 
 from skelgen.app.drawing.wording import whole_percent
@@ -16,10 +17,12 @@ from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.theme import colour_of_limb
 
 _KIND, _INDEX = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
 _LIMB, _JOINT, _MARKER, _GROUP = "limb", "joint", "marker", "group"
 _NAME, _SEEN, _DOUBTS = range(3)  # columns
+_SWATCH = 12  # px
 _EDITABLE = Qt.ItemFlag.ItemIsEditable
 _CHECKABLE = Qt.ItemFlag.ItemIsUserCheckable
 
@@ -130,6 +133,7 @@ class Outline(PanelWhileSeen):
         if project.has("limbs"):
             for limb in range(project.limbs.n_limbs):
                 tops[limb] = self._line(_LIMB, limb, limb_words(project, limb), self.tree)
+                tops[limb].setIcon(_NAME, self._swatch(limb))
         for marker, limb in enumerate(limb_of_marker):
             item = self._line(_MARKER, marker, names[marker], tops.get(limb, self.tree))
             for column, text, value in (
@@ -144,6 +148,18 @@ class Outline(PanelWhileSeen):
             for joint, (parent, child) in enumerate(project.topology.edges.tolist()):
                 words = self.tr("{0} – {1}").format(limb_words(project, parent), limb_words(project, child))
                 self._line(_JOINT, joint, words, group)
+
+    def _swatch(self, limb: int) -> QIcon:
+        """A limb's colour in all views."""
+        pixmap = QPixmap(_SWATCH, _SWATCH)
+        pixmap.fill(colour_of_limb(limb, self.palette()))
+        return QIcon(pixmap)
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the colours of the window."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._follow_project()
 
     def _line(self, kind: str, index: int, text: str, parent: QTreeWidget | QTreeWidgetItem) -> QTreeWidgetItem:
         item = _Item([text])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from skelgen_gui.diagrams.graph_painting import NODE
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.model.graph import (
@@ -81,7 +81,8 @@ def test_hover_over_a_joint_tells_cost_margin_rival_kind_and_range(view, topolog
     told = view.tip_at(middle(view, topology.edges[joint]).toPointF())
     first, second = topology.rivals[joint]
     assert ": hinge" in told
-    assert f"best other joint: limb {first} – limb {second}" in told
+    called = walked[0].limbs.called
+    assert f"best other joint: {called(first)} – {called(second)}" in told
     assert "turn: " in told
     assert "mm²" in told
 
@@ -244,3 +245,11 @@ def test_a_joint_without_words_needs_no_place():
     middles = np.array([[5.0, 5.0]])
     placed = place_words(middles, np.zeros((1, 2)), np.zeros((0, 2)), NODE, np.zeros((0, 2, 2)))
     np.testing.assert_array_equal(placed, middles)
+
+
+def test_limbs_are_called_by_their_names_where_there_is_room(view, session, shown):
+    named, limbs = view.grab().toImage(), session.project.limbs
+    assert view.tip_at(QPointF(*view.places[0].tolist())).startswith(limbs.called(0))
+    numbers = tuple(f"limb{limb}" for limb in range(limbs.n_limbs))
+    session.change(replace(session.project, _limbs=replace(limbs, names=numbers)))
+    assert shown(view, 760, 660).grab().toImage() != named

@@ -105,7 +105,7 @@ def test_a_selected_limb_shows_the_joint_above_it(curves, session, qtbot, walked
     joint = walked[0].skeleton.joints[2]
     session.select(Selection(limb=joint.child))
     qtbot.waitUntil(lambda: len(curves.panels) == 3)
-    assert curves.panels[1].title == f"Joint {joint.parent}–{joint.child}"
+    assert curves.panels[1].title == session.project.skeleton.joint_name(joint).capitalize()
 
 
 def test_curves_have_their_colours(curves, session, qtbot, has_colour, walked):
@@ -138,4 +138,4 @@ def test_a_result_that_was_overtaken_is_not_shown(curves, session, qtbot):
     session.select(Selection(joint=3))
     joint = session.project.skeleton.joints[3]
     qtbot.waitUntil(lambda: not curves.deriver.is_busy)
-    assert curves.panels[1].title == f"Joint {joint.parent}–{joint.child}"
+    assert curves.panels[1].title == session.project.skeleton.joint_name(joint).capitalize()
