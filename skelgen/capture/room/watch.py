@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.values import RoomPoints, Views
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 
 SAMPLE = 200
@@ -23,11 +23,14 @@ chance brings three in a hundred."""
 NEAR = 3.0
 """px; how near a ball must be to where a point is expected."""
 
+FEWEST_CAMERAS = 2
+"""Cameras without fault that a point needs to tell what is wrong with another."""
+
 MOST_LATE = 20
 """Frames that a camera is tried to be late or early."""
 
-FARTHEST, BIN = 120.0, 6.0
-"""px; how far the images of a camera that was moved are looked for, and in which steps."""
+FARTHEST, BIN, WIDTH = 120.0, 6.0, 1280.0
+"""px; how far the images of a camera that was moved are looked for, in which steps, and in images how wide."""
 
 _FLIPS = {
     "mirrored left to right": (-1.0, 1.0),
@@ -50,6 +53,7 @@ class FitCounter:
         self._balls, self._fitting = np.zeros(len(rig.cameras)), np.zeros(len(rig.cameras))
         self._views: list[list[Floats]] = []
         self._points: list[Floats] = []
+        self._made_by: list[Bools] = []
 
     def add(self, views: Views, points: RoomPoints) -> None:
         """Count a frame.
@@ -66,20 +70,27 @@ class FitCounter:
         if len(self._views) < SAMPLE:
             self._views.append([balls.centres for balls in views])
             self._points.append(points.points)
+            self._made_by.append(np.asarray(points.balls >= 0))
 
     def notices(self) -> Iterator[str]:
         """Yield a sentence of each camera that does not fit the others."""
         share = self._fitting / np.maximum(self._balls, 1)
         bad = np.flatnonzero((share < LEAST_FIT) & (self._balls >= FEWEST_BALLS)).tolist()
+        good = np.setdiff1d(np.arange(len(share)), bad)
+        sure = [
+            points[made_by[:, good].sum(axis=1) >= FEWEST_CAMERAS] if len(good) >= FEWEST_CAMERAS else points
+            for points, made_by in zip(self._points, self._made_by, strict=True)
+        ]
         for camera in bad:
-            yield self._why(camera, float(share[camera]))
+            yield self._why(camera, float(share[camera]), sure)
 
-    def _why(self, camera: int, share: float) -> str:
+    def _why(self, camera: int, share: float, sure: list[Floats]) -> str:
+        """What is wrong with a camera, by points that others have made."""
         eye, own = self._rig.cameras[camera], [views[camera] for views in self._views]
         name, middle = eye.name, (np.array(eye.size) - 1) / 2
         reasons = {
             f"{name} sends the images of {other.name}: exchange their cables, or their names in the settings": (
-                self._explained(other, own)
+                _explained(other, own, sure)
             )
             for index, other in enumerate(self._rig.cameras)
             if index != camera
@@ -87,15 +98,15 @@ class FitCounter:
         for how, signs in _FLIPS.items():
             flipped = [(balls - middle) * signs + middle for balls in own]
             why = f"the images of {name} are {how}: set its driver as it was when it was calibrated"
-            reasons[why] = self._explained(eye, flipped)
+            reasons[why] = _explained(eye, flipped, sure)
         for late in range(-MOST_LATE, MOST_LATE + 1):
             word = "late" if late > 0 else "early"
             why = f"the images of {name} are {abs(late)} frames {word}: trigger all cameras by one line"
-            reasons[why] = self._explained(eye, own, late) if late else 0.0
+            reasons[why] = _explained(eye, own, sure, late) if late else 0.0
         best = max(reasons, key=lambda why: reasons[why])
         if reasons[best] > EXPLAINED:
             return best
-        shift, part = self._shifted(eye, own)
+        shift, part = _shifted(eye, own, sure)
         if part > LEAST_FIT:
             far = float(np.hypot(*shift))
             return f"{name} looks {far:.0f} px aside of where it was calibrated: it was moved; calibrate again"
@@ -104,33 +115,44 @@ class FitCounter:
             "settings are those of another camera; calibrate again"
         )
 
-    def _explained(self, eye: Camera, own: list[Floats], late: int = 0) -> float:
-        """The part of the balls that lie where a camera would see points."""
-        n_points = n_balls = n_seen = 0
-        for frame, points in enumerate(self._points):
-            if not 0 <= frame + late < len(own):
-                continue
-            expected, balls = _in_view(eye, points), own[frame + late]
-            n_points, n_balls = n_points + len(expected), n_balls + len(balls)
-            if len(expected) and len(balls):
-                n_seen += int((cKDTree(expected).query(balls)[0] <= NEAR).sum())
-        return n_seen / max(n_balls, 1) if min(n_points, n_balls) >= FEWEST_BALLS else 0.0
 
-    def _shifted(self, eye: Camera, own: list[Floats]) -> tuple[Floats, float]:
-        """By how much the balls lie aside of points [px], and which part of them does."""
-        gaps, n_balls = [np.empty((0, 2))], 0
-        for points, balls in zip(self._points, own, strict=True):
-            expected = _in_view(eye, points)
-            off = (balls[:, np.newaxis] - expected).reshape(-1, 2)
-            gaps.append(off[(np.abs(off) <= FARTHEST).all(axis=1)])
-            n_balls += len(balls)
-        edges = np.arange(-FARTHEST, FARTHEST + BIN, BIN)
-        across, down = np.concatenate(gaps).T
-        counts = np.histogram2d(across, down, bins=(edges, edges))[0]
-        best = np.unravel_index(counts.argmax(), counts.shape)
-        nearby = counts[max(best[0] - 1, 0) : best[0] + 2, max(best[1] - 1, 0) : best[1] + 2].sum()
-        shift = np.array([edges[best[0]], edges[best[1]]]) + BIN / 2
-        return shift, float(nearby) / max(n_balls, 1)
+def _explained(eye: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
+    """How many of the balls lie where a camera would see points: 1 if all do exactly."""
+    n_points = n_balls = 0
+    fitting = 0.0
+    for frame, points in enumerate(sure):
+        if not 0 <= frame + late < len(own):
+            continue
+        expected, balls = _in_view(eye, points), own[frame + late]
+        n_points, n_balls = n_points + len(expected), n_balls + len(balls)
+        fitting += _fitting(balls, expected, NEAR)
+    return fitting / min(n_points, n_balls) if min(n_points, n_balls) >= FEWEST_BALLS else 0.0
+
+
+def _fitting(balls: Floats, expected: Floats, near: float) -> float:
+    """How many balls are where points are expected; those that are off count for less."""
+    if not len(expected) or not len(balls):
+        return 0.0
+    off = cKDTree(expected).query(balls)[0] / near
+    return float(np.maximum(1.0 - off**2, 0.0).sum())
+
+
+def _shifted(eye: Camera, own: list[Floats], sure: list[Floats]) -> tuple[Floats, float]:
+    """By how much the balls lie aside of points [px], and which part of them does."""
+    scale = eye.width / WIDTH
+    farthest, step = FARTHEST * scale, BIN * scale
+    gaps, expected = [np.empty((0, 2))], [_in_view(eye, points) for points in sure]
+    for places, balls in zip(expected, own, strict=True):
+        off = (balls[:, np.newaxis] - places).reshape(-1, 2)
+        gaps.append(off[(np.abs(off) <= farthest).all(axis=1)])
+    edges = np.arange(-farthest, farthest + step, step)
+    across, down = np.concatenate(gaps).T
+    counts = np.histogram2d(across, down, bins=(edges, edges))[0]
+    best = np.unravel_index(counts.argmax(), counts.shape)
+    shift = np.array([edges[best[0]], edges[best[1]]]) + step / 2
+    fitting = sum(_fitting(balls - shift, places, 1.5 * step) for balls, places in zip(own, expected, strict=True))
+    n_most = min(sum(map(len, own)), sum(map(len, expected)))
+    return shift, fitting / max(n_most, 1)
 
 
 def _in_view(eye: Camera, points: Floats) -> Floats:

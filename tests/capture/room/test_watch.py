@@ -43,8 +43,9 @@ def test_nothing_is_told_of_cameras_as_they_were(rig, frames):
     assert "camera" not in notices(rig, frames)
 
 
-def test_exchanged_cables_are_told_of_both():
-    rig, rng = room_rig(6), np.random.default_rng(0)
+@pytest.mark.parametrize(("n_cameras", "size"), [(6, (1280, 1024)), (4, (480, 360))])
+def test_exchanged_cables_are_told_of_both(n_cameras, size):
+    rig, rng = room_rig(n_cameras, size), np.random.default_rng(0)
     scene = person_scene(rig, N_FRAMES, rate=50.0)
     frames = [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
     said = notices(rig, [[views[1], views[0], *views[2:]] for views in frames])
@@ -58,9 +59,10 @@ def test_images_upside_down_are_told(rig, frames):
     )
 
 
-def test_late_images_are_told_with_their_frames(rig, frames):
-    late = [[*views[:3], frames[max(number - 12, 0)][3]] for number, views in enumerate(frames)]
-    assert "the images of camera 4 are 12 frames late" in notices(rig, late)
+@pytest.mark.parametrize("by", [3, 12])
+def test_late_images_are_told_with_their_frames(rig, frames, by):
+    late = [[*views[:3], frames[max(number - by, 0)][3]] for number, views in enumerate(frames)]
+    assert f"the images of camera 4 are {by} frames late" in notices(rig, late)
 
 
 def test_a_camera_that_was_moved_is_told_by_how_much(rig, frames):
