@@ -308,3 +308,12 @@ def test_numbers_read_well():
     assert duration(59.999).endswith("s")
     assert percent(0.99999) != percent(1.0)
     assert shortened(["LANK", "LHEE", "LTOE"], 13) == "LANK, LHEE +1"
+
+
+def test_joints_and_limbs_are_called_by_their_names():
+    project = build_project()
+    names = tuple(f"<part {limb}>" for limb in range(project.limbs.n_limbs))
+    text = report_html(project.with_limb_names(names))
+    first, second = project.topology.edges[0].tolist()
+    assert f"J0 &lt;part {first}&gt;-&lt;part {second}&gt;" in text
+    assert not re.search("between limb [0-9]", text)

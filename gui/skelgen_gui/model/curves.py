@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.app.drawing.measures import residual_per_frame
+from skelgen.app.drawing.measures import joint_called, residual_per_frame
 from skelgen.app.drawing.scales import Extremes
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
@@ -209,7 +209,9 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
         curves.append(Curve(name, Extremes.of(angles), band, component=number))
     panels = []
     if curves:
-        title = _title(project, joint)
+        called = joint_called(project, joint).capitalize()
+        numbers = translate("Curves", "Joint {0}–{1}").format(one.parent, one.child)
+        title = translate("Curves", called) if called else numbers
         about = translate(
             "Curves", "Angles of the joint, 0 in the reference pose; within the bands with a probability of 95 %."
         )
@@ -224,14 +226,6 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
         )
         panels.append(Panel(translate("Curves", "Deviation"), "mm", (deviation,), about=about))
     return tuple(panels)
-
-
-def _title(project: Project, joint: int) -> str:
-    """What a joint is called; by the numbers of its limbs if one of them has no name."""
-    one, limbs = project.skeleton.joints[joint], project.limbs
-    if not one.name and any(limbs.names[limb] == f"limb{limb}" for limb in (one.parent, one.child)):
-        return translate("Curves", "Joint {0}–{1}").format(one.parent, one.child)
-    return translate("Curves", project.skeleton.joint_name(one).capitalize())
 
 
 def count_panel(project: Project) -> Panel | None:

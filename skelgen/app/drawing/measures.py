@@ -9,6 +9,24 @@ from skelgen.app.drawing.colours import ramp_rgba
 from skelgen.app.drawing.scales import LogScale
 from skelgen.model import Limbs, Motion, Project, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.skeleton import joint_between
+
+
+def joint_called(project: Project, joint: int) -> str:
+    """Return what a joint is called, such as ``left elbow``; empty if a limb that it joins has no name.
+
+    Parameters
+    ----------
+    project : Project
+        With joints.
+    joint : int
+        Index of the joint.
+    """
+    given = project.skeleton.joints[joint].name if project.has("skeleton") else ""
+    limbs, names = project.topology.edges[joint].tolist(), project.limbs.names
+    if given or any(names[limb] == f"limb{limb}" for limb in limbs):
+        return given
+    return joint_between(*(names[limb] for limb in limbs))
 
 
 @dataclass(frozen=True)

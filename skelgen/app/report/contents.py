@@ -334,7 +334,7 @@ def _interpolated(project: Project) -> str:
     worst = int(unseen.sum(axis=0).argmax())
     return (
         f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
-        f"seen; most often limb {worst}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
+        f"seen; most often {project.limbs.called(worst)}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
     )
 
 

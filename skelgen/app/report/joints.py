@@ -55,7 +55,8 @@ def _joints(project: Project, graph: CostGraph) -> Content:
     fitted = project.skeleton.joints if project.has("skeleton") else ()
     rows = []
     for index, joint in enumerate(graph.joints):
-        row: Content = {"joint": index, "parent": joint.parent, "child": joint.child, "cost": digits(joint.cost)}
+        row: Content = {"joint": index, "called": measures.joint_called(project, index), "cost": digits(joint.cost)}
+        row |= {"parent": joint.parent, "child": joint.child}
         row |= {"value": digits(topology.values[index]), "iterations": int(topology.n_iterations[index])}
         row |= {"rival": _rival(joint), "sure": _sure(joint), "is_doubtful": joint.is_doubtful}
         row |= _fitted(fitted[index]) if fitted else {}
@@ -132,13 +133,18 @@ def _angles(project: Project, graph: CostGraph) -> Content:
     observed = observed_joints(skeleton, motion)
     rows = [
         _angle_row(index, joint, graph.joints[index].ranges, observed[index])
+        | {"called": measures.joint_called(project, index)}
         for index, joint in enumerate(skeleton.joints)
     ]
     frames = spread_frames(motion.n_frames, MOST_FRAMES)
     posture = posture_of(skeleton, motion, positions, frames)
     times = frames / motion.rate
+    called = project.limbs.called
     figures = [
-        (f"J{index}: {joint.kind} between limb {joint.parent} and {joint.child}", _figure(posture, joint, index, times))
+        (
+            f"J{index}: {joint.kind} between {called(joint.parent)} and {called(joint.child)}",
+            _figure(posture, joint, index, times),
+        )
         for index, joint in enumerate(skeleton.joints[:_MOST_FIGURES])
         if angle_names(joint)
     ]
