@@ -27,9 +27,11 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
+from skelgen.stages.labels.merging.duplicates import join_duplicates
+from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.likelihood import evidence_of_labels
 from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs
-from skelgen.stages.labels.merging.markers import sampled_distances
+from skelgen.stages.labels.merging.markers import merge_again, sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -233,7 +235,18 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
         if _evidence(task, other)[0] > evidence + chance:
             again = _refined(task, tracks, other, monitor)
             found = again if _evidence(task, again)[0] > evidence + chance else found
+    found = _exchanged(task, tracks, found)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
+
+
+def _exchanged(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
+    """Markers that go on as each other exchanged, but for those that the user states; then more may be one."""
+    stated = np.zeros(len(found), dtype=bool) if task.constraints is None else task.constraints.name_of_point >= 0
+    exchanged = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, stated)
+    if exchanged is found:
+        return found
+    merged = merge_again(task.cloud, tracks, exchanged, task.rate, task.spacing)
+    return join_duplicates(task.cloud, merged, task.rate, task.spacing)
 
 
 def _on_limbs(task: LabelTask, pieces: TrackletPoints, found: Ints) -> Ints:

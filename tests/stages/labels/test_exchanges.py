@@ -1,0 +1,69 @@
+"""Markers that come back under each other's numbers are exchanged again, and nothing else is."""
+
+import numpy as np
+import pytest
+
+from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.exchanges import exchange_markers
+
+RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
+PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 70, 20], [20, 30, 60]], dtype=float)  # mm, on one limb
+PAUSE = slice(380, 400)
+
+
+def limb_that_turns() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+    """Five markers of a limb that turns; two of them pause at once. The cloud, true markers and tracks."""
+    angle = np.linspace(0.0, 6.0, N_FRAMES)
+    turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
+    positions = np.tile(PLACES, (N_FRAMES, 1, 1))
+    positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
+    positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    seen[PAUSE, :2] = False
+    frame, marker = np.nonzero(seen)
+    starts = np.concatenate([[0], np.cumsum(seen.sum(axis=1))])
+    cloud = PointCloud(positions[seen], starts, np.arange(N_FRAMES) / RATE)
+    return cloud, marker, marker + len(PLACES) * ((frame >= PAUSE.stop) & (marker < 2))
+
+
+@pytest.fixture(scope="module")
+def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+    return limb_that_turns()
+
+
+def exchanged(marker: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """The first two markers under each other's numbers after their pause."""
+    return np.where(track >= len(PLACES), 1 - marker, marker)
+
+
+def no(marker: np.ndarray) -> np.ndarray:
+    return np.zeros(len(marker), dtype=bool)
+
+
+def test_markers_that_come_back_as_each_other_are_exchanged(case) -> None:
+    cloud, marker, track = case
+    found = exchange_markers(cloud, track, exchanged(marker, track), RATE, SPACING, no(marker))
+    np.testing.assert_array_equal(found, marker)
+
+
+def test_right_labels_stay(case) -> None:
+    cloud, marker, track = case
+    assert exchange_markers(cloud, track, marker, RATE, SPACING, no(marker)) is marker
+
+
+def test_what_the_user_states_stays(case) -> None:
+    cloud, marker, track = case
+    wrong = exchanged(marker, track)
+    assert exchange_markers(cloud, track, wrong, RATE, SPACING, track == len(PLACES)) is wrong
+
+
+def test_markers_that_do_not_pause_at_once_are_never_exchanged(case) -> None:
+    cloud, marker, _ = case
+    wrong = np.where(np.arange(len(marker)) > len(marker) // 2, np.array([0, 1, 2, 4, 3])[marker], marker)
+    assert exchange_markers(cloud, wrong, wrong, RATE, SPACING, no(marker)) is wrong
+
+
+def test_a_take_without_markers_has_nothing_to_exchange(case) -> None:
+    cloud, marker, track = case
+    nothing = np.full(len(marker), -1)
+    assert exchange_markers(cloud, track, nothing, RATE, SPACING, no(marker)) is nothing
