@@ -29,6 +29,9 @@ WANTED_EXACT = {"marker": 0.001, "joint": 0.01}  # mm
 SOFT_TISSUE: dict[str, Any] = {"noise": 0.5, "soft_tissue": 3.0}  # mm
 LABEL_FAULTS: dict[str, Any] = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame
 
+UNKNOWN = {"limbs": {"marker_set": "none"}}
+"""Nothing is known of these structures: neither names of markers nor the shape of a marker set help."""
+
 _EXPORTED_FRAMES = 100
 _TISSUE_FRAMES = 2000  # for which the share of SCoRE is wanted
 _LABEL_CASES: tuple[tuple[str, str, dict[str, Any], float], ...] = (
@@ -255,7 +258,7 @@ def reconstructed(structure: str | Structure, seed: int, **options: Any) -> Eval
         Of `simulate`.
     """
     case = simulate(structure, seed=seed, **options)
-    return evaluate(reconstruct(case.take, seed=seed), case.truth)
+    return evaluate(reconstruct(case.take, seed=seed, parameters=UNKNOWN), case.truth)
 
 
 def is_exact(score: Evaluation) -> bool:
@@ -269,7 +272,7 @@ def _labelled(
     """Evaluation of an unlabelled take, and the processor time [s] of all stages."""
     case = simulate(structure, seed=seed, n_frames=n_frames, labelled=False, **LABEL_FAULTS, **options)
     started = time.process_time()
-    project = reconstruct(case.take, seed=seed)
+    project = reconstruct(case.take, seed=seed, parameters=UNKNOWN)
     return evaluate(project, case.truth), time.process_time() - started
 
 
@@ -285,7 +288,7 @@ def _is_exact_where_seen(score: Evaluation) -> bool:
 def _beside_score(structure: str, seed: int, n_frames: int, faults: dict[str, Any]) -> tuple[Evaluation, float]:
     """Evaluation of a take with nothing given, and SCoRE's mean joint error [mm] with limbs and tree given."""
     case = simulate(structure, seed=seed, n_frames=n_frames, **faults)
-    return evaluate(reconstruct(case.take, seed=seed), case.truth), score_error(case)
+    return evaluate(reconstruct(case.take, seed=seed, parameters=UNKNOWN), case.truth), score_error(case)
 
 
 def _counts(scores: Sequence[Evaluation]) -> tuple[str, str]:
