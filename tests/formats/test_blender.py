@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.bones import bone_end
 from skelgen_formats.registry import write_file
 
@@ -65,8 +66,43 @@ def test_take_plays_as_fast_and_as_long_as_it_was_recorded(export, standing_proj
         assert (end - start) / found["rate"] == pytest.approx(duration, abs=1 / found["rate"])
 
 
-def test_a_rig_for_mixamo_has_the_standard_names_and_moves_as_our_own(judged_apart, tmp_path):
-    project = skelgen.reconstruct(skelgen.simulate("human", n_frames=40, seed=1).take, root="head 1")
+HUMAN = {"pelvis": "hips", "chest": "spine", "head": "head"} | {
+    f"{side} {limb}": f"{side}{bone}"
+    for side in ("left", "right")
+    for limb, bone in (
+        *(("upper arm", "UpperArm"), ("forearm", "LowerArm"), ("hand", "Hand")),
+        *(("thigh", "UpperLeg"), ("shank", "LowerLeg"), ("foot", "Foot")),
+    )
+}
+"""What VRM calls the bones of a person."""
+
+
+@pytest.fixture(scope="module")
+def person():
+    return skelgen.reconstruct(skelgen.simulate("human", n_frames=40, seed=1).take, root="head 1")
+
+
+@pytest.mark.parametrize(
+    ("profile", "suffix"),
+    [("mixamo", "bvh"), ("mixamo", "glb"), ("unreal", "bvh"), ("unreal", "glb"), ("unity", "bvh"), ("smpl", "bvh")],
+)
+def test_the_mapper_of_a_retargeting_library_finds_every_bone(person, judged_apart, tmp_path, profile, suffix):
+    (path,) = write_file(person, tmp_path / f"walk.{suffix}", bone_names=profile, rest="t-pose")
+    found = judged_apart("io_scene_vrm", "blender_human_bones.py", path)["human"]
+    skeleton = with_bone_names(person, profile).skeleton
+    called = dict(zip(skeleton.limb_names, _limbs_of(person, skeleton), strict=True))
+    assert {called[bone]: human for bone, human in found.items()} == HUMAN
+
+
+def _limbs_of(project, skeleton):
+    """What the project calls the limbs of a skeleton whose bones a profile names; both have the same markers."""
+    own = project.skeleton
+    on_limb = [skeleton.markers_of(limb).tolist() for limb in range(skeleton.n_limbs)]
+    return [own.limb_names[own.limb_of_marker[markers[0]]] if markers else "root" for markers in on_limb]
+
+
+def test_a_rig_for_mixamo_has_the_standard_names_and_moves_as_our_own(person, judged_apart, tmp_path):
+    project = person
     (path,) = write_file(project, tmp_path / "walk.bvh", bone_names="mixamo", rest="t-pose")
     found = judged_apart("bpy", "blender_poses.py", path, ",".join(map(repr, project.motion.times.tolist())))
     sides = [

@@ -34,6 +34,18 @@ def test_a_bvh_for_mixamo_has_the_standard_names_and_moves_as_our_own(person, tm
 
 
 @pytest.mark.parametrize("profile", BONE_NAMES.choices[1:])
+def test_a_bvh_for_every_profile_moves_as_our_own(person, tmp_path, profile):
+    path = skelgen.write(person, tmp_path / "a.bvh", bone_names=profile)[0]
+    moved = bones_of_bvh(path, 60)
+    named = with_bone_names(person, profile).skeleton
+    for limb, name in enumerate(named.limb_names):
+        markers = named.markers_of(limb)
+        if len(markers):  # all but the root of Unreal
+            own = person.motion.world_from_limb[:, person.skeleton.limb_of_marker[markers[0]], :3, 3]
+            assert np.abs(moved[name][:, :3, 3] - own).max() < 0.01
+
+
+@pytest.mark.parametrize("profile", BONE_NAMES.choices[1:])
 def test_every_profile_calls_each_bone_otherwise(person, profile):
     named = with_bone_names(person, profile)
     lost = person.skeleton.n_limbs - named.skeleton.n_limbs + (profile == "unreal")
