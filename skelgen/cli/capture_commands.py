@@ -29,7 +29,9 @@ Source = Annotated[
     str | None,
     typer.Option("--source", metavar="TEXT", help="Where images come from.", show_default="that of the settings"),
 ]
-Frames = Annotated[int | None, typer.Option("--frames", min=1, help="Pairs at most.", show_default="all")]
+Frames = Annotated[
+    int | None, typer.Option("--frames", min=1, help="Pairs, or sets of images of a room, at most.", show_default="all")
+]
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Settings to write.", show_default="those that were read"),
@@ -94,7 +96,8 @@ def motion_capture(
         stream = capture_room(rig, room_source_of(rig, source), record or (), prediction, n_frames=frames)
     else:
         stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
-    counts = _Counts(record or [], [body.name for body in rig.bodies])
+    word = "sets of images" if isinstance(rig, RoomSettings) else "pairs"
+    counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
@@ -319,8 +322,8 @@ def _with_starts(wishes: list[JointRequest], starts: Sequence[str]) -> list[Join
 class _Counts:
     """How much was captured, for the last line."""
 
-    def __init__(self, record: list[Path], targets: list[str]) -> None:
-        self._record, self._missed = record, dict.fromkeys(targets)
+    def __init__(self, record: list[Path], targets: list[str], word: str) -> None:
+        self._record, self._missed, self._word = record, dict.fromkeys(targets), word
         self.n_pairs, self._n_lost = 0, 0
 
     def add(self, captured: Captured | RoomCaptured) -> None:
@@ -337,7 +340,7 @@ class _Counts:
         kept = [str(path) for path in self._record if path.exists()]
         if not silent or self._n_lost:
             written = f"; recorded: {', '.join(kept)}" if kept else ""
-            print(f"{self.n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)
+            print(f"{self.n_pairs} {self._word} captured, {self._n_lost} lost{written}", file=sys.stderr)
 
 
 def _write(line: str) -> None:

@@ -80,4 +80,4 @@ def test_four_cameras_become_joint_angles(bus, tmp_path):
     assert found["code"] == 0
     assert [line.split("\t")[0] for line in found["out"]] == [str(index) for index in range(8)]
     assert "nan" not in "".join(found["out"])
-    assert found["err"][-1].startswith("8 pairs captured, 0 lost")
+    assert found["err"][-1].startswith("8 sets of images captured, 0 lost")
