@@ -30,7 +30,7 @@ Source = Annotated[
     typer.Option("--source", metavar="TEXT", help="Where images come from.", show_default="that of the settings"),
 ]
 Frames = Annotated[
-    int | None, typer.Option("--frames", min=1, help="Pairs, or sets of images of a room, at most.", show_default="all")
+    int | None, typer.Option("--frames", min=1, help="Pairs at most, or sets in a room.", show_default="all")
 ]
 Output = Annotated[
     Path | None,
