@@ -7,7 +7,7 @@ from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.wording import limb_words
+from skelgen_gui.model.wording import joint_words, limb_words
 
 _NAMING = 3  # markers by which a limb is found again that has a name
 
@@ -99,6 +99,19 @@ def naming_markers(project: Project, limb: int) -> tuple[str, ...]:
     return tuple(project.trajectories.names[marker] for marker in project.limbs.markers_of(limb)[:_NAMING].tolist())
 
 
+def ends_of_joint(project: Project, joint: int) -> tuple[str, ...]:
+    """Return a marker on each of the two limbs that a joint of the tree joins.
+
+    Parameters
+    ----------
+    project : Project
+        With a tree.
+    joint : int
+        Index of the joint.
+    """
+    return tuple(_name_of_limb(project, limb) for limb in project.topology.edges[joint].tolist())
+
+
 def frames_seen_together(project: Project, names: tuple[str, ...]) -> int:
     """Return in how many frames two or more of some markers are seen.
 
@@ -163,10 +176,10 @@ def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -
 
 def _of_joint(project: Project, joint: int) -> list[Offer]:
     """What can be said of a joint of the tree."""
-    limbs = project.topology.edges[joint].tolist()
-    ends, words = tuple(_name_of_limb(project, limb) for limb in limbs), _words(project, limbs)
+    ends, words = ends_of_joint(project, joint), _words(project, project.topology.edges[joint].tolist())
     found = [Offer("part", ends, about=words)]
     if project.has("skeleton"):
+        found.append(Offer("name-joint", ends, about=(joint_words(project, joint),)))
         found += [Offer("kind", ends, kind) for kind in DETERMINED_TYPES]
     return found
 

@@ -7,6 +7,7 @@ import numpy as np
 from skelgen.app.drawing.wording import digits, percent, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
+from skelgen.model.skeleton import joint_between
 from skelgen_gui.model import translate
 from skelgen_gui.model.scene import Scene, Snapshot, State
 from skelgen_gui.model.selection import JOINT, MARKER, Pick
@@ -66,7 +67,8 @@ def _membership(marker: int, project: Project) -> list[str]:
 def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     parent, child = (int(limb) for limb in project.topology.edges[joint])
     first, second = (limb_words(project, limb) for limb in (parent, child))
-    lines = [_tr("joint {joint}: {parent} and {child}").format(joint=joint, parent=first, child=second)]
+    name = own_name_of_joint(project, joint) or _tr("joint {joint}").format(joint=joint)
+    lines = [_tr("{name}: {parent} and {child}").format(name=name, parent=first, child=second)]
     if project.topology.edge_probability is not None:
         words = _tr("these limbs are neighbours with {own}")
         lines.append(words.format(own=whole_percent(float(project.topology.edge_probability[joint]))))
@@ -79,6 +81,29 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
         std = float(np.sqrt(np.trace(snapshot.covariances[joint])))  # as the curve of the deviation has it
         lines.append(_tr("known to ±{value} mm").format(value=digits(std)))
     return lines
+
+
+def joint_words(project: Project, joint: int) -> str:
+    """Return what a joint of the tree is called: by its name, or else by its limbs.
+
+    Parameters
+    ----------
+    project : Project
+        With a tree.
+    joint : int
+        Index of the joint.
+    """
+    words = _tr("{0} – {1}").format(*(limb_words(project, limb) for limb in project.topology.edges[joint].tolist()))
+    return own_name_of_joint(project, joint) or words
+
+
+def own_name_of_joint(project: Project, joint: int) -> str:
+    """Return the name of a joint, empty if it has none but those of its limbs; parameters as `joint_words`."""
+    names = tuple(project.limbs.names[limb] for limb in project.topology.edges[joint].tolist())
+    name = joint_between(*names)
+    if project.has("skeleton"):
+        name = project.skeleton.joint_name(project.skeleton.joints[joint])
+    return "" if name == "-".join(names) else name
 
 
 def limb_words(project: Project, limb: int) -> str:

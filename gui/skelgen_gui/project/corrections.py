@@ -148,7 +148,7 @@ class CorrectionActions(QObject):
             return None if value is None else offer.correction(value, *frames)
         if offer.kind == "merge" and not self._may_merge(offer):
             return None
-        if offer.kind in {"rename", "name"}:
+        if offer.kind in {"rename", "name", "name-joint"}:
             value = self._asked_name(offer)
             return offer.correction(value) if value else None
         return offer.correction()
@@ -199,6 +199,7 @@ def _text(offer: Offer) -> str:
         ways = {
             "together": _tr("One limb: {0}"),
             "name": _tr("Call {0}…"),
+            "name-joint": _tr("Call {0}…"),
             "join": _tr("Joint between {0}"),
             "part": _tr("No joint between {0}"),
             "root": _tr("Root: {0}"),

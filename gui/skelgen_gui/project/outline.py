@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWi
 from skelgen.app.drawing.wording import whole_percent
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import naming_markers
+from skelgen_gui.model.offers import ends_of_joint, naming_markers
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.wording import limb_words
+from skelgen_gui.model.wording import joint_words, limb_words
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
@@ -43,8 +43,8 @@ class _Item(QTreeWidgetItem):
 class Outline(PanelWhileSeen):
     """Limbs with their markers, and joints.
 
-    F2 or a second click renames a limb or a marker, the box before a name hides it in the 3-D view. Columns say how
-    much of a marker is seen, and how many of its spans are doubtful; a click on their heads sorts by them.
+    F2 or a second click renames a limb, a joint or a marker, the box before a name hides it in the 3-D view. Columns
+    say how much of a marker is seen, and how many of its spans are doubtful; a click on their heads sorts by them.
 
     Parameters
     ----------
@@ -145,9 +145,11 @@ class Outline(PanelWhileSeen):
                 item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight)
         if project.has("joints"):
             group = self._line(_GROUP, -1, self.tr("Joints"), self.tree)
-            for joint, (parent, child) in enumerate(project.topology.edges.tolist()):
-                words = self.tr("{0} – {1}").format(limb_words(project, parent), limb_words(project, child))
-                self._line(_JOINT, joint, words, group)
+            for joint, ends in enumerate(project.topology.edges.tolist()):
+                item = self._line(_JOINT, joint, joint_words(project, joint), group)
+                item.setToolTip(_NAME, self.tr("{0} – {1}").format(*(limb_words(project, limb) for limb in ends)))
+                if project.has("skeleton"):
+                    item.setFlags(item.flags() | _EDITABLE)
 
     def _swatch(self, limb: int) -> QIcon:
         """A limb's colour in all views."""
@@ -212,10 +214,11 @@ class Outline(PanelWhileSeen):
         if self._is_following or column != _NAME or project is None:
             return
         kind, index, text = item.data(_NAME, _KIND), item.data(_NAME, _INDEX), item.text(_NAME).strip()
-        before = limb_words(project, index) if kind == _LIMB else project.trajectories.names[index]
+        words = {_LIMB: limb_words, _JOINT: joint_words}.get(kind)
+        before = words(project, index) if words else project.trajectories.names[index]
         if text != before:
             self._rename(project, item, before, text)
-        else:
+        elif kind != _JOINT:
             markers = project.limbs.markers_of(index).tolist() if kind == _LIMB else [index]
             names = {project.trajectories.names[marker] for marker in markers}
             is_shown = item.checkState(_NAME) == Qt.CheckState.Checked
@@ -227,8 +230,11 @@ class Outline(PanelWhileSeen):
         self._is_following = False
         if not text:
             return
-        if item.data(_NAME, _KIND) == _LIMB:
-            self._corrections.apply(Correction("name", naming_markers(project, item.data(_NAME, _INDEX)), value=text))
+        kind, index = item.data(_NAME, _KIND), item.data(_NAME, _INDEX)
+        if kind == _LIMB:
+            self._corrections.apply(Correction("name", naming_markers(project, index), value=text))
+        elif kind == _JOINT:
+            self._corrections.apply(Correction("name-joint", ends_of_joint(project, index), value=text))
         else:
             self._corrections.apply(Correction("rename", (before,), value=text))
 

@@ -80,7 +80,7 @@ COMMANDS: tuple[Command, ...] = (
     Command(SEPARATOR, _EDIT),
     Command("select_all", _EDIT, "Select &all markers", "Ctrl+A", "Select all markers"),
     Command("select_none", _EDIT, "Select &nothing", "Ctrl+Shift+A", "Select nothing"),
-    Command("rename", _EDIT, "Rena&me", "F2", "Type another name for the selected limb or marker"),
+    Command("rename", _EDIT, "Rena&me", "F2", "Type another name for the selected limb, joint or marker"),
     Command("labelling", _EDIT, "&Label markers", "Ctrl+L", "Name markers, what needs most work first"),
     Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
     Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),

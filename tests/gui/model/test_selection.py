@@ -38,14 +38,14 @@ def test_two_markers_of_different_limbs_can_be_joined_and_parted(project):
 
 
 def test_joints_have_kinds_and_limbs_can_be_the_root(project):
-    assert kinds(project, Selection(joint=0)) == {"part", "kind"}
+    assert kinds(project, Selection(joint=0)) == {"part", "kind", "name-joint"}
     assert kinds(project, Selection(limb=2)) == {"root", "name"}
 
 
 def test_everything_that_is_offered_can_be_done(project):
     for selection in (Selection(frozenset({0})), Selection(frozenset({0, 4})), Selection(joint=0), Selection(limb=0)):
         for offer in offers(project, selection):
-            asks_name = offer.kind in {"split", "rename", "name"}
+            asks_name = offer.kind in {"split", "rename", "name", "name-joint"}
             correction = offer.correction("a new name" if asks_name else "")
             (stated,) = with_correction(project, correction).corrections
             assert (stated.kind, stated.names[: len(correction.names)]) == (correction.kind, correction.names)

@@ -154,7 +154,7 @@ def test_joints_bones_and_filled_markers_are_explained(view, session, eye, hand)
     joints, _ = view.viewpoint.project(session.project.motion.joint_positions[20], view.width(), view.height())
     hand.move(view, QPointF(*joints[0]).toPoint())
     called = [session.project.limbs.called(int(limb)) for limb in session.project.topology.edges[0]]
-    assert view.note().startswith(f"joint 0: {called[0]} and {called[1]}")
+    assert view.note().startswith(f"waist: {called[0]} and {called[1]}")
     assert "neighbours with " in view.note()
     assert "known to ±" in view.note()
     unseen = np.flatnonzero(~session.project.trajectories.seen[20])

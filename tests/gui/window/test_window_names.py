@@ -51,6 +51,19 @@ def test_f2_names_the_limb_that_is_selected_in_a_view_and_the_name_is_saved(qtbo
     assert "my limb" not in items(named, "limb")
 
 
+def test_f2_names_the_joint_that_is_selected_in_a_view_and_undo_takes_it_back(qtbot, named, person, tmp_path):
+    joint = next(index for index, one in enumerate(named.session.project.skeleton.joint_names) if one == "left elbow")
+    assert "left elbow" in items(named, "joint")
+    named.session.select(Selection(joint=joint))
+    types_name(qtbot, named, "hinge of the arm")
+    person.waits(lambda: named.session.project.skeleton.joint_names[joint] == "hinge of the arm")
+    assert "hinge of the arm" in items(named, "joint")
+    person.saves_as(tmp_path / "named.skelgen")
+    assert open_project(tmp_path / "named.skelgen").skeleton.joint_names[joint] == "hinge of the arm"
+    person.does("undo")
+    assert "left elbow" in items(named, "joint")
+
+
 def test_f2_renames_the_marker_that_is_selected(qtbot, named, person):
     named.session.select(Selection(frozenset({2})))
     types_name(qtbot, named, "my marker")
