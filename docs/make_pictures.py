@@ -44,6 +44,7 @@ def main() -> None:
         window = Window(preferences, recovery=Path(folder) / "recovery")
         window.resize(*SIZE)
         window.show()
+        window.reset_layout()
         path = Path(sys.argv[1]) if len(sys.argv) > 1 else recording(Path(folder))
         window.open(path)
         wait(app, lambda: window.session.project is not None and not window.jobs.is_busy)

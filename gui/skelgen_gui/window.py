@@ -19,7 +19,7 @@ from skelgen_gui.model.cameras import up_axis
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.view_state import ViewState
-from skelgen_gui.page_stack import PageStack, Preloading
+from skelgen_gui.page_stack import WIDTH, PageStack, Preloading
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.comparison import ComparisonPanel
@@ -48,7 +48,7 @@ from skelgen_gui.widgets.tutorial import Tutorial
 from skelgen_gui.window_commands import WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one, where the screen has room for it
-_STEPS, _TIMELINE = 0.3, 0.34  # of the window at first: the width of the steps, the height of the timeline
+_STEPS, _TIMELINE = 0.34, 0.36  # of the window at first: the width of the steps at most, the height of the timeline
 _PART = 0.92  # of the screen's room that the window takes at most at first: the frame of the window needs some
 
 
@@ -129,8 +129,9 @@ class Window(QMainWindow):
         self._rest()
 
     def reset_layout(self) -> None:
-        """Put docks and tool bar where they are at first."""
+        """Put docks and tool bar where they are at first, with the room that the window has by now."""
         self.middle.reset_layout(self._first_layout)
+        self._share_room()
 
     def show_full_screen(self, is_full: bool) -> None:
         """Fill the screen, or no longer."""
@@ -197,7 +198,7 @@ class Window(QMainWindow):
     def _share_room(self) -> None:
         """Leave most of a small screen to the views and to what stands beside them."""
         docks = {dock.objectName(): dock for dock in self.findChildren(QDockWidget)}
-        self.resizeDocks([docks["steps"]], [int(_STEPS * self.width())], Qt.Orientation.Horizontal)
+        self.resizeDocks([docks["steps"]], [min(WIDTH, int(_STEPS * self.width()))], Qt.Orientation.Horizontal)
         self.resizeDocks([docks["timeline"]], [int(_TIMELINE * self.height())], Qt.Orientation.Vertical)
 
     def _do(self, kind: str, name: str) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted
+from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.model import Limbs, PointCloud, Poses, Project, Take
 
 _MOST_POINTERS = 200
@@ -80,7 +81,9 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
     found = [] if stage != "labels" else list(_label_pointers(project))
     names = {name: marker for marker, name in enumerate(project.trajectories.names)}
     report = project.reports.get(stage)
-    for sentence in report.notices if report is not None else ():
+    for notice in report.notices if report is not None else ():
+        # Limbs may have got their names after the stage
+        sentence = with_names_of_limbs(notice, project.limbs) if project.has("limbs") else notice
         limbs = _limbs_in(project, sentence)
         first, _, rest = sentence.partition(" is on ")
         if rest and first in names:
@@ -209,7 +212,8 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
     n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
     if n_open:
-        yield f"Where {counted(n_open, 'joint')} lie is a choice: the motion does not determine it."
+        verb = "lies" if n_open == 1 else "lie"
+        yield f"Where {counted(n_open, 'joint')} {verb} is a choice: the motion does not determine it."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

@@ -93,6 +93,15 @@ def test_notices_about_limbs_point_to_their_markers_and_where_they_are_unknown()
     assert project.motion.limb_seen[: interpolated.frame, named].all()
 
 
+def test_notices_call_limbs_by_names_that_came_after_their_stage(done):
+    names = ("mast", *done.limbs.names[1:])
+    report = replace(done.reports["skeleton"], notices=("the joint between limb 0 and 1 turns",))
+    named = replace(done, reports={**done.reports, "skeleton": report}).with_limb_names(names)
+    (pointer,) = stage_pointers(named, "skeleton")
+    assert pointer.sentence == f"the joint between mast and {named.limbs.called(1)} turns"
+    assert set(pointer.markers) >= set(named.limbs.markers_of(0).tolist())
+
+
 def test_a_saved_result_replaces_a_run(done):
     project = Project(done.take)
     for stage in STAGES:

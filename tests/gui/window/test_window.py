@@ -62,6 +62,13 @@ def test_an_unlabelled_take_is_labelled_and_every_page_tells_what_came_out(windo
         assert "has not run" not in page.result.text()
 
 
+def test_a_small_screen_leaves_most_room_to_the_views(window, person):
+    window.resize(1024, 700)
+    person.waits()
+    assert window.tabs.width() > window.pages.width()
+    assert window.tabs.height() > window.timeline.height()
+
+
 def test_limbs_are_seen_in_their_colours(window, person, rods):
     person.opens(rods)
     person.runs_all()
