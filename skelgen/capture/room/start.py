@@ -46,7 +46,7 @@ NEAR = 20.0
 SUSPICIOUS, MOST_LATE = 8.0, 20
 """px that most points are off a camera whose lens is not known: more is not the lens; frames that it may be late."""
 
-FALSE, FALSE_BY = 3.0, 10.0
+FALSE, FALSE_BY = 8.0, 10.0
 """px that a view is off if it is no wand, and the same as a multiple of what the middle one is."""
 
 SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3

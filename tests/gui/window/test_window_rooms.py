@@ -5,8 +5,11 @@ from __future__ import annotations
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
-from skelgen_formats.capture_settings import read_any_settings
+from skelgen_formats.capture_settings import read_any_settings, write_settings
 from skelgen_gui.capture.pictures import group_colour
+
+from skelgen.capture.room.sources import open_room_source
+from skelgen.model.rig import RoomSettings
 
 WAIT = 120_000  # ms
 WAVED = "room:wand?cameras=2&frames=150&rate=8&width=320"
@@ -77,3 +80,20 @@ def test_a_room_is_captured_live(qtbot, window, has_colour):
     assert page.live.bodies.item(0, 0).text() == "torso"
     with qtbot.waitSignal(page.live.ended, timeout=WAIT):
         page.live.stop()
+
+
+def test_a_target_is_calibrated_by_the_cameras_of_a_room(qtbot, window, tmp_path):
+    page, seen = window.pages.page("capture"), "room:arm?cameras=4&frames=24&rate=8&show=lower arm"
+    path = tmp_path / "room.xml"
+    write_settings(RoomSettings(open_room_source(seen).settings.rig), path)
+    page.tabs.setCurrentWidget(page.target)
+    page.target.form.name.setText("lower arm")
+    page.target.form.settings.show_path(str(path))
+    page.target.form.source.show_source(seen)
+    qtbot.mouseClick(page.target.go, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: page.target.found is not None and not window.jobs.is_busy, timeout=WAIT)
+    assert page.view.pictures._titles == ("camera 1", "camera 2", "camera 3", "camera 4")
+    qtbot.mouseClick(page.target.add, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+    assert [body.name for body in read_any_settings(path).bodies] == ["lower arm"]
+    assert page.live.choice.settings.path == str(path)
