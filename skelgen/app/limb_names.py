@@ -119,7 +119,7 @@ def names_in_motion(
                 "both sides are exchanged"
             )
         return names
-    found = names_by_shape(skeleton, motion, said, worn_by_shape(project))
+    found = names_by_shape(skeleton, motion, said, lambda: worn_by_shape(project))
     for sentence in found.sentences:
         monitor.notice(sentence)
     return _with_stated(found.names, said)

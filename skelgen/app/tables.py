@@ -264,9 +264,11 @@ def _length_rows(project: Project) -> list[Row]:
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
         first_name, second_name = (skeleton.joint_names[index] for index in (first, second))
+        limb = skeleton.limb_of_length((first, second))
         rows.append(
             {
-                "limb": skeleton.limb_of_length((first, second)),
+                "limb": limb,
+                "name": skeleton.limb_names[limb],
                 "from_joint": first_name,
                 "to_joint": second_name,
                 "length_mm": length,

@@ -46,6 +46,7 @@ def test_finished_project_has_all_tables(small_project):
     length = np.linalg.norm(np.subtract(*(joint.position_in_parent for joint in small_project.skeleton.joints)))
     assert tables["lengths"][0]["length_mm"] == length
     assert tables["lengths"][0]["std_mm"] == 0.7
+    assert tables["lengths"][0]["name"] == f"limb{tables['lengths'][0]['limb']}"
     seen = small_project.motion.residuals[~np.isnan(small_project.motion.residuals)]
     assert tables["residuals"]["max_mm"] == seen.max()
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -27,6 +28,10 @@ _LIKE_SET, _WHOLE_SET = 4.0, 16.0
 _CHAIN, _PERSON = "a chain", "a person"
 _STATED = 99.0
 _MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
+
+
+_FOUND: WeakKeyDictionary[Motion, tuple[list[str], list[tuple[MovingTree, str, Shape]]]] = WeakKeyDictionary()
+"""What was found in a motion: names that the user states later change nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class ShapeNames:
 
 
 def names_by_shape(
-    skeleton: Skeleton, motion: Motion, stated: Mapping[int, str], worn: Sequence[WornShape] = ()
+    skeleton: Skeleton, motion: Motion, stated: Mapping[int, str], find_worn: Callable[[], Sequence[WornShape]] = tuple
 ) -> ShapeNames:
     """Return names of limbs by what their trees look like: a person, an animal, a hand, a chain.
 
@@ -77,12 +82,16 @@ def names_by_shape(
         With at least one frame.
     stated : mapping of int to str
         Names that the user gives limbs; one with a side decides the sides of its body.
-    worn : sequence of WornShape
-        Of each body whose markers have the shape of a marker set.
+    find_worn : callable () -> sequence of WornShape
+        Finds the bodies whose markers have the shape of a marker set; asked once for a motion.
     """
+    if motion not in _FOUND:
+        worn = find_worn()
+        said = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
+        _FOUND[motion] = said, _shapes(moving_trees(skeleton, motion), worn)
     named: dict[int, tuple[float, str]] = {}
-    sentences = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
-    for tree, what, shape in _shapes(moving_trees(skeleton, motion), worn):
+    sentences, shapes = [*_FOUND[motion][0]], _FOUND[motion][1]
+    for tree, what, shape in shapes:
         evidence = _stated_evidence(shape, stated) or shape.evidence
         named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
         sentences.append(_sentence(what, shape, evidence))

@@ -9,7 +9,7 @@ import skelgen
 from skelgen.simulation import simulate
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.structures import human as human_structure
-from skelgen.stages.names import contradicts_sides
+from skelgen.stages.names import contradicts_sides, names_by_shape
 
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -66,6 +66,14 @@ def test_a_side_that_the_user_states_decides_all(human):
     other = {"left": "right", "right": "left"}
     swapped = [" ".join(other.get(word, word) for word in name.split()) for name in project.limbs.names]
     assert list(corrected.limbs.names) == swapped
+
+
+def test_a_motion_is_looked_at_once_however_often_its_limbs_are_renamed(human):
+    _, project = human
+    motion, asked = replace(project.motion), []
+    for stated in ({}, {0: "trunk"}):
+        names_by_shape(project.skeleton, motion, stated, lambda: asked.append(1) or ())
+    assert asked == [1]
 
 
 def test_names_stay_when_stages_run_again(human):
