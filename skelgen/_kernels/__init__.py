@@ -134,15 +134,15 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
 
 
 def _part(function: Callable[..., Any]) -> Any:
-    return _njit(**_NO_ENTRY, _nrt=False, pipeline_class=_part_compiler())(function)
+    return _njit(_part_compiler, **_NO_ENTRY, _nrt=False)(function)
 
 
 def _part_that_makes_arrays(function: Callable[..., Any]) -> Any:
-    return _njit(**_NO_ENTRY, pipeline_class=_part_compiler())(function)
+    return _njit(_part_compiler, **_NO_ENTRY)(function)
 
 
 def _kept_on_disk(function: Callable[..., Any]) -> Any:
-    compiled = _njit(no_cfunc_wrapper=True)(function)
+    compiled = _njit(_kernel_compiler, no_cfunc_wrapper=True)(function)
     if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
         try:
             compiled._cache = _cache_class()(function)
@@ -154,7 +154,7 @@ def _kept_on_disk(function: Callable[..., Any]) -> Any:
     return compiled
 
 
-def _njit(**options: Any) -> Any:
+def _njit(compiler: Callable[[], Any], **options: bool) -> Any:
     try:
         import numba  # noqa: PLC0415 - half a second
     except Exception as error:  # it refuses versions of NumPy that it does not know, in several ways
@@ -162,7 +162,7 @@ def _njit(**options: Any) -> Any:
             f"numba, which compiles skelgen's kernels, cannot be imported ({error}); install the version asked for"
         ) from error
     _introduce()
-    return cast(Any, numba.njit)(nogil=True, error_model="numpy", **options)
+    return cast(Any, numba.njit)(nogil=True, error_model="numpy", pipeline_class=compiler(), **options)
 
 
 @cache
@@ -212,16 +212,48 @@ def _cache_class() -> Any:
 
 
 @cache
+def _kernel_compiler() -> Any:
+    """Return numba's compiler, but that it remembers the types that operators give.
+
+    For each ``+`` numba would go through some fifty rules, most of them of other things than numbers: a tenth of all.
+    """
+    from numba.core import compiler, registry, types  # noqa: PLC0415 - half a second
+
+    compiler_base: Any = compiler.Compiler  # numba gives these no types
+    context_base: Any = type(registry.cpu_target.typing_context)
+    known: dict[Any, Any] = {}
+
+    class RememberingContext(context_base):  # type: ignore[misc]
+        def __init__(self, context: Any) -> None:
+            self.__dict__ = context.__dict__  # all that the context of numba knows and learns
+
+        def resolve_function_type(self, function: Any, arguments: Any, named: Any) -> Any:
+            if named or not isinstance(function, types.Function):
+                return super().resolve_function_type(function, arguments, named)
+            key = function, tuple(arguments)
+            if key not in known:
+                known[key] = super().resolve_function_type(function, arguments, named)
+            return known[key]
+
+    context = RememberingContext(registry.cpu_target.typing_context)
+
+    class KernelCompiler(compiler_base):  # type: ignore[misc]
+        def __init__(self, typing_context: Any, *others: Any) -> None:
+            super().__init__(context, *others)
+
+    return KernelCompiler
+
+
+@cache
 def _part_compiler() -> Any:
     """Return numba's compiler, but for the last step: a part becomes machine code within its kernel only.
 
     numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
     that the part is linked into.
     """
-    from numba.core import codegen, compiler, typed_passes, untyped_passes  # noqa: PLC0415 - half a second
+    from numba.core import codegen, typed_passes, untyped_passes  # noqa: PLC0415 - half a second
 
-    library_base: Any = codegen.JITCodeLibrary  # numba gives these no types
-    compiler_base: Any = compiler.Compiler
+    library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
     unneeded = (  # as no part has closures, branches on types, or expressions of whole arrays
         untyped_passes.InlineClosureLikes,
         untyped_passes.DeadBranchPrune,
@@ -252,7 +284,7 @@ def _part_compiler() -> Any:
         def set_env(self, name: str, environment: object) -> None:
             """Do nothing: only what Python calls looks into its environment."""
 
-    class PartCompiler(compiler_base):  # type: ignore[misc]
+    class PartCompiler(_kernel_compiler()):  # type: ignore[misc]
         def define_pipelines(self) -> Any:
             self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()

@@ -6,25 +6,16 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import array_part, fixed, kernel, kernel_part
+from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.least_squares import (
-    RANK_TOLERANCE,
     Linearised,
-    room_for,
-    sum_of_squares,
     turn_to_axes,
     write_copy,
-    write_eliminated,
     write_inverse_root,
-    write_product,
     write_times_transposed,
 )
-from skelgen._kernels.small_matrices import SMALL_ANGLE, TINY
+from skelgen._kernels.small_matrices import SMALL_ANGLE
 from skelgen.model.arrays import Floats
-
-STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
-"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
-
 
 UNIVERSAL_RIDGE = 1e-6
 """Of unit variance: axes that never move against each other make no universal joint."""
@@ -55,18 +46,11 @@ def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     weight : ndarray, shape (n_frames, 3, 3)
         Whitening of small turns.
     """
-    out, room = _room_for(parts)
-    _linearise(parts, rotations, weight, room, out)
-    return out
-
-
-@array_part
-def _room_for(parts: Parts) -> tuple[Linearised, Floats]:
-    """Return arrays for what `linearised` returns, and to work in."""
     n_frames, n_angles = parts[3].shape
     size = 3 + n_angles
     out = Linearised(np.empty((n_frames, 3)), np.empty((n_frames, 3, size)), np.empty((n_frames, 3, n_angles)))
-    return out, np.empty((N_ROOM, 3, size + n_angles))
+    _linearise(parts, rotations, weight, np.empty((N_ROOM, 3, size + n_angles)), out)
+    return out
 
 
 @kernel_part
@@ -101,121 +85,6 @@ def _linearise(parts: Parts, rotations: Floats, weight: Floats, room: Floats, ou
                     constants[frame, i, column] = value
                 else:
                     own[frame, i, column - 3 - n_angles] = value
-
-
-@kernel
-def descended(parts: Parts, rotations: Floats, weight: Floats, max_rounds: int, least_gain: float) -> Parts:
-    """Fit a joint to rotations by the steps of `schur_complement.gauss_newton`.
-
-    Parameters
-    ----------
-    parts, rotations, weight
-        See `linearised`; the joint is a first guess.
-    max_rounds, least_gain
-        See `schur_complement.gauss_newton`.
-
-    Returns
-    -------
-    tuple
-        `JointRotation.parts` of the joint that comes nearest.
-    """
-    in_parent, in_child, between, angles = parts
-    n_frames, n_angles = angles.shape
-    size = 3 + n_angles
-    parent, child, turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
-    next_parent, next_child, next_turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
-    (linear, room), eliminated = _room_for(parts), room_for(n_frames, 3, size, n_angles)
-    follow, alone = eliminated.follow, eliminated.alone
-    step, matrices = np.empty(size), np.empty((2, size, size))
-    write_copy(in_parent, parent)
-    write_copy(in_child, child)
-    write_copy(angles, turns)
-    _linearise((parent, child, between, turns), rotations, weight, room, linear)
-    squares = sum_of_squares(linear.residuals)
-    for _ in range(max_rounds):
-        write_eliminated(linear, eliminated)
-        _write_step(eliminated.normal, eliminated.gradient, matrices[0], matrices[1], step)
-        for frame in range(n_frames):
-            for a in range(n_angles):
-                for c in range(size):
-                    alone[frame, a] -= follow[frame, a, c] * step[c]
-        reached, next_between = math.inf, between
-        for part in STEP_PARTS:
-            for frame in range(n_frames):
-                for a in range(n_angles):
-                    next_turns[frame, a] = turns[frame, a] + part * alone[frame, a]
-            if n_angles == 2:
-                next_between = between + part * step[4]
-            tried = next_parent, next_child, next_between, next_turns
-            _write_stepped((parent, child, between, turns), step, part, room[0], tried)
-            _linearise(tried, rotations, weight, room, linear)
-            reached = sum_of_squares(linear.residuals)
-            if reached <= squares:
-                break
-        if not reached <= squares:
-            break
-        settled = squares - reached <= least_gain * squares
-        parent, next_parent = next_parent, parent
-        child, next_child = next_child, child
-        turns, next_turns = next_turns, turns
-        between, squares = next_between, reached
-        if settled:
-            break
-    return parent, child, between, turns
-
-
-@kernel_part
-def _write_stepped(parts: Parts, step: Floats, part: float, turn: Floats, stepped: Parts) -> None:
-    """Write a joint's frames after a part of a step, as `stepped` of the joint rotations does; `turn` is room."""
-    in_parent, in_child, _, angles = parts
-    parent, child, _, _ = stepped
-    if angles.shape[1] == 0:
-        _write_turn(part * step[0], part * step[1], part * step[2], turn)
-        write_product(turn, in_parent, parent)
-        write_copy(in_child, child)
-    else:
-        _write_turn(part * step[0], part * step[1], 0.0, turn)
-        write_product(in_parent, turn, parent)
-        _write_turn(part * step[2], part * step[3], 0.0, turn)
-        write_product(in_child, turn, child)
-
-
-@kernel_part
-def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
-    """Write the rotation of a rotation vector (Rodrigues)."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    sine = math.sin(angle) / angle if angle > SMALL_ANGLE else 1.0
-    half = 2.0 * (math.sin(angle / 2.0) / angle) ** 2 if angle > SMALL_ANGLE else 0.5
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 - half * (y * y + z * z), half * x * y - sine * z, half * x * z + sine * y
-    out[1, 0], out[1, 1], out[1, 2] = half * x * y + sine * z, 1.0 - half * (x * x + z * z), half * y * z - sine * x
-    out[2, 0], out[2, 1], out[2, 2] = half * x * z - sine * y, half * y * z + sine * x, 1.0 - half * (x * x + y * y)
-
-
-@kernel_part
-def _write_step(normal: Floats, gradient: Floats, matrix: Floats, vectors: Floats, out: Floats) -> None:
-    """Solve for a step along the directions that are determined; both matrices are room to work in."""
-    size = len(gradient)
-    for i in range(size):
-        out[i] = 0.0
-        for j in range(size):
-            matrix[i, j] = normal[i, j] / (_scale(normal, i) * _scale(normal, j))
-    turn_to_axes(matrix, vectors, size)
-    largest = TINY
-    for k in range(size):
-        largest = max(largest, matrix[k, k])
-    for k in range(size):
-        if matrix[k, k] > RANK_TOLERANCE * largest:
-            along = 0.0
-            for i in range(size):
-                along += vectors[i, k] * gradient[i] / _scale(normal, i)
-            for i in range(size):
-                out[i] += vectors[i, k] * along / (matrix[k, k] * _scale(normal, i))
-
-
-@kernel_part
-def _scale(normal: Floats, i: int) -> float:
-    """Return the root of a diagonal element: millimetres and radians stand beside each other."""
-    return math.sqrt(max(normal[i, i], TINY))
 
 
 @kernel_part

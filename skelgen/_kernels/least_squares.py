@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import kernel, kernel_part
 from skelgen._kernels.small_matrices import TINY
 from skelgen.model.arrays import Floats
 
@@ -94,21 +94,8 @@ def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminate
         See `schur_complement.LinearisedProblem`.
     """
     n_frames, n_rows, n_constants = constants.shape
-    out = room_for(n_frames, n_rows, n_constants, angles.shape[2])
-    write_eliminated(Linearised(residuals, constants, angles), out)
-    return out
-
-
-@array_part
-def room_for(n_frames: int, n_rows: int, n_constants: int, n_angles: int) -> Eliminated:
-    """Return arrays for what `eliminate` returns.
-
-    Parameters
-    ----------
-    n_frames, n_rows, n_constants, n_angles : int
-        Sizes of the problem.
-    """
-    return Eliminated(
+    n_angles = angles.shape[2]
+    out = Eliminated(
         np.empty((n_frames, n_angles, n_angles)),
         np.empty((n_frames, n_angles, n_constants)),
         np.empty((n_frames, n_angles)),
@@ -117,6 +104,8 @@ def room_for(n_frames: int, n_rows: int, n_constants: int, n_angles: int) -> Eli
         np.empty((n_constants, n_constants)),
         np.empty(n_constants),
     )
+    write_eliminated(Linearised(residuals, constants, angles), out)
+    return out
 
 
 @kernel_part
@@ -295,16 +284,6 @@ def write_copy(matrix: Floats, out: Floats) -> None:
 
 
 @kernel_part
-def sum_of_squares(matrix: Floats) -> float:
-    """Return the sum of the squares of all elements."""
-    total = 0.0
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            total += matrix[i, j] * matrix[i, j]
-    return total
-
-
-@kernel_part
 def write_times_transposed(first: Floats, second: Floats, out: Floats) -> None:
     """Write first second^T, 3 x 3.
 
@@ -318,22 +297,6 @@ def write_times_transposed(first: Floats, second: Floats, out: Floats) -> None:
     for i in range(3):
         for j in range(3):
             out[i, j] = first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
-
-
-@kernel_part
-def write_product(first: Floats, second: Floats, out: Floats) -> None:
-    """Write first second, 3 x 3.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (3, 3)
-        The factors.
-    out : ndarray, shape (3, 3)
-        Receives the product; neither of the factors.
-    """
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
 
 
 @kernel_part

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skelgen._kernels.joint_models import alternated, descended, linearised, relative_vectors
+from skelgen._kernels.joint_models import alternated, linearised, relative_vectors
 from skelgen._kernels.least_squares import eliminate, whitened
 from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, gauss_newton
+from skelgen.kinematics.joints.rotations import HingeRotation, RigidRotation, UniversalRotation
 
 N_FRAMES = 25
 FIRST, SECOND = np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0])
@@ -120,9 +122,28 @@ def test_a_joint_descends_to_the_one_that_made_the_rotations(weights, n_angles):
     measured = rotations_of(*truth)
     constants = 0.1 * np.random.default_rng(1).normal(size=3 + n_angles)
     start = moved(truth, constants, 0.1)
-    held = tuple(np.ascontiguousarray(one) if isinstance(one, np.ndarray) else float(one) for one in start)
-    found = descended(held, measured, weights, 30, 1e-12)
-    np.testing.assert_allclose(rotations_of(*found), measured, atol=1e-6)
+    joint = joint_of(*start)
+    found = gauss_newton(
+        joint,
+        lambda joint: LinearisedProblem(*linearised(held(*joint.parts()), measured, weights)),
+        lambda joint, constants, angles: joint.stepped(constants, angles),
+        least_gain=1e-12,
+    )
+    np.testing.assert_allclose(found.state.rotations(), measured, atol=1e-6)
+
+
+def joint_of(in_parent, in_child, between, angles):
+    if angles.shape[1] == 0:
+        return RigidRotation(in_parent @ in_child.T, len(angles))
+    return (
+        HingeRotation(in_parent, in_child, angles[:, 0])
+        if angles.shape[1] == 1
+        else UniversalRotation(in_parent, in_child, between, angles)
+    )
+
+
+def held(*parts):
+    return tuple(np.ascontiguousarray(one) if isinstance(one, np.ndarray) else float(one) for one in parts)
 
 
 def test_axes_that_alternate_keep_their_angle_best(turns):

@@ -13,13 +13,15 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.joint_models import STEP_PARTS
 from skelgen._kernels.least_squares import OWN_RIDGE, RANK_TOLERANCE, eliminate
 from skelgen.model.arrays import Floats
 
 MAX_ROUNDS = 30
 LEAST_GAIN = 1e-7
 """Rounds stop when the sum of squares falls by less than this part: the next would gain its square."""
+
+STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
+"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
 
 State = TypeVar("State")
 

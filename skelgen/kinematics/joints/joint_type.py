@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.joint_models import Parts, descended, linearised
+from skelgen._kernels.joint_models import Parts, linearised
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.chain.schur_complement import LinearisedProblem, effective_frames_of_both, solve_bordered
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, effective_frames_of_both, gauss_newton
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.relative_poses import whitener
 from skelgen.kinematics.joints.rotations import (
@@ -26,7 +26,6 @@ from skelgen.kinematics.joints.rotations import (
     RigidRotation,
     UniversalRotation,
     axis_covariance,
-    constrained_rotation,
 )
 from skelgen.model.arrays import Floats
 
@@ -222,11 +221,16 @@ def _type_fit(
     """Fit one type, and compare its residuals with the noise."""
     start = _start(name, rotations)
     rotations, weight = contiguous(rotations, weight)
-    rotation = constrained_rotation(*descended(_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
-    linear = _linearised(rotation, rotations, weight)
-    solution = solve_bordered(linear)
+    found = gauss_newton(
+        start,
+        lambda joint: _linearised(joint, rotations, weight),
+        lambda joint, constants, angles: joint.stepped(constants, angles),
+        MAX_ROUNDS,
+        LEAST_GAIN,
+    )
+    rotation, solution = found.state, found.solution
     n_frames, n_rows = len(rotations), 3 - start.n_angles
-    ratio = linear.squares / max(n_rows * n_frames - start.n_constants, 1)
+    ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
     for_means, independent = effective_frames_of_both(solution.residuals)
     from scipy.special import fdtri  # noqa: PLC0415 - a fifth of a second, which the window's start need not wait for
 

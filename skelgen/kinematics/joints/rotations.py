@@ -246,25 +246,6 @@ ConstrainedRotation = RigidRotation | HingeRotation | UniversalRotation
 """Rotations of a joint that is not free."""
 
 
-def constrained_rotation(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> ConstrainedRotation:
-    """Return the rotations that have given parts: the number of angles in a frame says which type they are.
-
-    Parameters
-    ----------
-    in_parent, in_child : ndarray, shape (3, 3)
-        Rotations limb from joint.
-    between : float, rad
-        Angle between the axes of a universal joint.
-    angles : ndarray, shape (n_frames, n_angles), rad
-        Angles about the axes.
-    """
-    if angles.shape[1] == 0:
-        return RigidRotation(in_parent, len(angles))
-    if angles.shape[1] == 1:
-        return HingeRotation(in_parent, in_child, angles[:, 0])
-    return UniversalRotation(in_parent, in_child, between, angles)
-
-
 def about_z(angles: Floats) -> Floats:
     """Return rotations about z by angles [rad], shape (..., 3, 3) from (...)."""
     turns = np.zeros((*np.shape(angles), 3, 3))
