@@ -191,7 +191,7 @@ def joint_constraints(
     """
     from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
 
-    is_joint = {} if marker_set in {"auto", "none"} else joints_of_person(project)
+    is_joint = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project))
     root = project.limbs.names.index("pelvis") if is_joint and "pelvis" in project.limbs.names else None
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
@@ -266,11 +266,11 @@ def names_by_markers(project: Project) -> tuple[str, ...]:
     return name_limbs(project.limbs, markers, worn)
 
 
-def joints_of_person(project: Project) -> dict[tuple[int, int], bool]:
+def joints_of_person(names: Sequence[str]) -> dict[tuple[int, int], bool]:
     """Joints between the segments of a person that limbs are named by; a segment that is missing is passed over."""
     from skelgen.stages.names import PARENTS  # noqa: PLC0415 - reads tables
 
-    limb_of = {name: limb for limb, name in enumerate(names_by_markers(project))}
+    limb_of = {name: limb for limb, name in enumerate(names)}
     joints = {}
     for name, limb in limb_of.items():
         parent = PARENTS.get(name, "")

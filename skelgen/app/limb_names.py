@@ -152,6 +152,15 @@ def worn_by_shape(project: Project) -> list[WornShape]:
     return found
 
 
+def names_of_shape(project: Project) -> list[str]:
+    """What the marker sets whose shape the markers have call the limbs; left and right may be exchanged."""
+    names = [f"limb{limb}" for limb in range(project.limbs.n_limbs)]
+    for worn in worn_by_shape(project):
+        for limb, name in worn.called.items():
+            names[limb] = name
+    return names
+
+
 def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monitor = SILENT) -> Limbs:
     """Return limbs with their names.
 

@@ -15,13 +15,13 @@ from skelgen.app.constraints import (
     RunOptions,
     joint_constraints,
     joint_types,
-    joints_of_person,
     limb_constraints,
+    names_by_markers,
     stated_number,
 )
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
-from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, with_joint_names
+from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
 from skelgen.app.sensors import joints_of_bodies, repaired_sensors
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.errors import InputError
@@ -245,8 +245,9 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
         if isinstance(project.take, Poses):
             return JointResult(joints_of_bodies(project, find, constraints, monitor))
         topology = find(constraints=constraints, monitor=held)
-        if settings.limbs.marker_set == "auto" and _wears_set(project):
-            prior = with_tree(project, topology, constraints, joints_of_person(project), monitor)
+        if settings.limbs.marker_set == "auto":
+            names = names_by_markers(project) if _wears_set(project) else names_of_shape(project)
+            prior = with_tree(project, topology, constraints, names, monitor)
         if prior is None:
             held.release()
         else:

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters, declare
-from skelgen.simulation.people import HEIGHTS, MARKER_SETS, MOTIONS
+from skelgen.simulation.people import HEIGHTS, LABORATORY_SETS, MARKER_SETS, MOTIONS
 
 OF_PEOPLE = ("motion", "marker_set", "height")
 """Parameters that only the simulated human has."""
@@ -85,7 +85,7 @@ class SimulationParameters(StageParameters):
         NONE,
         "Markers as people wear them, on a human; none: markers that wind around all limbs. A human who walks, runs or "
         "the like wears plug-in-gait unless told otherwise.",
-        choices=(NONE, *MARKER_SETS),
+        choices=(NONE, *MARKER_SETS, *LABORATORY_SETS),
     )
     height: float = declare(
         0.0, "Height of a human who wears a marker set; 0: drawn by the seed.", unit="mm", within=(0.0, HEIGHTS[1])

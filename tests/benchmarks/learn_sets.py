@@ -14,7 +14,7 @@ import numpy as np
 import skelgen.stages.limbs.worn_sets as module
 from skelgen.model.arrays import Floats
 from skelgen.simulation import simulate
-from skelgen.simulation.people import MARKER_SETS, MOTIONS
+from skelgen.simulation.people import LABORATORY_SETS, MARKER_SETS, MOTIONS
 
 N_PEOPLE, FIRST_SEED, N_FRAMES = 15, 7000, 200  # of each set
 STUCK, MOVED = 0.12, 0.5  # least standard deviations of both logarithms
@@ -23,7 +23,7 @@ STUCK, MOVED = 0.12, 0.5  # least standard deviations of both logarithms
 def main() -> None:
     """Write the table."""
     table = {}
-    for marker_set in MARKER_SETS:
+    for marker_set in (*MARKER_SETS, *LABORATORY_SETS):
         shapes: list[tuple[Floats, Floats]] = []
         for person in range(N_PEOPLE):
             case = simulate(

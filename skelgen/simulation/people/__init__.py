@@ -6,10 +6,11 @@ What is known of them stands in readable tables, `tables/*.toml`, each with its 
 from skelgen.simulation.people.body import HEIGHTS, Person, person, usual_person
 from skelgen.simulation.people.motions import MOTIONS, SLOWEST, natural_motion
 from skelgen.simulation.people.skin import skin_motion
-from skelgen.simulation.people.tables import MARKER_SETS
+from skelgen.simulation.people.tables import LABORATORY_SETS, MARKER_SETS, worn_markers
 
 __all__ = [
     "HEIGHTS",
+    "LABORATORY_SETS",
     "MARKER_SETS",
     "MOTIONS",
     "SLOWEST",
@@ -18,4 +19,5 @@ __all__ = [
     "person",
     "skin_motion",
     "usual_person",
+    "worn_markers",
 ]

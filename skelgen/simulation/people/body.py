@@ -24,7 +24,6 @@ HEIGHTS = (1000.0, 2300.0)
 _MEAN_HEIGHT, _HEIGHT_SPREAD, _USUAL = 1720.0, 95.0, (1500.0, 2000.0)  # mm, of adults
 _PROPORTIONS = 0.03  # one standard deviation of the logarithm of lengths against the height
 _GIRTH = 0.06  # the same of widths
-_PALPATION = 5.0  # mm by which a marker misses its place, per coordinate
 _LEGS = 890.0  # mm from the ground to the hips
 _NO_MARKERS = np.empty((0, 3))
 _SOLE = ((-50.0, 0.0, -65.0), (118.0, -38.0, -65.0), (98.0, 42.0, -65.0))  # mm: heel and ball in the foot's frame
@@ -65,7 +64,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
     Parameters
     ----------
     marker_set : str
-        One of `MARKER_SETS`.
+        One of `MARKER_SETS` or `LABORATORY_SETS`.
     height : float, mm
         Body height; 0 for one that is drawn.
     rng : numpy.random.Generator
@@ -80,7 +79,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
     scales = _scales((height or drawn) / HEIGHT, rng)
     body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
-    missed = _PALPATION * rng.normal(size=(len(markers), 3))
+    missed = np.array([[one.misplaced] for one in markers]) * rng.normal(size=(len(markers), 3))
     worn, kept, order = _dressed(body, marker_set, scales, missed)
     sliding = np.array([sliding_at(markers[index].place) for index in order])
     plates = tuple(markers[index].plate for index in order)

@@ -6,6 +6,7 @@ They are read when they are first needed. What is wrong in them is a defect of t
 import tomllib
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,11 @@ MARKER_SETS = (
     *("optitrack-37", "optitrack-41", "optitrack-50", "qualisys-42"),
 )
 """Marker sets that people can wear."""
+
+LABORATORY_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "opencap")
+"""More of them, with markers whose places differ between laboratories."""
+
+_PALPATION, _LOOSE = 5.0, 25.0  # mm by which a marker misses its place, per coordinate
 
 _FOLDER = Path(__file__).parent / "tables"
 
@@ -40,6 +46,8 @@ class WornMarker:
         Place in the limb's frame.
     plate : str
         What all markers of one stiff plate share; empty for a marker of its own.
+    misplaced : float, mm
+        Standard deviation of a coordinate from the place.
     """
 
     name: str
@@ -47,24 +55,34 @@ class WornMarker:
     place: str
     offset: Floats
     plate: str
+    misplaced: float
 
 
 @cache
 def worn_markers(marker_set: str) -> tuple[WornMarker, ...]:
-    """Return the markers of a set in `MARKER_SETS`, in its order."""
-    table = read_table("marker_sets")[marker_set]
+    """Return the markers of a set in `MARKER_SETS` or `LABORATORY_SETS`, in its order."""
+    table = read_table("marker_sets" if marker_set in MARKER_SETS else "laboratory_sets")[marker_set]
     plate_of = {name: plate[0] for plate in table.get("plates", ()) for name in plate}
+    loose = {name for text in table.get("loose", ()) for name, _ in _of_both_sides(text, "")}
     segments = {place: name for name, places in read_table("places").items() for place in places}
     found = []
-    for name, text in table["markers"].items():
+    for name, text in chain.from_iterable(_of_both_sides(*one) for one in table["markers"].items()):
         side, _, rest = text.partition(" ")
         place = rest if side in {"left", "right"} else text
         segment = segments[place]
         offset = np.array(read_table("places")[segment][place], dtype=np.float64)
         limb = segment if segment in {"pelvis", "chest", "head"} else f"{side} {segment}"
         offset[1] *= -1 if side == "right" else 1
-        found.append(WornMarker(name, limb, place, offset, plate_of.get(name, "")))
+        misplaced = _LOOSE if name in loose else _PALPATION
+        found.append(WornMarker(name, limb, place, offset, plate_of.get(name, ""), misplaced))
     return tuple(found)
+
+
+def _of_both_sides(name: str, place: str) -> list[tuple[str, str]]:
+    """Return a marker and its place, or those of both sides where `@` stands for them."""
+    if "@" not in name:
+        return [(name, place)]
+    return [(name.replace("@", side[0].upper()), place.replace("@", side)) for side in ("left", "right")]
 
 
 @dataclass(frozen=True)

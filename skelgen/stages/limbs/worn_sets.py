@@ -55,6 +55,9 @@ WITHOUT_PARTNER = 2.0
 WORN, NOT_WORN = 1.8, 2.05
 """Misfit up to which a set is believed, and from which it is not at all."""
 
+BEYOND_DOUBT, DOUBTFUL = 0.8, 1.3
+"""Misfit up to which no motion contradicts a set, and from which it may."""
+
 MARKER_FITS, MARKER_DOES_NOT = 1.5, 3.0
 """The same for a single marker."""
 
@@ -146,7 +149,8 @@ def set_odds(positions: Floats, by_motion: Floats) -> Floats:
     together = segments[:, np.newaxis] == segments
     others = together & ~np.eye(len(segments), dtype=np.bool_)
     agreed = float((by_motion[pairs][others] > CONTRADICTED).mean()) if others.any() else 0.0
-    belief = _part(match.misfit, WORN, NOT_WORN) * _part(agreed, AGREED, NOT_AGREED)
+    borne_out = np.maximum(_part(agreed, AGREED, NOT_AGREED), _part(match.misfit, BEYOND_DOUBT, DOUBTFUL))
+    belief = _part(match.misfit, WORN, NOT_WORN) * borne_out
     fits = _part(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
     odds[pairs] = belief * np.where(together, STRENGTH, -STRENGTH) * np.minimum(fits[:, np.newaxis], fits)
     np.fill_diagonal(odds, 0.0)
