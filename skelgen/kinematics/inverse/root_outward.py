@@ -103,11 +103,12 @@ def pose_outward(
         points, places, seen = _points_to_fit(chain, limb, positions, raw_joints, flatness)
         fixed[:, limb] = _fixes_rotation(points, seen, parent >= 0, flatness)
         above = world if parent < 0 else rotations[:, parent]
+        use, turns = np.flatnonzero(fixed[:, limb]), world.copy()
         if parent < 0:
-            turns = fit_transform(points, places, seen & fixed[:, limb, np.newaxis], rotator)[:, :3, :3]
+            turns[use] = fit_transform(points, places[use], seen[use], rotator)[:, :3, :3]
         else:
             origins[:, limb] = origins[:, parent] + above @ chain.joints[limb]
-            turns = rotator(moments_about(points, places, origins[:, limb], seen))
+            turns[use] = rotator(moments_about(points, places[use], origins[use, limb], seen[use]))
         rotations[:, limb] = _completed(turns, fixed[:, limb], above, None if rest is None else rest[limb])
         if parent < 0:
             origins[:, limb], placed = _root_origins(rotations[:, limb], points, places, seen)
