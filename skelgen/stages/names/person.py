@@ -11,8 +11,8 @@ from skelgen.model.arrays import Floats
 from skelgen.stages.names.likely_segments import CHAINS, LABELS, STIFF_ARM, TRUNK, OfSet, likely_segments
 from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
 
-_LEAST_ODDS = 1.1
-"""Mean log odds of pairs of limbs below which a tree is no person: most have 1.2 and more, animals and hands 0.5."""
+_LEAST_ODDS = 1.0
+"""Mean log odds of pairs of limbs below which a tree is no person: most have 1.2 and more, animals 0.5, others at most 0.8."""
 
 _LEAST_ALIKE = 0.3  # cosine between the ways across hips and shoulders, in the mean
 _TOES = 0.46  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer
