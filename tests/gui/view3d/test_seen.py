@@ -19,7 +19,7 @@ from skelgen_gui.widgets.theme import doubt_colour, theme_palette
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.model import Project
 
-SAME_HUE = 16  # degrees: light and fog change a colour, but hardly its hue
+SAME_HUE = 24  # degrees: light and fog change a colour, but hardly its hue; that of pale colours most
 
 
 def hue_gap(first, second):
