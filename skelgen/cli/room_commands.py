@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skelgen.cli.options import AsJson, Calibrated, Quiet, Square
 from skelgen.cli.screen import Screen
 from skelgen.errors import InputError
+
+if TYPE_CHECKING:
+    from skelgen.capture.room.calibrate import WandCalibration
 
 SETTINGS = Path("room.xml")
 
@@ -59,8 +62,6 @@ def room(
     quiet, as_json : bool
         Whether neither progress nor notes are shown, and one JSON object stands for everything else.
     """
-    import numpy as np
-
     from skelgen.app.room import Ground, calibrate_room, calibrate_room_by_boards, save_room
     from skelgen.capture.room.boards import room_board
 
@@ -73,19 +74,7 @@ def room(
         else:
             settings, found = calibrate_room_by_boards(source, room_board(board, square, marker), lying, monitor)
     save_room(settings, output)
-    rows = [
-        {
-            "camera": camera.name,
-            "views": int(views),
-            "fx [px]": f"{camera.matrix[0, 0]:.2f} +- {std[0]:.2f}",
-            "fy [px]": f"{camera.matrix[1, 1]:.2f} +- {std[1]:.2f}",
-            "place [mm]": ", ".join(f"{value:.1f}" for value in place),
-            "+- [mm]": round(float((std[12:] ** 2).sum() ** 0.5), 3),
-        }
-        for camera, views, std, place in zip(
-            found.rig.cameras, found.n_views, np.asarray(found.rig.std), found.rig.places, strict=True
-        )
-    ]
+    rows = _camera_rows(found)
     screen.table("Cameras", rows)
     for sentence in found.verdict.sentences:
         screen.say(sentence)
@@ -105,6 +94,24 @@ def room(
             "cameras": rows,
         }
     )
+
+
+def _camera_rows(found: WandCalibration) -> list[dict[str, str | int | float]]:
+    """Each camera with the deviations of its numbers, as the table and JSON show it."""
+    import numpy as np
+
+    rig = found.rig
+    return [
+        {
+            "camera": camera.name,
+            "views": int(views),
+            "fx [px]": f"{camera.matrix[0, 0]:.2f} +- {std[0]:.2f}",
+            "fy [px]": f"{camera.matrix[1, 1]:.2f} +- {std[1]:.2f}",
+            "place [mm]": ", ".join(f"{value:.1f}" for value in place),
+            "+- [mm]": round(float((std[12:] ** 2).sum() ** 0.5), 3),
+        }
+        for camera, views, std, place in zip(rig.cameras, found.n_views, np.asarray(rig.std), rig.places, strict=True)
+    ]
 
 
 def _numbers(text: str, option: str) -> list[float]:

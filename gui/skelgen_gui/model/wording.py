@@ -98,7 +98,13 @@ def joint_words(project: Project, joint: int) -> str:
 
 
 def own_name_of_joint(project: Project, joint: int) -> str:
-    """Return the name of a joint, empty if it has none but those of its limbs; parameters as `joint_words`."""
+    """Return the name of a joint, empty if it has none but those of its limbs.
+
+    Parameters
+    ----------
+    project, joint
+        See `joint_words`.
+    """
     names = tuple(project.limbs.names[limb] for limb in project.topology.edges[joint].tolist())
     name = joint_between(*names)
     if project.has("skeleton"):
