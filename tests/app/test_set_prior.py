@@ -79,3 +79,15 @@ def test_of_two_people_each_has_limbs_of_their_own():
 def test_notices_of_the_limbs_without_the_set_are_not_told(walking):
     notices = skelgen.reconstruct(walking.take).reports["limbs"].notices
     assert len(set(notices)) == len(notices)
+
+
+def test_a_hand_hangs_on_the_forearm_without_names_where_motion_is_not_surer():
+    """Motion alone joins the hand to the upper arm, and holds that for 95 %."""
+    options = {"motion": "squat", "marker_set": "optitrack-37", "soft_tissue": "realistic"}
+    case = skelgen.simulate("human", n_frames=600, seed=12, noise=0.3, dropouts=0.02, **options)
+    names = [f"M{marker}" for marker in range(case.take.n_markers)]
+    hidden = skelgen.Trajectories(case.take.positions, names, case.take.rate)
+    project = skelgen.reconstruct(hidden, until="joints")
+    true_of_limb = dict(zip(project.limbs.limb_of_marker.tolist(), case.truth.limb_of_marker.tolist(), strict=True))
+    edges = [[true_of_limb[limb] for limb in edge] for edge in project.topology.edges.tolist()]
+    assert {frozenset(edge) for edge in edges} == {frozenset(edge) for edge in case.truth.edges.tolist()}
