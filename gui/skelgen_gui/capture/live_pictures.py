@@ -6,7 +6,7 @@ from typing import Self
 
 from PySide6.QtWidgets import QApplication
 
-from skelgen.app.capture_jobs.messages import seen_by_cameras
+from skelgen.app.capture_jobs.camera_images import seen_by_cameras
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured
 from skelgen_gui.capture.pictures import Pictures

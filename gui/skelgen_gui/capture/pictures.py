@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.capture_jobs.messages import NO_BODY, CameraImage
+from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.widgets.painting import draw_lines

@@ -12,17 +12,16 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from skelgen.app.capture_jobs.board_views import View, ViewCollection, is_new, is_steady
+from skelgen.app.capture_jobs.camera_images import CameraImage, seen_by_cameras
 from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,
-    CameraImage,
     CaptureOptions,
     CollectingControl,
     Feed,
     FoundInSpace,
     JointProgress,
     TargetShot,
-    seen_by_cameras,
 )
 from skelgen.capture.calibration.board import Board, BoardView, find_board
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.app.capture import capture, read_capture_settings, source_of
+from skelgen.app.capture_jobs.camera_images import seen_by_cameras
 from skelgen.app.capture_jobs.messages import (
     ROOM,
     CaptureControl,
@@ -23,7 +24,6 @@ from skelgen.app.capture_jobs.messages import (
     FoundInSpace,
     LiveShot,
     Recorded,
-    seen_by_cameras,
 )
 from skelgen.app.recording import Recording
 from skelgen.app.room import capture_room, read_rig_settings, room_source_of

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 
-from skelgen.app.capture_jobs.messages import CameraImage, CollectingControl, Feed, WandShot
+from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, WandShot
 from skelgen.capture.images import opencv
 from skelgen.capture.room.calibrate import WandCalibration
 from skelgen.capture.room.recording import detected_balls

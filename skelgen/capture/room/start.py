@@ -16,6 +16,7 @@ from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
 from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
 from skelgen.capture.room.bundles import WandBundle
+from skelgen.capture.room.resection import Resected, resected
 from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from
@@ -48,10 +49,6 @@ SUSPICIOUS, MOST_LATE = 8.0, 20
 
 FALSE, FALSE_BY = 8.0, 10.0
 """px that a view is off if it is no wand, and the same as a multiple of what the middle one is."""
-
-SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3
-"""Samples and their points of which the one with the least median places a camera, then rounds with the points that fit
-better than three times the middle one: balls that are none may not drag it along."""
 
 UNEVEN = 0.02
 """Of the wand's length: how far its middle ball may be from where it is said to be."""
@@ -309,29 +306,25 @@ def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
 
 def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name: str) -> Camera:
     """A camera that is placed by wands that are (Hartley and Zisserman 2004, 7.1); its images may not be mirrored."""
-    matrix, turn, shift, off = _resected_at(seen, bundle, size, 0)
-    if off > SUSPICIOUS:
-        late = min(range(-MOST_LATE, MOST_LATE + 1), key=lambda frames: _resected_at(seen, bundle, size, frames)[3])
-        if late and _resected_at(seen, bundle, size, late)[3] < off / 2:
+    found = _resected_at(seen, bundle, size, 0)
+    if found.off > SUSPICIOUS:
+        late = min(range(-MOST_LATE, MOST_LATE + 1), key=lambda frames: _resected_at(seen, bundle, size, frames).off)
+        if late and _resected_at(seen, bundle, size, late).off < found.off / 2:
             raise InputError(
                 f"the images of {name} are {abs(late)} frames {'late' if late > 0 else 'early'} against the others': "
                 "trigger all cameras by one line, and start them before it"
             )
-    if np.linalg.det(turn) < 0:
+    if np.linalg.det(found.turn) < 0:
         raise InputError(
             f"the images of {name} are mirrored against those of {', '.join(eye.name for eye in bundle.cameras)}: "
             "switch off the flipping of images in its driver, or in that of the others"
         )
-    focal = float(np.sqrt(matrix[0, 0] * matrix[1, 1])) / size[0]
+    focal = float(np.sqrt(found.matrix[0, 0] * found.matrix[1, 1])) / size[0]
     eye = _guess(size, name, float(np.clip(focal, FOCAL[0], FOCAL[-1])))
-    return replace(eye, camera_from_world=transform_from(nearest_rotation(turn), shift))
+    return replace(eye, camera_from_world=transform_from(nearest_rotation(found.turn), found.shift))
 
 
-_Resected = tuple[Floats, Floats, Floats, float]
-"""Camera matrix, orthogonal matrix and shift of a camera, and how far off it sees most points [px]."""
-
-
-def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: int) -> _Resected:
+def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: int) -> Resected:
     """A camera whose images are so many frames late."""
     then = np.full_like(seen, np.nan)
     then[max(-late, 0) : len(seen) - max(late, 0)] = seen[max(late, 0) : len(seen) - max(-late, 0)]
@@ -339,50 +332,7 @@ def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: 
     usable = np.isfinite(bundle.first[:, 0]) & np.isfinite(then[..., 0]).all(axis=1)
     fits = usable & (off <= SUSPICIOUS)
     frames = _some(np.asarray(fits if fits.sum() >= LEAST_SHARED else usable))
-    return _resected(bundle.places[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
-
-
-def _resected(points: Floats, pixels: Floats, size: tuple[int, int]) -> _Resected:
-    """A camera that sees known points, from most of them."""
-    rng, flat = np.random.default_rng(0), np.column_stack([points, np.ones(len(points))])
-
-    def off_of(projection: Floats) -> Floats:
-        seen = flat @ projection.T
-        return np.asarray(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixels, axis=1))
-
-    samples = [rng.choice(len(points), OF_A_SAMPLE, replace=False) for _ in range(SAMPLES)]
-    tried = [off_of(_linear(points[sample], pixels[sample], size)) for sample in samples]
-    off = min(tried, key=lambda one: float(np.median(one)))
-    for _ in range(TRIMMED):
-        kept = off <= 3.0 * np.median(off)
-        projection = _linear(points[kept], pixels[kept], size)
-        off = off_of(projection)
-    flat = flat @ projection.T
-    if np.median(flat[:, 2]) < 0:
-        projection = -projection
-    # RQ decomposition by QR of the reversed matrix
-    q, r = np.linalg.qr(np.flipud(projection[:, :3]).T)
-    matrix, turn = np.fliplr(np.flipud(r.T)), np.flipud(q.T)
-    signs = np.diag(np.sign(np.diag(matrix)))
-    matrix, turn = matrix @ signs, signs @ turn
-    shift = np.linalg.solve(matrix, projection[:, 3])
-    return matrix / matrix[2, 2], turn, shift, float(np.median(off))
-
-
-def _linear(points: Floats, pixels: Floats, size: tuple[int, int]) -> Floats:
-    """The projection that sees points at pixels, shape (3, 4), by the direct linear transform."""
-    middle, scale = points.mean(axis=0), points.std()
-    world = np.column_stack([(points - middle) / scale, np.ones(len(points))])
-    image = (pixels - np.array(size) / 2) / size[0]
-    zeros = np.zeros_like(world)
-    rows = np.concatenate(
-        [np.hstack([world, zeros, -image[:, :1] * world]), np.hstack([zeros, world, -image[:, 1:] * world])]
-    )
-    solution = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 4)
-    to_world = np.eye(4) / scale
-    to_world[:3, 3], to_world[3, 3] = -middle / scale, 1.0
-    to_pixels = np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]])
-    return np.asarray(to_pixels @ solution @ to_world)
+    return resected(bundle.places[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
 
 
 def _in_first(bundle: WandBundle) -> WandBundle:

@@ -7,7 +7,8 @@ import time
 
 import numpy as np
 
-from skelgen.app.capture_jobs.messages import INTERVAL, CameraImage, Feed
+from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.messages import INTERVAL, Feed
 from skelgen.capture.values import Balls, FoundBody
 
 BLACK = np.zeros((480, 640), np.uint8)

@@ -11,7 +11,8 @@ from skelgen_gui.capture.results import MOST_NOTICES, Notices
 from skelgen_gui.capture.space import Space
 from skelgen_gui.project.cameras import cameras_of
 
-from skelgen.app.capture_jobs.messages import CameraImage, FoundInSpace
+from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
