@@ -281,12 +281,14 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    types = joint_types(project, monitor)
+    types, parameters = joint_types(project, monitor), settings.skeleton
+    if settings.limbs.marker_set == "none":
+        parameters = replace(parameters, known_build=False)
     skeleton, motion = fit_skeleton(
         project.trajectories,
         project.limbs,
         project.topology,
-        settings.skeleton.with_joint_types(types) if types else settings.skeleton,
+        parameters.with_joint_types(types) if types else parameters,
         monitor=monitor,
         are_poses=isinstance(project.take, Poses),
     )

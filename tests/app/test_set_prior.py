@@ -31,6 +31,14 @@ def test_limbs_and_tree_are_those_of_the_set(walking):
     assert edges_of(project) <= {frozenset(pair) for pair in PARENTS.items()}
 
 
+def test_nothing_is_known_of_the_build_without_marker_sets(walking):
+    def joints(skeleton):
+        parameters = {"limbs": {"marker_set": "none"}, "skeleton": skeleton}
+        return skelgen.reconstruct(walking.take, parameters=parameters).motion.joint_positions
+
+    assert np.array_equal(joints({}), joints({"known_build": False}))
+
+
 def test_a_limb_that_the_user_calls_otherwise_stays_where_the_set_has_it(walking, tmp_path):
     (tmp_path / "names.csv").write_text("marker, name\nLFIN, racket\n")
     assert read_limb_names(tmp_path / "names.csv") == {"LFIN": "racket"}

@@ -86,8 +86,9 @@ motion and do not average out over frames."""
 PRIOR_STEPS = 10
 """Steps of the poses after each step of the constants: a limb of one marker follows a joint slowly."""
 
-MOST = 2.0
-"""Times the squares of the residuals without what is known; more, and it is the data that contradict it."""
+MOST, MOST_OF_BUILD = 2.0, 5.0
+"""Times the squares of the residuals without what is known; more, and it is the data that contradict it. Of a body whose
+build is known it is more: where limbs have two markers, these follow wrong joints as well as right ones."""
 
 ROUNDS = 30
 CORRECTIONS = 3
@@ -175,7 +176,7 @@ def with_joint_prior(
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
     if not others:
         return better, correlated
-    if better.squares > MOST * last.squares:
+    if better.squares > (MOST_OF_BUILD if limbs else MOST) * last.squares:
         better = replace(last, chain=_along_hinges(last, known).chain)
     # Soft tissue that was fitted counts what markers share already
     growth = correlated * (1.0 if last.known_information is not None else 1 + shared)

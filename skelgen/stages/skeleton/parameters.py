@@ -82,7 +82,7 @@ class SkeletonParameters(StageParameters):
     known_build: bool = declare(
         True,
         "weigh joints of a person whose marker set is recognised by its shape against where they lie to its markers on "
-        "people, where soft tissue misplaces them",
+        "people, where soft tissue misplaces them; never with marker_set=none",
         acts_with="fit=whole-chain and take=unlabelled/labelled",
     )
     hinge_wobble: float = declare(
