@@ -186,11 +186,16 @@ def pulls_to_body(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]
 
 def _off(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """Return expected points about their middle as they are turned, and how far the points are from them."""
-    shares = weights**2 / (weights**2).sum()
-    middle, there = shares @ points, shares @ expected
-    turn = nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (expected - there))
+    turn, middle, there = _laid_on(points, expected, weights)
     turned = (expected - there) @ turn.T
     return turned, points - middle - turned
+
+
+def _laid_on(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the rotation that lays expected points on points, and the weighted middles of these and of those."""
+    shares = weights**2 / (weights**2).sum()
+    middle, there = shares @ points, shares @ expected
+    return nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (expected - there)), middle, there
 
 
 def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
@@ -212,10 +217,7 @@ def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
             if one.limb not in (joint, chain.parents[joint]) or not len(where) or not one.fixes_turn:
                 continue
             own = slice(0, one.n_markers)
-            points, weights = one.at(chain)[own], 1 / one.deviations[own]
-            shares = weights**2 / (weights**2).sum()
-            middle, there = shares @ points, shares @ one.expected[own]
-            turn = nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (one.expected[own] - there))
+            turn, middle, there = _laid_on(one.at(chain)[own], one.expected[own], 1 / one.deviations[own])
             place = middle + turn @ (one.expected[one.n_markers + where[0]] - there)
             rotations = fit.poses.rotations[:, one.limb]
             wanted.append(fit.poses.origins(chain)[:, one.limb] + rotations @ place)
