@@ -87,8 +87,8 @@ PRIOR_STEPS = 10
 """Steps of the poses after each step of the constants: a limb of one marker follows a joint slowly."""
 
 MOST, MOST_OF_BUILD = 2.0, 5.0
-"""Times the squares of the residuals without what is known; more, and it is the data that contradict it. Of a body whose
-build is known it is more: where limbs have two markers, these follow wrong joints as well as right ones."""
+"""Times the squares of the residuals without what is known; more, and it is the data that contradict it. Of a body
+whose build is known it is more: where limbs have two markers, these follow wrong joints as well as right ones."""
 
 ROUNDS = 30
 CORRECTIONS = 3
