@@ -239,10 +239,10 @@ def test_too_little_memory_is_told_by_the_command(tmp_path, monkeypatch, capsys)
     lines = (
         "import resource, sys",
         "from skelgen.cli import main",
-        "main(['info', 'short.c3d'])",  # loads all that the command needs
+        "main(['info', '--full', 'short.c3d'])",  # loads all that the command needs
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()",
         "resource.setrlimit(resource.RLIMIT_AS, (used + 30_000_000, used + 30_000_000))",
-        "sys.exit(main(['info', 'long.c3d']))",
+        "sys.exit(main(['info', '--full', 'long.c3d']))",
     )
     command = [sys.executable, "-c", "\n".join(lines)]
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
