@@ -31,6 +31,9 @@ LEAST_GAIN = 8.0
 CORRELATED_SECONDS = 0.1
 """Evidence within this time is correlated; together it counts like that of one frame."""
 
+SUSPECTED = 0.5
+"""Of what a change costs: who gains less by exchanges in some of the frames is not looked at in all."""
+
 LEAST_POINTS = 3
 """Markers and joints that must be seen to pose a limb."""
 
@@ -60,13 +63,14 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
         return marker_of_point
     result = marker_of_point.copy()
     share = max(1.0, CORRELATED_SECONDS * rate)
+    stride = max(1, int(share / 2))
     for block in point_labels.blocks_of(cloud):
         marker = result[block.points]
         positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
         for tree, of_limbs in zip(model.trees, ways, strict=True):
-            poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0] if of_limbs else positions
-            for limb, orders in of_limbs.items():
-                members = tree.markers[tree.chain.limb_of_marker == limb]
+            for limb in _suspected(tree, of_limbs, positions[::stride, tree.markers], share / stride):
+                poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
+                members, orders = tree.markers[tree.chain.limb_of_marker == limb], of_limbs[limb]
                 losses = _losses(tree.chain, limb, orders, positions[:, tree.markers], poses)
                 way = _best_ways(losses / share)
                 if not _is_sure(losses, way):
@@ -77,8 +81,16 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
                 marker[owned] = becomes[block.frames[owned], marker[owned]]
                 result[block.points] = marker
                 positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
-                poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
     return result
+
+
+def _suspected(tree: Tree, ways: dict[int, Ints], positions: Floats, share: float) -> list[int]:
+    """Limbs whose markers may be exchanged, by some of the frames, of which so many count like one."""
+    if not ways:
+        return []
+    poses = pose_by_own_markers(tree.chain, positions)[0]
+    losses = {limb: _losses(tree.chain, limb, orders, positions, poses) for limb, orders in ways.items()}
+    return [limb for limb, loss in losses.items() if _most_gained(loss / share) > SUSPECTED * CHANGE]
 
 
 def _ways_of_tree(tree: Tree, tolerance: float) -> dict[int, Ints]:
@@ -150,10 +162,15 @@ def _moved(pose: Floats, places: Floats) -> Floats:
     return np.asarray(np.einsum("fij,nj->fni", pose[:, :3, :3], places) + pose[:, np.newaxis, :3, 3])
 
 
+def _most_gained(losses: Floats) -> float:
+    """What the best other way gains [nats] in the frames in a row in which it gains most."""
+    gained = np.cumsum(losses[:, :1] - losses, axis=0)
+    return float((gained - np.minimum.accumulate(np.minimum(gained, 0.0), axis=0)).max(initial=0.0))
+
+
 def _best_ways(losses: Floats) -> Ints:
     """The most probable way of each frame, shape (n_frames,)."""
-    gained = np.cumsum(losses[:, :1] - losses, axis=0)
-    if (gained - np.minimum.accumulate(np.minimum(gained, 0.0), axis=0)).max(initial=0.0) <= CHANGE:
+    if _most_gained(losses) <= CHANGE:
         return np.zeros(len(losses), dtype=np.intp)
     total = losses[0].copy()
     before = np.empty(losses.shape, dtype=np.intp)
