@@ -254,9 +254,9 @@ class Poses:
         unseen: Bools = np.asarray(np.isnan(transforms).any(axis=(2, 3)))
         seen = transforms[~unseen]
         rotations = seen[:, :3, :3]
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):  # in matrices of any numbers
             off = np.abs(rotations @ rotations.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
-        mirrored = bool((np.linalg.det(rotations) < 0).any()) if len(seen) else False
+            mirrored = bool((np.linalg.det(rotations) < 0).any())
         if not off <= _ROTATION_TOLERANCE or mirrored:
             raise InputError("a pose holds a matrix that is not a proper rotation")
         if unseen.any():

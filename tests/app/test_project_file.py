@@ -341,6 +341,9 @@ def changed_structure(saved, tmp_path, change):
         lambda structure: structure.update(seed=-1),
         lambda structure: structure.update(view={"zoom": float("nan")}),
         lambda structure: next(iter(structure["reports"].values())).update(notices=[["two"]]),
+        lambda structure: next(iter(structure["reports"].values()))["parameters"]["mapping"].update(
+            rounds={"array": "take/positions"}
+        ),
     ],
 )
 def test_value_of_another_type_is_refused_on_reading(saved, tmp_path, change):

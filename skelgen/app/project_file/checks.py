@@ -68,6 +68,8 @@ def _check_statements(project: Project) -> None:
     for name, report in project.reports.items():
         if not isinstance(report.parameters, Mapping) or not all(isinstance(text, str) for text in report.notices):
             raise InputError(f"the report of the stage {name!r} holds no parameters, or notices that are no text")
+        if not all(isinstance(value, str | int | float | None) for value in report.parameters.values()):
+            raise InputError(f"the report of the stage {name!r} holds a parameter that is neither a number nor text")
 
 
 def _counts(project: Project) -> Iterator[tuple[str, int, int]]:
