@@ -92,9 +92,7 @@ class Lines(Sequence[str]):
             line = self[index]
             if (line and not line.isspace()) or 0 < least <= len(line):
                 yield index + 1, line
-            elif (
-                not least and (blank := _BLANK_LINES.match(self._content, self._start)) is not None
-            ):  # a run of them at once
+            elif not least and (blank := _BLANK_LINES.match(self._content, self._start)) is not None:
                 self._index += self._content.count(b"\n", self._start, blank.end())  # a run of them at once
                 self._start, index = blank.end(), self._index
                 continue

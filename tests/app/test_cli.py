@@ -114,7 +114,8 @@ class TestRunning:
         assert data["format"] == "csm"
         assert data["columns"][0] == {"name": "a", "seen": 20, "gaps": 0, "longest_gap": 0}
 
-    def test_info_counts_a_large_file_and_reads_a_sample_of_it(self, tmp_path, capsys):
+    def test_info_counts_a_large_file_and_reads_a_sample_of_it(self, tmp_path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
         positions = np.zeros((40_000, 20, 3)) + np.arange(1, 61).reshape(20, 3)
         positions[:10_000, 3] = np.nan
         np.savez("take.npz", positions=positions, names=np.array([f"m{k}" for k in range(20)]), rate=100.0, unit="mm")
