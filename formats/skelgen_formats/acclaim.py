@@ -52,8 +52,9 @@ from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM
+from skelgen_formats.lines import read_lines
 from skelgen_formats.options import AUTO, Format
-from skelgen_formats.text import number_in, read_lines
+from skelgen_formats.text import number_in
 
 RATE = 120.0
 """Frame rate [Hz] where nobody says otherwise."""

@@ -16,9 +16,10 @@ from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM, bone_unit
+from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.markers import distinct_names
 from skelgen_formats.options import AUTO
-from skelgen_formats.text import Lines, count_in, number_in, parse_rows, read_lines
+from skelgen_formats.text import count_in, number_in, parse_rows
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _ROUNDED = 0.005  # of the rate: a frame time that is written with fewer digits could be that of many rates

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from skelgen_formats.text import decoded_head
+from skelgen_formats.lines import decoded_head
 
 
 class _Foreign(NamedTuple):

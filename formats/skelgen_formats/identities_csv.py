@@ -18,7 +18,8 @@ from pathlib import Path
 
 from skelgen.errors import FormatError, InputError
 from skelgen.model.corrections import Identities, Identity
-from skelgen_formats.text import count_in, number_in, read_lines, split_cells
+from skelgen_formats.lines import read_lines
+from skelgen_formats.text import count_in, number_in, split_cells
 
 _COLUMNS = ("name", "frame", "last_frame", "x", "y", "z", "point")
 _SYNONYMS = {"first_frame": "frame", "marker": "name", "label": "name", "index": "point"}

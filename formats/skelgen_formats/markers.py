@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
+from skelgen_formats.lines import Lines
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import Lines
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""

@@ -24,8 +24,9 @@ from skelgen.errors import FormatError
 from skelgen.files import open_regular
 from skelgen.model import Poses
 from skelgen_formats.bodies import take_from_bodies, transforms_of
+from skelgen_formats.lines import decoded_head
 from skelgen_formats.options import Format
-from skelgen_formats.text import decoded_head, rate_in
+from skelgen_formats.text import rate_in
 from skelgen_formats.xml_text import SAFE_XML
 
 _MM_PER_M = 1000.0

@@ -14,8 +14,9 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
+from skelgen_formats.lines import decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import decoded_head, number_in, read_lines
+from skelgen_formats.text import number_in
 from skelgen_formats.wide import QUOTED, take_from_table
 
 _FRAMES = ("frame", "frame_number", "frame_id", "frame_idx", "frame_index", "frames")

@@ -25,9 +25,10 @@ from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
+from skelgen_formats.lines import decoded_head, read_lines
 from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines
+from skelgen_formats.text import parse_rows, rate_in
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from skelgen_formats.acclaim import read_acclaim
 from skelgen_formats.identities_csv import read_identities
+from skelgen_formats.lines import read_lines
 from skelgen_formats.registry import known_formats, read_take, write_file
-from skelgen_formats.text import read_lines
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import UNFINISHED, arriving_together, replacing
