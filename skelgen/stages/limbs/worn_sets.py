@@ -9,7 +9,7 @@ log odds that two markers share a limb, which add to what the pair itself says.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -165,8 +165,15 @@ def nearest_set(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    shape, n_markers = shape_of(positions), positions.shape[1]
-    sizes = [(worn, n_markers / len(worn.segments)) for worn in worn_sets()]
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    return _nearest_set(shown.tobytes(), shown.shape)
+
+
+@lru_cache(maxsize=4)
+def _nearest_set(shown: bytes, n: tuple[int, ...]) -> tuple[Match, WornSet] | None:
+    """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
+    shape = shape_of(np.frombuffer(shown).reshape(n))
+    sizes = [(worn, n[1] / len(worn.segments)) for worn in worn_sets()]
     found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
     return min(found, key=lambda one: one[0].misfit, default=None)
 
