@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from skelgen.app.drawing.measures import joint_called
 from skelgen.app.drawing.wording import digits, percent, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen.model.skeleton import joint_between
 from skelgen_gui.model import translate
 from skelgen_gui.model.scene import Scene, Snapshot, State
 from skelgen_gui.model.selection import JOINT, MARKER, Pick
@@ -105,11 +105,9 @@ def own_name_of_joint(project: Project, joint: int) -> str:
     project, joint
         See `joint_words`.
     """
-    names = tuple(project.limbs.names[limb] for limb in project.topology.edges[joint].tolist())
-    name = joint_between(*names)
-    if project.has("skeleton"):
-        name = project.skeleton.joint_name(project.skeleton.joints[joint])
-    return "" if name == "-".join(names) else name
+    called = joint_called(project, joint)
+    limbs = "-".join(project.limbs.names[limb] for limb in project.topology.edges[joint].tolist())
+    return "" if called == limbs else called
 
 
 def limb_words(project: Project, limb: int) -> str:
