@@ -51,9 +51,9 @@ of the thesis are used, and a note says so. `--methods default` keeps the usual 
 the thesis for all stages, with or without a file.
 
 Some parameters have an effect only beside certain values of others, which the tables below name after "acts with";
-`take` stands there for what the take holds: unlabelled points, labelled markers or bodies with orientation. Who sets
-one without them is told that it has no effect. `SPECCLUEPS`, `POLYEPS`, `SOLVEPS`, `TINYEPS` and `PI` of the classic
-program are read, and told to have none: eigenvectors and roots come from libraries that need no such number.
+`take` stands there for what the take holds: unlabelled points, labelled markers or bodies with orientation. A note
+says where one that is set has no effect. `SPECCLUEPS`, `POLYEPS`, `SOLVEPS`, `TINYEPS` and `PI` of the classic program
+are read, and a note says that they have none: eigenvectors and roots come from libraries that need no such number.
 """
 CAPTURE = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
 `<detection><parameter name="min_area" value="25"/></detection>`."""

@@ -123,7 +123,7 @@ def test_every_parameter_has_help_and_every_number_bounds():
             assert one.kind not in (int, float) or None not in (one.low, one.high), one.name
 
 
-def test_seed_codes_name_choices():
+def test_codes_of_the_classic_program_name_choices():
     for declared in stage_parameters():
         for one in declared.declarations():
             assert set(one.config_codes) <= set(one.choices), one.name

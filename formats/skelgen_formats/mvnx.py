@@ -72,6 +72,8 @@ def _read(path: Path, notices: list[str]) -> _Frames:
                 if event == "start":
                     frames = _started(path, frames, tag, element)
                 elif tag == "segment":
+                    if frames.places:
+                        raise FormatError(path, element.sourceline or "", "a segment is named behind the first frame")
                     frames.names.append((element.get("label") or "").strip())
                 elif tag == "frame":
                     _add(path, frames, element)

@@ -104,7 +104,9 @@ def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | Point
     rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
     if not len(rows):
         raise FormatError(path, len(lines), f"the block {title} holds no frame")
-    if lines.is_sampled and rows[-1, 0] - rows[0, 0] + 1 != lines.count(rows):
+    with np.errstate(invalid="ignore"):  # of frames whose numbers are infinite
+        n_frames = rows[-1, 0] - rows[0, 0] + 1
+    if lines.is_sampled and n_frames != lines.count(rows):
         raise FormatError(path, "", "frames are left out; which, only the whole file tells")
     rows = rows if lines.is_sampled else _every_frame(rows, notices)
     numbers = rows[:, 1:].reshape(len(rows), len(columns), -1)

@@ -1,8 +1,9 @@
 """Recordings that grow while a capture runs: mfml for points without names, C3D for named markers.
 
 A recording is whole up to its last second at any time, whatever stops the capture: mfml frames simply follow each
-other, and the counts in a C3D header are put right once a second and when the recording is closed. A file that is there
-is never overwritten: what was captured cannot be captured again.
+other, and the counts in a C3D header are put right with the first frame, once a second, and when the recording is
+closed. There is no file before the first frame. A file that is there is never overwritten: what was captured cannot be
+captured again.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +30,7 @@ ANY_RATE = 60.0
 
 
 class Recorder:
-    """A file that grows; a context manager.
+    """A file that grows from its first frame on; a context manager.
 
     Parameters
     ----------
@@ -44,41 +45,50 @@ class Recorder:
 
     def __init__(self, path: Path) -> None:
         self.path, self.n_frames = path, 0
+        self._stream: BinaryIO | None = None
         with self._explained():
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: BinaryIO = path.open("xb")
+            path.open("xb").close()  # to know now whether it can be written
+            path.unlink()
 
     def __enter__(self) -> Self:
-        """Return itself: the file is open."""
+        """Return itself: frames can be added."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file, whatever happened; a file without frames is removed."""
+        """Close the file, whatever happened; there is none without frames."""
         self.close()
 
     def close(self) -> None:
         """Make the file whole and close it; once is enough."""
-        if self._stream.closed:
+        if self._stream is None or self._stream.closed:
             return
         try:
             with self._explained():
-                self._finish()
+                self._finish(self._stream)
         finally:
             self._stream.close()
             if self.n_frames == 0:
                 self.path.unlink(missing_ok=True)
 
+    def _opened(self) -> BinaryIO:
+        """Return the file, which the first frame makes."""
+        if self._stream is None:
+            with self._explained():
+                self._stream = self.path.open("xb")
+        return self._stream
+
     def _count(self) -> None:
         self.n_frames += 1
-        if self.n_frames % _SYNC_FRAMES == 0:
+        if self.n_frames % _SYNC_FRAMES == 1:
             with self._explained():
-                self._finish()
+                self._finish(self._opened())
 
-    def _finish(self) -> None:
+    def _finish(self, stream: BinaryIO) -> None:
         """Hand everything to the disk, counts included."""
-        self._stream.flush()
+        stream.flush()
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -108,8 +118,9 @@ class MfmlRecorder(Recorder):
         markers = np.zeros(len(points), MARKER_DTYPES[8])
         markers["center"], markers["reprojection_error"] = points, errors
         markers["n_blobs"], markers["id"] = N_BLOBS, np.arange(len(points))
+        stream = self._opened()
         with self._explained():
-            self._stream.write(frame_bytes(self.path, time, markers))
+            stream.write(frame_bytes(self.path, time, markers))
         self._count()
 
 
@@ -127,12 +138,10 @@ class C3dRecorder(Recorder):
     """
 
     def __init__(self, path: Path, names: Sequence[str], rate: float | None = None) -> None:
-        names = check_point_names(path, names)
-        self._rate = rate
+        self._names, self._rate = check_point_names(path, names), rate
         self._times: list[float] = []  # of the first frame and of the last one
+        self._points: C3dStream | None = None
         super().__init__(path)
-        with self._explained():
-            self._points = C3dStream(self._stream, names, rate or ANY_RATE, "mm")
 
     def add(self, time: float, positions: Floats, dropped: int = 0) -> None:
         """Append a frame, and before it one without markers for each that was lost.
@@ -149,14 +158,18 @@ class C3dRecorder(Recorder):
         frames = np.full((dropped + 1, *positions.shape), np.nan)
         frames[-1] = positions
         self._times = [*self._times[:1], time]
+        stream = self._opened()
+        with self._explained():
+            points = self._points = self._points or C3dStream(stream, self._names, self._rate or ANY_RATE, "mm")
         for words in point_words(frames):
             with self._explained():
-                self._points.append(words[np.newaxis])
+                points.append(words[np.newaxis])
             self._count()
 
-    def _finish(self) -> None:
-        if self.n_frames:
+    def _finish(self, stream: BinaryIO) -> None:
+        if self.n_frames and self._points is not None:
             self._points.settle(self._measured_rate())
+        stream.flush()
 
     def _measured_rate(self) -> float:
         if self._rate is not None:

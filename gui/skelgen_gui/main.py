@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     window.preloading.ended.connect(collector.freeze_existing)
     window.show()
     window.preloading.begin()
-    compiling = compile_ahead(preferences)
+    compiling = compile_in_background(preferences)
     QTimer.singleShot(0, lambda: _begin(window, files))
     _heed_signals(app, window)
     code = int(app.exec())
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def compile_ahead(preferences: Preferences) -> subprocess.Popen[bytes] | None:
+def compile_in_background(preferences: Preferences) -> subprocess.Popen[bytes] | None:
     """Compile what the first run needs in a process of its own, unless an earlier window has done so.
 
     Parameters

@@ -39,8 +39,7 @@ from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
-from skelgen_gui.widgets.focus import FocusRing
-from skelgen_gui.widgets.keys import KeyKeeper
+from skelgen_gui.widgets.keys import FocusRing, KeyKeeper
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import make_actions

@@ -33,24 +33,34 @@ _making = threading.Lock()
 _NO_ENTRY = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """What only kernels call needs no entry from Python or C."""
 
+_NO_ARRAYS = {"_nrt": False}
+"""Where no arrays are made, numba need not count references to them."""
+
 
 def kernel(function: _Function) -> _Function:
     """Return a function that is compiled at its first call; it runs without Python's lock, so that threads run abreast.
 
-    What it calls must be a kernel or a part of one. Divisions by zero give infinities and NaN, as NumPy's do.
-    Compiling takes a second or two for each sort, slice that is written to, or array expression of NumPy's: loops over
-    numbers take a tenth of that. A call raises `KernelError` if numba cannot be imported, cannot compile, or finds no
-    folder to write to.
+    It works in arrays that it is given, and makes and returns none: each would take some .04 s to compile. What it
+    calls must be a kernel or a part of one. Divisions by zero give infinities and NaN, as NumPy's do. A call raises
+    `KernelError` if numba cannot be imported, cannot compile, or finds no folder to write to.
     """
-    return cast(_Function, Kernel(function, _kept_on_disk))
+    return cast(_Function, Kernel(function, _plain_kernel))
+
+
+def array_kernel(function: _Function) -> _Function:
+    """Return a function like a `kernel` that may make arrays.
+
+    Compiling takes a second or two for each sort, slice that is written to, or array expression of NumPy's: loops over
+    numbers take a tenth of that.
+    """
+    return cast(_Function, Kernel(function, _array_kernel))
 
 
 def kernel_part(function: _Function) -> _Function:
-    """Return a function that only kernels call: it works in arrays that it is given, and makes and returns none.
+    """Return a function that only kernels call, and that works in given arrays as they do.
 
-    So numba need not count references in it, which takes a sixth of the time. Numbers that are given to it should not
-    be written out, nor be names of Python's whole numbers: it would be compiled anew for each of them. Names of NumPy's
-    are not; see `fixed`.
+    Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
+    anew for each of them. Names of NumPy's are not; see `fixed`.
     """
     return cast(_Function, Kernel(function, _part))
 
@@ -134,15 +144,23 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
 
 
 def _part(function: Callable[..., Any]) -> Any:
-    return _njit(_part_compiler, **_NO_ENTRY, _nrt=False)(function)
+    return _njit(_part_compiler, **_NO_ENTRY, **_NO_ARRAYS)(function)
 
 
 def _part_that_makes_arrays(function: Callable[..., Any]) -> Any:
     return _njit(_part_compiler, **_NO_ENTRY)(function)
 
 
-def _kept_on_disk(function: Callable[..., Any]) -> Any:
-    compiled = _njit(_kernel_compiler, no_cfunc_wrapper=True)(function)
+def _plain_kernel(function: Callable[..., Any]) -> Any:
+    return _kept_on_disk(function, _njit(_plain_compiler, no_cfunc_wrapper=True, **_NO_ARRAYS))
+
+
+def _array_kernel(function: Callable[..., Any]) -> Any:
+    return _kept_on_disk(function, _njit(_remembering_compiler, no_cfunc_wrapper=True))
+
+
+def _kept_on_disk(function: Callable[..., Any], compile_with: Callable[[Callable[..., Any]], Any]) -> Any:
+    compiled = compile_with(function)
     if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
         try:
             compiled._cache = _cache_class()(function)
@@ -212,58 +230,75 @@ def _cache_class() -> Any:
 
 
 @cache
-def _kernel_compiler() -> Any:
-    """Return numba's compiler, but that it remembers the types that operators give.
+def _remembering_compiler() -> Any:
+    """Return numba's compiler, but that it remembers the types that operators and functions give.
 
-    For each ``+`` numba would go through some fifty rules, most of them of other things than numbers: a tenth of all.
+    For each ``+`` numba would go through some fifty rules, most of them of other things than numbers, when it infers
+    types and again when it writes code: a sixth of all.
     """
     from numba.core import compiler, registry, types  # noqa: PLC0415 - half a second
+    from numba.core.errors import TypingError  # noqa: PLC0415 - half a second
+    from numba.extending import models, register_model  # noqa: PLC0415 - half a second
 
     compiler_base: Any = compiler.Compiler  # numba gives these no types
     context_base: Any = type(registry.cpu_target.typing_context)
-    known: dict[Any, Any] = {}
+    function_base: Any = types.Function
+
+    class RememberingFunction(function_base):  # type: ignore[misc]
+        def __init__(self, templates: Any) -> None:
+            super().__init__(templates)
+            self.known: dict[Any, Any] = {}
+
+        def get_call_type(self, context: Any, arguments: Any, named: Any) -> Any:
+            if named:
+                return super().get_call_type(context, arguments, named)
+            if arguments not in self.known:
+                try:
+                    self.known[arguments] = super().get_call_type(context, arguments, named)
+                except TypingError as error:
+                    self.known[arguments] = error
+            known = self.known[arguments]
+            if isinstance(known, TypingError):
+                raise known.with_traceback(None)
+            return known
+
+        def augment(self, other: Any) -> Any:
+            return function_base(self.templates).augment(other)
+
+    register_model(RememberingFunction)(models.OpaqueModel)
+    remembering: dict[Any, Any] = {}
 
     class RememberingContext(context_base):  # type: ignore[misc]
         def __init__(self, context: Any) -> None:
             self.__dict__ = context.__dict__  # all that the context of numba knows and learns
 
-        def resolve_function_type(self, function: Any, arguments: Any, named: Any) -> Any:
-            if named or not isinstance(function, types.Function):
-                return super().resolve_function_type(function, arguments, named)
-            key = function, tuple(arguments)
-            if key not in known:
-                known[key] = super().resolve_function_type(function, arguments, named)
-            return known[key]
+        def _lookup_global(self, value: Any) -> Any:
+            found = super()._lookup_global(value)
+            if type(found) is not function_base:
+                return found
+            if found not in remembering:
+                remembering[found] = RememberingFunction(found.templates)
+            return remembering[found]
 
     context = RememberingContext(registry.cpu_target.typing_context)
 
-    class KernelCompiler(compiler_base):  # type: ignore[misc]
-        def __init__(self, typing_context: Any, *others: Any) -> None:
-            super().__init__(context, *others)
+    class RememberingCompiler(compiler_base):  # type: ignore[misc]
+        def __init__(self, typing_context: Any, target_context: Any, *others: Any) -> None:
+            super().__init__(context, target_context.subtarget(typing_context=context), *others)
 
-    return KernelCompiler
+    return RememberingCompiler
 
 
 @cache
-def _part_compiler() -> Any:
-    """Return numba's compiler, but for the last step: a part becomes machine code within its kernel only.
+def _part_library() -> Any:
+    """Return what is no machine code yet: a part becomes that within its kernel only.
 
     numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
     that the part is linked into.
     """
-    from numba.core import codegen, typed_passes, untyped_passes  # noqa: PLC0415 - half a second
+    from numba.core import codegen  # noqa: PLC0415 - half a second
 
     library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
-    unneeded = (  # as no part has closures, branches on types, or expressions of whole arrays
-        untyped_passes.InlineClosureLikes,
-        untyped_passes.DeadBranchPrune,
-        untyped_passes.MakeFunctionToJitFunction,
-        untyped_passes.InlineInlinables,
-        untyped_passes.LiteralUnroll,
-        untyped_passes.LiteralPropagationSubPipelinePass,
-        typed_passes.InlineOverloads,
-        typed_passes.NopythonRewrites,
-    )
 
     class PartLibrary(library_base):  # type: ignore[misc]
         def finalize(self) -> None:
@@ -284,11 +319,42 @@ def _part_compiler() -> Any:
         def set_env(self, name: str, environment: object) -> None:
             """Do nothing: only what Python calls looks into its environment."""
 
-    class PartCompiler(_kernel_compiler()):  # type: ignore[misc]
+    return PartLibrary
+
+
+@cache
+def _plain_compiler() -> Any:
+    """Return numba's compiler without the passes for closures, branches on types, and expressions of whole arrays."""
+    from numba.core import typed_passes, untyped_passes  # noqa: PLC0415 - half a second
+
+    unneeded = (
+        untyped_passes.InlineClosureLikes,
+        untyped_passes.DeadBranchPrune,
+        untyped_passes.MakeFunctionToJitFunction,
+        untyped_passes.InlineInlinables,
+        untyped_passes.LiteralUnroll,
+        untyped_passes.LiteralPropagationSubPipelinePass,
+        typed_passes.InlineOverloads,
+        typed_passes.NopythonRewrites,
+    )
+
+    class PlainCompiler(_remembering_compiler()):  # type: ignore[misc]
         def define_pipelines(self) -> Any:
-            self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-            self.state.library.enable_object_caching()
             return [_without(unneeded, passes) for passes in super().define_pipelines()]
+
+    return PlainCompiler
+
+
+@cache
+def _part_compiler() -> Any:
+    """Return numba's compiler for parts of kernels."""
+    library = _part_library()
+
+    class PartCompiler(_plain_compiler()):  # type: ignore[misc]
+        def define_pipelines(self) -> Any:
+            self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            self.state.library.enable_object_caching()
+            return super().define_pipelines()
 
     return PartCompiler
 

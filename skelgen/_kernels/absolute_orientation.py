@@ -31,8 +31,10 @@ LEAST_SLOPE = 1e-6
 
 RIDGE = 1e-12
 
+N_ROOM = 6
+"""Matrices of room that `write_rotations` works in."""
 
-@kernel
+
 def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the moments of two sets of points about their centres, both centres, and how many points are seen.
 
@@ -50,30 +52,33 @@ def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Flo
     tuple of ndarray
         Shapes (n_frames, 3, 3), (n_frames, 3), (n_frames, 3) and (n_frames,). Centres of no points are NaN.
     """
-    n_frames, n_points = seen.shape
-    moments, count = np.zeros((n_frames, 3, 3)), np.zeros(n_frames)
-    before, after = np.zeros((n_frames, 3)), np.zeros((n_frames, 3))
-    for frame in range(n_frames):
-        points = source[frame % len(source)]
-        for point in range(n_points):
-            if seen[frame, point]:
-                count[frame] += 1.0
-                for i in range(3):
-                    before[frame, i] += points[point, i]
-                    after[frame, i] += target[frame, point, i]
-        for i in range(3):
-            before[frame, i] /= count[frame]
-            after[frame, i] /= count[frame]
-        for point in range(n_points):
-            if seen[frame, point]:
-                for i in range(3):
-                    outer = target[frame, point, i] - after[frame, i]
-                    for j in range(3):
-                        moments[frame, i, j] += outer * (points[point, j] - before[frame, j])
-    return moments, before, after, count
+    n_frames = len(seen)
+    moments, centres, count = np.zeros((n_frames, 3, 3)), np.zeros((2, n_frames, 3)), np.zeros(n_frames)
+    _add_moments(source, target, seen, moments, centres, count)
+    return moments, centres[0], centres[1], count
 
 
 @kernel
+def _add_moments(source: Floats, target: Floats, seen: Bools, moments: Floats, centres: Floats, count: Floats) -> None:
+    for frame in range(seen.shape[0]):
+        own = frame % len(source)
+        for point in range(seen.shape[1]):
+            if seen[frame, point]:
+                count[frame] += 1.0
+                for i in range(3):
+                    centres[0, frame, i] += source[own, point, i]
+                    centres[1, frame, i] += target[frame, point, i]
+        for i in range(3):
+            centres[0, frame, i] /= count[frame]
+            centres[1, frame, i] /= count[frame]
+        for point in range(seen.shape[1]):
+            if seen[frame, point]:
+                for i in range(3):
+                    outer = target[frame, point, i] - centres[1, frame, i]
+                    for j in range(3):
+                        moments[frame, i, j] += outer * (source[own, point, j] - centres[0, frame, j])
+
+
 def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
     """Return the moments of two sets of points about centres that coincide, shape (n_frames, 3, 3).
 
@@ -89,6 +94,12 @@ def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) 
         Which points count.
     """
     moments = np.zeros((len(target), 3, 3))
+    _add_moments_about(source, target, centres, seen, moments)
+    return moments
+
+
+@kernel
+def _add_moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools, moments: Floats) -> None:
     for frame in range(len(target)):
         for point in range(len(source)):
             if seen[frame, point]:
@@ -96,10 +107,8 @@ def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) 
                     outer = target[frame, point, i] - centres[frame, i]
                     for j in range(3):
                         moments[frame, i, j] += outer * source[point, j]
-    return moments
 
 
-@kernel
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
     """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; NaN for points never seen.
 
@@ -112,24 +121,27 @@ def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
     seen : ndarray of bool, shape (n_frames, n_points)
         Which count.
     """
-    n_frames, n_points = seen.shape
-    total, count = np.zeros((n_points, 3)), np.zeros(n_points)
-    for frame in range(n_frames):
-        for point in range(n_points):
+    means = np.zeros((seen.shape[1], 3))
+    _add_means_in_body(poses, places, seen, means, np.zeros(len(means)))
+    return means
+
+
+@kernel
+def _add_means_in_body(poses: Floats, places: Floats, seen: Bools, means: Floats, count: Floats) -> None:
+    for frame in range(len(seen)):
+        for point in range(len(means)):
             if seen[frame, point]:
                 count[point] += 1.0
                 x = places[frame, point, 0] - poses[frame, 0, 3]
                 y = places[frame, point, 1] - poses[frame, 1, 3]
                 z = places[frame, point, 2] - poses[frame, 2, 3]
                 for i in range(3):
-                    total[point, i] += poses[frame, 0, i] * x + poses[frame, 1, i] * y + poses[frame, 2, i] * z
-    for point in range(n_points):
+                    means[point, i] += poses[frame, 0, i] * x + poses[frame, 1, i] * y + poses[frame, 2, i] * z
+    for point in range(len(means)):
         for i in range(3):
-            total[point, i] /= count[point]
-    return total
+            means[point, i] /= count[point]
 
 
-@kernel
 def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
     """Return the rotations R that maximise trace(R^T M), and where they can be trusted.
 
@@ -143,9 +155,25 @@ def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
     tuple of ndarray, shapes (n_frames, 3, 3) and (n_frames,)
         Where the second is False, many rotations are nearly as good as the best, and any is given.
     """
-    turns, sure = np.empty_like(moments), np.empty(len(moments), dtype=np.bool_)
-    m, turn, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3, 3))
-    n, columns = np.empty((4, 4)), np.empty((4, 4))
+    turns, sure = np.empty(moments.shape), np.empty(len(moments), dtype=np.bool_)
+    write_rotations(moments, np.empty((N_ROOM, 4, 4)), turns, sure)
+    return turns, sure
+
+
+@kernel
+def write_rotations(moments: Floats, room: Floats, turns: Floats, sure: Bools) -> None:
+    """Write what `fast_rotations` returns.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (n_frames, 3, 3)
+        Of the points.
+    room : ndarray, shape (6, 4, 4)
+        Room to work in.
+    turns, sure : ndarray, shapes (n_frames, 3, 3) and (n_frames,)
+        Receive the results.
+    """
+    n, columns, m, turn, inner, step = room[0], room[1], room[2], room[3], room[4], room[5]
     for frame in range(len(moments)):
         size = 0.0
         for i in range(3):
@@ -167,8 +195,10 @@ def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
             _fill_matrix(turn, columns[0, best], columns[1, best], columns[2, best], columns[3, best])
         else:
             _fill_matrix(turn, 1.0, 0.0, 0.0, 0.0)
-        _polish(turn, m, room, turns[frame])
-    return turns, sure
+        _polish(turn, m, inner, step)
+        for i in range(3):
+            for j in range(3):
+                turns[frame, i, j] = turn[i, 0] * step[0, j] + turn[i, 1] * step[1, j] + turn[i, 2] * step[2, j]
 
 
 @kernel_part
@@ -244,9 +274,8 @@ def _fill_matrix(out: Floats, w: float, x: float, y: float, z: float) -> None:
 
 
 @kernel_part
-def _polish(turn: Floats, m: Floats, room: Floats, out: Floats) -> None:
-    """Write the rotation after one step towards that at which turn^T M is symmetric."""
-    inner, step = room[0], room[1]
+def _polish(turn: Floats, m: Floats, inner: Floats, step: Floats) -> None:
+    """Write the step from a rotation towards that at which `inner`, turn^T M, is symmetric."""
     for i in range(3):
         for j in range(3):
             inner[i, j] = turn[0, i] * m[0, j] + turn[1, i] * m[1, j] + turn[2, i] * m[2, j]
@@ -263,6 +292,3 @@ def _polish(turn: Floats, m: Floats, room: Floats, out: Floats) -> None:
     y = py * second - last * z
     x = px * first - low * y - lower * z
     _fill_matrix(step, 2.0, x, y, z)
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = turn[i, 0] * step[0, j] + turn[i, 1] * step[1, j] + turn[i, 2] * step[2, j]

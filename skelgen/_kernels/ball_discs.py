@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.least_squares import factorise, solve
 from skelgen.model.arrays import Floats
 
@@ -44,7 +44,7 @@ Fit = tuple[Floats, float, float]
 fit was given up."""
 
 
-@kernel
+@array_kernel
 def fit_discs(window: Floats, guess: Floats, limit: float) -> Fit:
     """Fit discs to the pixels of a window.
 
@@ -150,7 +150,7 @@ def _fit_with_deviations(unknowns: Floats, normal: Floats, cost: float, n_pixels
     return discs, unknowns[-1], math.sqrt(cost / n_free)
 
 
-@kernel
+@array_kernel
 def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, float, int]:
     """Return J^T J, J^T residual, the sum of squared residuals and the number of pixels.
 

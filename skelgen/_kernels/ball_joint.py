@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel
+from skelgen._kernels import array_kernel, kernel
 from skelgen._kernels.small_matrices import by_symmetric, inverse, largest
 from skelgen.model.arrays import Floats
 
@@ -18,7 +18,6 @@ SETTLED = 1e-7
 """mm; a frame is settled when its joint moves less."""
 
 
-@kernel
 def fixed_point_sums(first: Floats, second: Floats, weights: Floats) -> tuple[Floats, Floats, Floats, float, int]:
     """Return what frames say of a point that is fixed in two bodies.
 
@@ -35,28 +34,40 @@ def fixed_point_sums(first: Floats, second: Floats, weights: Floats) -> tuple[Fl
         Weighted means over the frames that show both: of the rotations first from second, shape (3, 3), of the way
         between the origins in both bodies [mm], shape (3,), and of its square [mm^2]; and how many frames these are.
     """
-    relative, seen_from_first, seen_from_second = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    between, total, square, n_frames = np.empty(3), 0.0, 0.0, 0
+    relative, ways = np.zeros((3, 3)), np.zeros((2, 3))
+    square, n_frames = _add_fixed_point(first, second, weights, relative, ways)
+    return relative, ways[0], ways[1], square, n_frames
+
+
+@kernel
+def _add_fixed_point(
+    first: Floats, second: Floats, weights: Floats, relative: Floats, ways: Floats
+) -> tuple[float, int]:
+    """Add what `fixed_point_sums` returns, the ways in both bodies one below the other, to arrays of zeros."""
+    total, square, n_frames = 0.0, 0.0, 0
     for frame in range(len(weights)):
         if math.isnan(first[frame, 0, 0]) or math.isnan(second[frame, 0, 0]):
             continue
         n_frames += 1
         weight = weights[frame]
         total += weight
-        for i in range(3):
-            between[i] = second[frame, i, 3] - first[frame, i, 3]
-            square += weight * between[i] ** 2
-        for i in range(3):
-            for k in range(3):
+        for k in range(3):
+            way = second[frame, k, 3] - first[frame, k, 3]
+            square += weight * way**2
+            for i in range(3):
                 weighted = weight * first[frame, k, i]
-                seen_from_first[i] += weighted * between[k]
-                seen_from_second[i] += weight * second[frame, k, i] * between[k]
+                ways[0, i] += weighted * way
+                ways[1, i] += weight * second[frame, k, i] * way
                 for j in range(3):
                     relative[i, j] += weighted * second[frame, k, j]
-    return relative / total, seen_from_first / total, seen_from_second / total, square / total, n_frames
+    for i in range(3):
+        ways[0, i] /= total
+        ways[1, i] /= total
+        for j in range(3):
+            relative[i, j] /= total
+    return square / total, n_frames
 
 
-@kernel
 def both_images(first: Floats, second: Floats, in_first: Floats, in_second: Floats) -> tuple[Floats, Floats]:
     """Return where a point of two bodies is in the world.
 
@@ -72,9 +83,16 @@ def both_images(first: Floats, second: Floats, in_first: Floats, in_second: Floa
     tuple of ndarray, shapes (n_frames, 3) [mm] and (n_frames,) [mm^2]
         The middle of both images, or the one that is known, and the square of their distance; NaN where unknown.
     """
-    middles, gaps = np.empty((len(first), 3)), np.empty(len(first))
+    middles, gaps = np.empty((len(first), 3)), np.zeros(len(first))
+    _write_images(first, second, in_first, in_second, middles, gaps)
+    return middles, gaps
+
+
+@kernel
+def _write_images(
+    first: Floats, second: Floats, in_first: Floats, in_second: Floats, middles: Floats, gaps: Floats
+) -> None:
     for frame in range(len(first)):
-        gaps[frame] = 0.0
         for i in range(3):
             one, other = first[frame, i, 3], second[frame, i, 3]
             for j in range(3):
@@ -85,10 +103,8 @@ def both_images(first: Floats, second: Floats, in_first: Floats, in_second: Floa
                 middles[frame, i] = other
             else:
                 middles[frame, i] = one if math.isnan(other) else (one + other) / 2.0
-    return middles, gaps
 
 
-@kernel
 def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
     """Return mean and standard deviation over frames of each marker's distance [mm] to a joint, shapes (n_markers,).
 
@@ -99,9 +115,16 @@ def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
     markers : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    n_frames, n_markers = markers.shape[:2]
-    means, spreads, counts = np.zeros(n_markers), np.zeros(n_markers), np.zeros(n_markers)
-    distances = np.empty((n_frames, n_markers))
+    distances, (means, spreads, counts) = np.empty(markers.shape[:2]), np.zeros((3, markers.shape[1]))
+    _add_distances(joint, markers, distances, means, spreads, counts)
+    return means, spreads
+
+
+@kernel
+def _add_distances(
+    joint: Floats, markers: Floats, distances: Floats, means: Floats, spreads: Floats, counts: Floats
+) -> None:
+    n_frames, n_markers = distances.shape
     for frame in range(n_frames):
         for marker in range(n_markers):
             square = 0.0
@@ -119,10 +142,9 @@ def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
                 spreads[marker] += (distances[frame, marker] - means[marker]) ** 2
     for marker in range(n_markers):
         spreads[marker] = math.sqrt(spreads[marker] / max(counts[marker], 1.0))
-    return means, spreads
 
 
-@kernel
+@array_kernel
 def joint_cost(joint: Floats, markers: Floats, weights: Floats, alpha: float, gradient: Floats) -> float:
     """Return the cost of a joint [mm^2], and write its gradient; see `stages.classic.joint_cost`.
 
@@ -165,7 +187,7 @@ def joint_cost(joint: Floats, markers: Floats, weights: Floats, alpha: float, gr
     return value / n_seen
 
 
-@kernel
+@array_kernel
 def multilaterated(joint: Floats, markers: Floats, radii: Floats, most_steps: int) -> Floats:
     """Move the joint in every frame to where its distances to the markers are nearest to given ones.
 

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen.model.arrays import Floats
 
 FULL = 4096
@@ -69,7 +69,7 @@ Image = NDArray[np.uint8]
 SpotTable = NDArray[np.int64]
 
 
-@kernel
+@array_kernel
 def histogram(image: Image, row_step: int) -> NDArray[np.int64]:
     """Count the grey levels of some rows of an image.
 
@@ -95,7 +95,7 @@ def histogram(image: Image, row_step: int) -> NDArray[np.int64]:
     return total
 
 
-@kernel
+@array_kernel
 def find_spots(image: Image, low: int, weights: NDArray[np.int64], min_area: int) -> tuple[SpotTable, bool]:
     """Label and measure the spots of an image: pixels brighter than `low`, joined to their four neighbours.
 
@@ -218,7 +218,7 @@ def _sums_of_spots(runs: SpotTable, parents: NDArray[np.int64], min_area: int) -
     return spots
 
 
-@kernel
+@array_kernel
 def edge_centres(image: Image, spots: SpotTable, background: float) -> Floats:
     """Return the centres of spots that are one ball each, from their edges.
 

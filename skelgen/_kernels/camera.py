@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_kernel, kernel_part
 from skelgen.model.arrays import Floats
 
 MAX_NEWTON_STEPS = 30
@@ -27,7 +27,7 @@ N_CORNERS = 16
 Pair = tuple[float, float]
 
 
-@kernel
+@array_kernel
 def distort(rays: Floats, numbers: Floats) -> tuple[Floats, Floats]:
     """Return where the lens puts rays, and how that changes with the ray.
 
@@ -53,7 +53,7 @@ def distort(rays: Floats, numbers: Floats) -> tuple[Floats, Floats]:
     return distorted, slope
 
 
-@kernel
+@array_kernel
 def undistort(distorted: Floats, numbers: Floats) -> Floats:
     """Return the rays that the lens puts at normalised coordinates, shape (n, 2), by Newton's method.
 
@@ -75,7 +75,7 @@ def undistort(distorted: Floats, numbers: Floats) -> Floats:
     return rays
 
 
-@kernel
+@array_kernel
 def rays_of_pixels(pixels: Floats, std: Floats, numbers: Floats) -> tuple[Floats, Floats]:
     """Return the rays that pixels look along, and how their noise spreads them.
 
@@ -143,7 +143,7 @@ def _ray(distorted_x: float, distorted_y: float, numbers: Floats) -> tuple[float
     return x, y, a, b, d
 
 
-@kernel
+@array_kernel
 def outline_offsets(centres: Floats, areas: Floats, numbers: Floats) -> Floats:
     """Return how far the middles of outlines lie from the images of their balls' centres.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,15 @@ ARM, ERROR, WEIGHT, N_ARM = fixed(0, 3, 6, 7)
 
 ROOT, FREE = fixed(0, 3)
 """The root's limb, and the freedoms of a turn that nothing restricts."""
+
+
+Measured = tuple[Floats, Floats]
+"""Markers [mm] frame by frame, shape (n_frames * n_markers, 3), any number where the weight is 0; weights of the
+squared distances, shape (n_frames * n_markers,)."""
+
+FramePoses = tuple[Floats, Floats]
+"""World positions of the root's origin [mm], shape (n_frames, 3); world from limb by its rows, frame by frame, shape
+(n_frames * n_limbs, 9)."""
 
 
 class ChainTable(NamedTuple):
@@ -64,7 +72,6 @@ class Place(NamedTuple):
     markers: Floats
 
 
-@kernel
 def origins_of(parents: Ints, joints: Floats, root: Floats, rotations: Floats) -> Floats:
     """Return the world positions of the limbs' origins [mm], shape (n_frames, n_limbs, 3).
 
@@ -75,22 +82,25 @@ def origins_of(parents: Ints, joints: Floats, root: Floats, rotations: Floats) -
     root, rotations
         See `chain.ChainPoses`.
     """
-    n_frames, n_limbs = rotations.shape[:2]
-    out = np.empty((n_frames, n_limbs, 3))
-    for frame in range(n_frames):
-        for limb in range(n_limbs):
-            parent = parents[limb]
-            for i in range(3):
-                if limb == 0:
-                    out[frame, limb, i] = root[frame, i]
-                else:
-                    turn = rotations[frame, parent, i]
-                    way = turn[0] * joints[limb, 0] + turn[1] * joints[limb, 1] + turn[2] * joints[limb, 2]
-                    out[frame, limb, i] = out[frame, parent, i] + way
+    out = np.empty(rotations.shape[:3])
+    out[:, 0] = root
+    _write_origins(parents, joints, rotations, out)
     return out
 
 
 @kernel
+def _write_origins(parents: Ints, joints: Floats, rotations: Floats, out: Floats) -> None:
+    """Write the origins of all limbs but the root."""
+    for frame in range(len(out)):
+        for limb in range(1, len(parents)):
+            parent = parents[limb]
+            for i in range(3):
+                way = 0.0
+                for j in range(3):
+                    way += rotations[frame, parent, i, j] * joints[limb, j]
+                out[frame, limb, i] = out[frame, parent, i] + way
+
+
 def markers_of(origins: Floats, rotations: Floats, limbs: Ints, offsets: Floats) -> Floats:
     """Return the world positions of markers [mm], shape (n_frames, n_markers, 3).
 
@@ -106,38 +116,22 @@ def markers_of(origins: Floats, rotations: Floats, limbs: Ints, offsets: Floats)
         Markers in the frames of their limbs.
     """
     out = np.empty((len(rotations), len(limbs), 3))
+    _write_markers(origins, rotations, limbs, offsets, out)
+    return out
+
+
+@kernel
+def _write_markers(origins: Floats, rotations: Floats, limbs: Ints, offsets: Floats, out: Floats) -> None:
     for frame in range(len(rotations)):
         for marker in range(len(limbs)):
             limb = limbs[marker]
             for i in range(3):
-                turn = rotations[frame, limb, i]
-                way = turn[0] * offsets[marker, 0] + turn[1] * offsets[marker, 1] + turn[2] * offsets[marker, 2]
+                way = 0.0
+                for j in range(3):
+                    way += rotations[frame, limb, i, j] * offsets[marker, j]
                 out[frame, marker, i] = origins[frame, limb, i] + way
-    return out
 
 
-@kernel
-def errors_of(positions: Floats, markers: Floats) -> Floats:
-    """Return measured minus predicted positions [mm], zero where unseen, shape (n_frames, n_markers, 3).
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured; NaN where unseen.
-    markers : ndarray, shape (n_frames, n_markers, 3), mm
-        Predicted.
-    """
-    out = np.zeros(positions.shape)
-    for frame in range(len(positions)):
-        for marker in range(positions.shape[1]):
-            for i in range(3):
-                error = positions[frame, marker, i] - markers[frame, marker, i]
-                if not math.isnan(error):
-                    out[frame, marker, i] = error
-    return out
-
-
-@kernel
 def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
     """Return vectors of the world in the frames of limbs.
 
@@ -151,15 +145,21 @@ def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
         The vectors.
     """
     out = np.empty(vectors.shape)
-    for frame in range(len(vectors)):
-        for marker in range(len(limbs)):
-            turn, vector = rotations[frame, limbs[marker]], vectors[frame, marker]
-            for i in range(3):
-                out[frame, marker, i] = turn[0, i] * vector[0] + turn[1, i] * vector[1] + turn[2, i] * vector[2]
+    _turn_back(rotations, limbs, vectors, out)
     return out
 
 
 @kernel
+def _turn_back(rotations: Floats, limbs: Ints, vectors: Floats, out: Floats) -> None:
+    for frame in range(len(vectors)):
+        for marker in range(len(limbs)):
+            for i in range(3):
+                total = 0.0
+                for j in range(3):
+                    total += rotations[frame, limbs[marker], j, i] * vectors[frame, marker, j]
+                out[frame, marker, i] = total
+
+
 def variances_across(covariances: Floats, rotations: Floats, parents: Ints, shared: Floats, axes: Floats) -> Floats:
     """Return variances of places along the world's axes, shape (n_frames, n_limbs, 3).
 
@@ -176,27 +176,34 @@ def variances_across(covariances: Floats, rotations: Floats, parents: Ints, shar
     axes : ndarray, shape (n_frames, n_limbs, 3)
         Unit axes in the world along which nothing counts; 0 where all does.
     """
-    out, total, turned = np.empty(covariances.shape[:3]), np.empty((3, 3)), np.empty(3)
-    for frame in range(len(covariances)):
+    out = np.empty(covariances.shape[:3])
+    _write_variances(covariances.copy(), rotations, np.maximum(parents, 0), shared, axes, out)
+    return out
+
+
+@kernel
+def _write_variances(
+    totals: Floats, rotations: Floats, parents: Ints, shared: Floats, axes: Floats, out: Floats
+) -> None:
+    """Write the variances; what is shared is added to the covariances, which become the totals."""
+    for frame in range(len(totals)):
         for limb in range(len(parents)):
-            turn = rotations[frame, max(parents[limb], 0)]
+            turn, axis = rotations[frame, parents[limb]], axes[frame, limb]
+            total, turned = totals[frame, limb], out[frame, limb]
             for i in range(3):
                 for k in range(3):
                     turned[k] = 0.0
                     for j in range(3):
                         turned[k] += turn[i, j] * shared[limb, j, k]
                 for k in range(3):
-                    total[i, k] = covariances[frame, limb, i, k]
                     for j in range(3):
                         total[i, k] += turned[j] * turn[k, j]
-            axis = axes[frame, limb]
             along = 0.0
             for i in range(3):
                 turned[i] = total[i, 0] * axis[0] + total[i, 1] * axis[1] + total[i, 2] * axis[2]
                 along += axis[i] * turned[i]
             for i in range(3):
-                out[frame, limb, i] = total[i, i] + axis[i] * (along * axis[i] - 2.0 * turned[i])
-    return out
+                turned[i] = total[i, i] + axis[i] * (along * axis[i] - 2.0 * turned[i])
 
 
 @kernel_part

@@ -22,7 +22,6 @@ CLIPPINGS = 3
 _Moments = tuple[float, float, float]
 
 
-@kernel
 def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
     """Number, sum and sum of squares of all distances, above the diagonal.
 
@@ -40,8 +39,15 @@ def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
         Of all distances, and without those that are far from the others; in mm and mm^2.
     """
     n_frames, n_markers = positions.shape[:2]
-    sums, steady_sums = np.zeros((3, n_markers, n_markers)), np.zeros((3, n_markers, n_markers))
-    values = np.empty(n_frames)
+    sums = np.zeros((2, 3, n_markers, n_markers))
+    _write_sums(positions, shift, np.empty(n_frames), sums)
+    return sums[0], sums[1]
+
+
+@kernel
+def _write_sums(positions: Floats, shift: Floats, values: Floats, sums: Floats) -> None:
+    """Write what `pair_sums` returns; there is room for the `values` of a pair."""
+    n_markers = len(shift)
     for first in range(n_markers - 1):
         for second in range(first + 1, n_markers):
             n_known = _fill_known_lengths(values, positions, first, second)
@@ -53,8 +59,7 @@ def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
                 plain = _moments(values[:n_known], 0.0, math.inf)
                 steady = _steady_moments(values[:n_known], plain)
                 for row in range(3):
-                    sums[row, first, second], steady_sums[row, first, second] = plain[row], steady[row]
-    return sums, steady_sums
+                    sums[0, row, first, second], sums[1, row, first, second] = plain[row], steady[row]
 
 
 @kernel_part

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.chain import (
     ARM,
@@ -11,20 +9,21 @@ from skelgen._kernels.chain import (
     FREE,
     FREEDOMS,
     LINK,
-    N_ARM,
-    N_PLACE,
     ORIGIN,
     ROOT,
     ROTATION,
     START,
     WEIGHT,
     ChainTable,
+    FramePoses,
+    Measured,
     Place,
     copy_rotations,
     forward_kinematics,
 )
 from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
 from skelgen._kernels.joint_models import PARENT
+from skelgen._kernels.posing import Room
 from skelgen._kernels.small_matrices import (
     Vector,
     add_vector,
@@ -46,7 +45,7 @@ FORCE, MOMENT = fixed(0, 3)
 
 @kernel
 def add_gradient(
-    table: ChainTable, columns: Columns, poses: tuple[Floats, Floats], positions: Floats, weights: Floats, total: Floats
+    table: ChainTable, columns: Columns, measured: Measured, poses: FramePoses, total: Floats, room: Room
 ) -> None:
     """Add the gradient of some frames; forces and torques are summed from the leaves to the root.
 
@@ -56,19 +55,19 @@ def add_gradient(
         The limbs, and what their joints allow.
     columns : Columns
         Where the constants stand.
-    poses : tuple of ndarray, shapes (n_frames, 3) [mm] and (n_frames * n_limbs, 9)
-        World positions of the root's origin; world from limb by its rows, frame by frame.
-    positions : ndarray, shape (n_frames * n_markers, 3), mm
-        Measured markers; any number where the weight is 0.
-    weights : ndarray, shape (n_frames * n_markers,)
-        Of the squared distances.
+    measured : tuple
+        Markers and weights.
+    poses : tuple
+        Where the root's origin is, and the limbs' rotations.
     total : ndarray, shape (n_constants,)
         What is added to.
+    room : Room
+        Where to work.
     """
+    positions, weights = measured
     roots, rotations = poses
+    place, sums = room.here, room.spare
     n_limbs, n_markers = len(table.joints), len(table.markers)
-    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
-    sums = np.empty((n_limbs, 6))
     for frame in range(len(roots)):
         first = frame * n_markers
         set_vector(place.limbs, ROOT, ORIGIN, vector(roots, frame, ROOT))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,38 @@ CHANGE = 1e-5
 FOUND = 0.5
 """Probability that a wrong marker is right again after such a break."""
 
+
+class Distances(NamedTuple):
+    """What is usual of distances, and whom they are compared with.
+
+    Attributes
+    ----------
+    law : ndarray, shape (n_markers, n_markers, 3)
+        Middle [mm], inverse width [1/mm], and density at the middle [1/mm] but for foul ones, of each distance; NaN if
+        unknown.
+    mates, rivals, reach
+        As in `skelgen.stages.labels.confidence.distance_statistics.DistanceStatistics`.
+    """
+
+    law: Floats
+    mates: Ints
+    rivals: Ints
+    reach: float
+
+
+class Sight(NamedTuple):
+    """What is known of markers in each frame; see `probabilities`."""
+
+    evidence: NDArray[np.float32]
+    seen: Bools
+    stated: Bools
+    breaks: Bools
+
+
 Evidence = tuple[NDArray[np.float32], NDArray[np.int16], NDArray[np.int8]]
 """Nats for each marker's own place against its best rival, that rival (-1 = nowhere in particular), mates seen."""
 
 
-@kernel
 def evidence_of(
     positions: Floats, distance: Floats, spread: Floats, mates: Ints, rivals: Ints, reach: float
 ) -> Evidence:
@@ -48,23 +76,31 @@ def evidence_of(
     distance, spread, mates, rivals, reach
         As in `skelgen.stages.labels.confidence.distance_statistics.DistanceStatistics`.
     """
-    n_frames, n_markers = positions.shape[:2]
-    evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
-    rival = np.full((n_frames, n_markers), -1, dtype=np.int16)
-    n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
-    lengths, own = np.empty(mates.shape[1]), np.empty(mates.shape[1])
-    gain = np.empty((n_markers, rivals.shape[1] + 1))
-    law = np.empty((n_markers, n_markers, 3))
-    _write_law(distance, spread, law)
-    for frame in range(n_frames):
-        for marker in range(n_markers):
+    shape = positions.shape[:2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        law = np.stack([distance, 1.0 / spread, (1.0 - FOUL_PART) * PEAK / spread], axis=-1)
+    found = np.zeros(shape, dtype=np.float32), np.full(shape, -1, dtype=np.int16), np.zeros(shape, dtype=np.int8)
+    n_mates, n_rivals = mates.shape[1], rivals.shape[1]
+    room = np.empty(n_mates), np.empty(n_mates), np.empty((shape[1], n_rivals + 1))
+    _weigh(positions, Distances(law, mates, rivals, reach), room, found)
+    return found
+
+
+@kernel
+def _weigh(positions: Floats, distances: Distances, room: tuple[Floats, Floats, Floats], found: Evidence) -> None:
+    """Write what `evidence_of` returns; there is room for distances to mates, their densities, and gains."""
+    law, mates, rivals, reach = distances
+    evidence, rival, n_seen = found
+    lengths, own, gain = room
+    for frame in range(positions.shape[0]):
+        for marker in range(positions.shape[1]):
             n_seen[frame, marker] = _fill_lengths(lengths, positions[frame], marker, mates[marker])
             for index in range(len(own)):
                 own[index] = _density(lengths[index], law[marker, mates[marker, index]], reach)
             gain[marker, 0] = _against_nowhere(lengths, own, reach)
             for slot in range(rivals.shape[1]):
                 gain[marker, slot + 1] = _against(rivals[marker, slot], lengths, own, mates[marker], law, reach)
-        for marker in range(n_markers):
+        for marker in range(positions.shape[1]):
             least = gain[marker, 0]
             for slot in range(rivals.shape[1]):
                 other = rivals[marker, slot]
@@ -75,17 +111,6 @@ def evidence_of(
                     least = value
                     rival[frame, marker] = other
             evidence[frame, marker] = min(max(least, -MOST_NATS), MOST_NATS)
-    return evidence, rival, n_seen
-
-
-@kernel_part
-def _write_law(distance: Floats, spread: Floats, law: Floats) -> None:
-    """Write middle, inverse width, and density at the middle but for foul ones, of each distance; NaN if unknown."""
-    for marker in range(len(distance)):
-        for other in range(len(distance)):
-            law[marker, other, 0] = distance[marker, other]
-            law[marker, other, 1] = 1.0 / spread[marker, other]
-            law[marker, other, 2] = (1.0 - FOUL_PART) * PEAK / spread[marker, other]
 
 
 @kernel_part
@@ -145,7 +170,6 @@ def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
     return 0.0
 
 
-@kernel
 def probabilities(
     evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, breaks: Bools, prior: tuple[float, float]
 ) -> Floats:
@@ -167,35 +191,38 @@ def probabilities(
         Probabilities that a marker is right when it is first seen, and that another one is taken for it after a break.
     """
     right, lost = prior
-    n_frames, n_markers = seen.shape
-    total, state = np.empty((n_frames, n_markers)), np.empty(n_markers)
-    for marker in range(n_markers):
-        state[marker] = math.log(right / (1.0 - right))
-    for frame in range(n_frames):
-        for marker in range(n_markers):
-            if frame > 0:
-                lose, find = (lost, FOUND) if breaks[frame, marker] else (CHANGE, CHANGE)
-                state[marker] = _passed(state[marker], lose, find, find, lose)
-            odds = _odds(evidence, share, seen, stated, frame, marker)
-            state[marker] = total[frame, marker] = _bounded(state[marker] + odds)
-    for marker in range(n_markers):
-        state[marker] = 0.0  # from now on: log likelihood ratio of what follows
-    for frame in range(n_frames - 1, -1, -1):
-        for marker in range(n_markers):
-            sure = 1.0 / (1.0 + math.exp(-_bounded(total[frame, marker] + state[marker])))
-            total[frame, marker] = sure if seen[frame, marker] else math.nan
-            lose, find = (lost, FOUND) if breaks[frame, marker] else (CHANGE, CHANGE)
-            odds = _bounded(state[marker] + _odds(evidence, share, seen, stated, frame, marker))
-            state[marker] = _passed(odds, lose, find, lose, find)
+    total, state = np.empty(seen.shape), np.full(seen.shape[1], math.log(right / (1.0 - right)))
+    _smooth(Sight(evidence, seen, stated, breaks), share, lost, state, total)
     return total
 
 
+@kernel
+def _smooth(sight: Sight, share: float, lost: float, state: Floats, total: Floats) -> None:
+    """Write what `probabilities` returns; the `state` of each marker is its log odds before the first frame."""
+    for frame in range(len(total)):
+        for marker in range(total.shape[1]):
+            if frame > 0:
+                lose, find = (lost, FOUND) if sight.breaks[frame, marker] else (CHANGE, CHANGE)
+                state[marker] = _passed(state[marker], lose, find, find, lose)
+            odds = _odds(sight, share, frame, marker)
+            state[marker] = total[frame, marker] = _bounded(state[marker] + odds)
+    for marker in range(total.shape[1]):
+        state[marker] = 0.0  # from now on: log likelihood ratio of what follows
+    for frame in range(len(total) - 1, -1, -1):
+        for marker in range(total.shape[1]):
+            sure = 1.0 / (1.0 + math.exp(-_bounded(total[frame, marker] + state[marker])))
+            total[frame, marker] = sure if sight.seen[frame, marker] else math.nan
+            lose, find = (lost, FOUND) if sight.breaks[frame, marker] else (CHANGE, CHANGE)
+            odds = _bounded(state[marker] + _odds(sight, share, frame, marker))
+            state[marker] = _passed(odds, lose, find, lose, find)
+
+
 @kernel_part
-def _odds(evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, frame: int, marker: int) -> float:
+def _odds(sight: Sight, share: float, frame: int, marker: int) -> float:
     """Log odds of one frame."""
-    if len(stated) > 0 and stated[frame, marker]:
+    if len(sight.stated) > 0 and sight.stated[frame, marker]:
         return MOST_NATS
-    return float(evidence[frame, marker] / np.float32(share)) if seen[frame, marker] else 0.0
+    return float(sight.evidence[frame, marker] / np.float32(share)) if sight.seen[frame, marker] else 0.0
 
 
 @kernel_part

@@ -26,13 +26,12 @@ from skelgen._kernels.chain import (
     FREE,
     FREEDOMS,
     LINK,
-    N_ARM,
-    N_PLACE,
     ROOT,
     ROTATION,
     START,
     WEIGHT,
     ChainTable,
+    Measured,
     Place,
     copy_rotations,
     forward_kinematics,
@@ -43,11 +42,11 @@ from skelgen._kernels.posing import (
     BY_SHIFT,
     BY_TURN,
     MIXED,
-    N_AXIS,
     N_FORM,
     SHIFT,
     TURN,
     VARIANCE,
+    Room,
     carry_form,
     find_forms,
     take_axis,
@@ -125,33 +124,45 @@ class Constants(NamedTuple):
     total: Floats
 
 
+def constants_in(columns: Columns, room: Room) -> Constants:
+    """Return constants of which nothing is known yet.
+
+    Parameters
+    ----------
+    columns : Columns
+        Where they stand.
+    room : Room
+        Where frames are worked in.
+    """
+    size = columns.limbs[:, LAST].max()
+    return Constants(columns, room.solved, np.zeros((ROWS + 3, size)), np.zeros((size, size)))
+
+
 @kernel
-def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: Floats, total: Floats) -> None:
+def add_frames(table: ChainTable, constants: Constants, measured: Measured, rotations: Floats, room: Room) -> None:
     """Add what some frames tell to the upper half of S.
 
     Parameters
     ----------
     table : ChainTable
         The limbs, and what their joints allow.
-    columns : Columns
-        Where the constants stand.
+    constants : Constants
+        What is added to.
+    measured : tuple
+        Markers and weights, of which only the weights count.
     rotations : ndarray, shape (n_frames * n_limbs, 9)
         World from limb by its rows, frame by frame.
-    weights : ndarray, shape (n_frames * n_markers,)
-        Of the squared distances, 0 where unseen.
-    total : ndarray, shape (n_constants, n_constants)
-        S, of which the upper half is added to.
+    room : Room
+        Where to work.
     """
+    positions, weights = measured
+    columns, place, forms = constants.columns, room.here, room.forms
     n_limbs, n_markers = len(table.joints), len(table.markers)
-    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
-    nowhere = np.zeros((len(weights), 3))  # what is measured does not count
-    forms, whole = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, N_FORM))
-    constants = Constants(columns, np.empty((n_limbs, 2 * N_AXIS)), np.zeros((ROWS + 3, len(total))), total)
     for root in range(0, len(rotations), n_limbs):
         copy_rotations(rotations, root, place.limbs)
-        forward_kinematics(table, nowhere, weights, root // n_limbs * n_markers, place)
+        forward_kinematics(table, positions, weights, root // n_limbs * n_markers, place)
         all_weights, _ = find_forms(table, place, forms)
-        level = _ridge(_mean_turn(table, place, forms, whole))
+        level = _ridge(_mean_turn(table, place, forms, room.spare))
         for entry in range(n_limbs - 1, -1, -1):
             limb = columns.limbs[entry, ORDER]
             _add_offsets(table, place, limb, constants)
@@ -164,7 +175,7 @@ def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: 
                 _add_joint(table, place, forms, limb, constants)
                 _carry_columns(table, place, forms, limb, constants)
         factor = _inverse_root(symmetric(forms, ROOT, SHIFT), _ridge(all_weights))
-        _eliminate_rows(factor, FORCES, (ROOT, len(total)), constants)
+        _eliminate_rows(factor, FORCES, (ROOT, len(constants.total)), constants)
 
 
 @kernel_part

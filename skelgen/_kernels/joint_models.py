@@ -33,7 +33,6 @@ ABOUT_Z, ABOUT_X = fixed(0, 1)
 """Axes of `_turn`, by the first of the two that it turns."""
 
 
-@kernel
 def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     """Return whitened residuals of rotations, and their derivatives by the constants and angles of a joint.
 
@@ -53,7 +52,7 @@ def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     return out
 
 
-@kernel_part
+@kernel
 def _linearise(parts: Parts, rotations: Floats, weight: Floats, room: Floats, out: Linearised) -> None:
     """Write what `linearised` returns; there is `room` to work in."""
     in_parent, in_child, between, angles = parts
@@ -96,7 +95,6 @@ def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) ->
         out[i, start], out[i, other], out[i, still] = cosine * x + sine * y, cosine * y - sine * x, frame[i, still]
 
 
-@kernel
 def relative_vectors(first: Floats, second: Floats) -> Floats:
     """Return the rotation vectors [rad] of first^T second, shape (n, 3).
 
@@ -107,15 +105,21 @@ def relative_vectors(first: Floats, second: Floats) -> Floats:
     second : ndarray, shape (n, 3, 3)
         Rotations.
     """
-    out, between = np.empty((len(second), 3)), np.empty((3, 3))
+    out = np.empty((len(second), 3))
+    _write_vectors(first, second, np.empty((3, 3)), out)
+    return out
+
+
+@kernel
+def _write_vectors(first: Floats, second: Floats, between: Floats, out: Floats) -> None:
     for frame in range(len(second)):
-        before = first[frame % len(first)]
+        own = frame % len(first)
         for i in range(3):
             for j in range(3):
-                between[i, j] = before[0, i] * second[frame, 0, j] + before[1, i] * second[frame, 1, j]
-                between[i, j] += before[2, i] * second[frame, 2, j]
+                between[i, j] = 0.0
+                for k in range(3):
+                    between[i, j] += first[own, k, i] * second[frame, k, j]
         _write_vector(between, out[frame])
-    return out
 
 
 @kernel_part
@@ -156,7 +160,6 @@ def _write_jacobian(in_parent: Floats, first: Floats, both: Floats, n_angles: in
                 out[i, 4], out[i, 5], out[i, 6] = first[i, 0], in_parent[i, 2], both[i, 2]
 
 
-@kernel
 def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> tuple[Floats, Floats]:
     """Find two axes whose angle hardly changes, one at a time.
 
@@ -176,17 +179,23 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
     tuple of ndarray, shapes (n, 3) and (n,)
         The axes in the child before the last round, and the angles' variances after it.
     """
-    before, variances = np.empty(starts.shape), np.empty(len(starts))
-    first, second, room = np.empty(3), np.empty(3), np.empty((5, 3, 3))
-    for start in range(len(starts)):
+    axes, variances = starts.copy(), np.empty(len(starts))
+    _alternate(moments, mean, n_rounds, np.empty((7, 3, 3)), axes, variances)
+    return axes, variances
+
+
+@kernel
+def _alternate(moments: Floats, mean: Floats, n_rounds: int, room: Floats, axes: Floats, variances: Floats) -> None:
+    """Replace axes in the child by those before the last round; there is `room` to work in."""
+    first, second = room[5, 0], room[6, 0]
+    for start in range(len(axes)):
         for i in range(3):
-            second[i] = starts[start, i]
+            second[i] = axes[start, i]
         for _ in range(n_rounds):
             for i in range(3):
-                before[start, i] = second[i]
+                axes[start, i] = second[i]
             _write_partner(moments, mean, second, PARENT, room, first)
             variances[start] = _write_partner(moments, mean, first, CHILD, room, second)
-    return before, variances
 
 
 @kernel_part

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel
+from skelgen._kernels import array_kernel, array_part
 from skelgen._kernels.least_squares import factorise, solve
 from skelgen._kernels.rigid_body_pose import move_pose
 from skelgen.model.arrays import Floats
@@ -55,7 +55,7 @@ class Innovation(NamedTuple):
     shift: float
 
 
-@kernel
+@array_kernel
 def predict(state: BodyState, power: Floats, step: float) -> BodyState:
     """Return the state some time later.
 
@@ -96,7 +96,7 @@ def _carry_rows(matrix: Floats, step: float) -> Floats:
     return carried
 
 
-@kernel
+@array_kernel
 def correct(state: BodyState, found: Floats, spread: Floats) -> tuple[BodyState, Innovation]:
     """Return the state after a pose was found, and how far it was from the predicted one.
 

@@ -71,20 +71,19 @@ class Eliminated(NamedTuple):
     gradient: Floats
 
 
-@kernel
 def whitened(covariances: Floats) -> Floats:
     """Return matrices W with W^T W = covariance^-1, shape (n_frames, n, n)."""
-    size = covariances.shape[1]
-    out, room = np.empty(covariances.shape), np.empty((size, size))
-    for frame in range(len(covariances)):
-        for i in range(size):
-            for j in range(size):
-                room[i, j] = covariances[frame, i, j]
-        write_inverse_root(room, out[frame])
+    out = np.empty(covariances.shape)
+    _whiten(covariances.copy(), out)
     return out
 
 
 @kernel
+def _whiten(covariances: Floats, out: Floats) -> None:
+    for frame in range(len(out)):
+        write_inverse_root(covariances[frame], out[frame])
+
+
 def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminated:
     """Take the frames' own unknowns out of a least squares problem.
 
@@ -104,21 +103,13 @@ def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminate
         np.empty((n_constants, n_constants)),
         np.empty(n_constants),
     )
-    write_eliminated(Linearised(residuals, constants, angles), out)
+    _eliminate(Linearised(residuals, constants, angles), out)
     return out
 
 
-@kernel_part
-def write_eliminated(linear: Linearised, out: Eliminated) -> None:
-    """Write what `eliminate` returns.
-
-    Parameters
-    ----------
-    linear : Linearised
-        The problem.
-    out : Eliminated
-        Receives the results.
-    """
+@kernel
+def _eliminate(linear: Linearised, out: Eliminated) -> None:
+    """Write what `eliminate` returns."""
     residuals, constants, angles = linear
     inverse, follow, alone, reduced, left, normal, gradient = out
     n_frames, n_rows, n_constants = constants.shape

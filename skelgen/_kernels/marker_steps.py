@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.small_matrices import Symmetric, Vector
 from skelgen.model.arrays import Bools, Floats, Ints
 
 LINE_FRAMES = 8
@@ -19,7 +20,6 @@ LEAST_SEEN = 0.5
 """Part of the frames of a window in which the series must be known for its mean."""
 
 
-@kernel
 def jumps(series: Floats) -> Floats:
     """How far the line through the frames from each on lies from that through the frames before it, where they meet.
 
@@ -35,19 +35,23 @@ def jumps(series: Floats) -> Floats:
     ndarray, shape (n_frames, n_series)
         NaN where one of the lines is not known.
     """
-    n_frames, n_series = series.shape
-    result, sums = np.zeros((n_frames, n_series)), np.empty((5, n_series))
-    for column in range(n_series if n_frames > 0 else 0):
-        result[0, column] = math.nan  # nothing is before it
-    for first in range(1 - LINE_FRAMES, n_frames):
+    result = np.zeros(series.shape)
+    result[:1] = math.nan  # nothing is before it
+    _add_jumps(series, np.empty((5, series.shape[1])), result)
+    return result
+
+
+@kernel
+def _add_jumps(series: Floats, sums: Floats, result: Floats) -> None:
+    """Add where the lines after a frame begin, and subtract where those before it end; there is room for `sums`."""
+    for first in range(1 - LINE_FRAMES, len(series)):
         _fill_sums(sums, series, first)
         beyond = first + LINE_FRAMES
-        for column in range(n_series):
+        for column in range(series.shape[1]):
             if first >= 0:
                 result[first, column] += _line_end(sums, column, 0.5)
-            if beyond < n_frames:
+            if beyond < len(series):
                 result[beyond, column] -= _line_end(sums, column, 0.5 - LINE_FRAMES)
-    return result
 
 
 @kernel_part
@@ -80,7 +84,6 @@ def _line_end(sums: Floats, column: int, start: float) -> float:
     return float((tt * sums[3, column] - t * tx) / (n * tt - t * t))
 
 
-@kernel
 def changes(series: Floats, window: int, skipped: int = 0) -> Floats:
     """Mean over the `window` frames from each on, or some later, less that over those before; NaN if little is known.
 
@@ -93,29 +96,33 @@ def changes(series: Floats, window: int, skipped: int = 0) -> Floats:
     skipped : int, frames
         Left out from each on: what is over by then is no change.
     """
-    n_frames, n_series = series.shape
-    result = np.full((n_frames, n_series), np.nan)
-    if n_frames < 2 * window + skipped:
-        return result
-    total, count = np.zeros((n_frames + 1, n_series)), np.zeros((n_frames + 1, n_series), dtype=np.int64)
-    for frame in range(n_frames):
-        for column in range(n_series):
-            value = series[frame, column]
-            known = not math.isnan(value)
-            total[frame + 1, column] = total[frame, column] + (value if known else 0.0)
-            count[frame + 1, column] = count[frame, column] + known
-    for frame in range(window, n_frames - window - skipped + 1):
-        first = frame + skipped
-        for column in range(n_series):
-            before = count[frame, column] - count[frame - window, column]
-            after = count[first + window, column] - count[first, column]
-            if min(before, after) >= LEAST_SEEN * window:
-                mean = (total[frame, column] - total[frame - window, column]) / before
-                result[frame, column] = (total[first + window, column] - total[first, column]) / after - mean
+    result = np.full(series.shape, math.nan)
+    if len(series) >= 2 * window + skipped:
+        total, count = np.zeros((2, len(series) + 1, series.shape[1]))
+        _write_changes(series, (window, skipped), total, count, result)
     return result
 
 
 @kernel
+def _write_changes(series: Floats, frames: tuple[int, int], total: Floats, count: Floats, result: Floats) -> None:
+    """Write the changes over a window, of which some frames are skipped; total and count are summed up."""
+    window, skipped = frames
+    for frame in range(len(series)):
+        for column in range(series.shape[1]):
+            value = series[frame, column]
+            known = not math.isnan(value)
+            total[frame + 1, column] = total[frame, column] + (value if known else 0.0)
+            count[frame + 1, column] = count[frame, column] + (1.0 if known else 0.0)
+    for frame in range(window, len(series) - window - skipped + 1):
+        first = frame + skipped
+        for column in range(series.shape[1]):
+            before = count[frame, column] - count[frame - window, column]
+            after = count[first + window, column] - count[first, column]
+            if before >= LEAST_SEEN * window and after >= LEAST_SEEN * window:
+                mean = (total[frame, column] - total[frame - window, column]) / before
+                result[frame, column] = (total[first + window, column] - total[first, column]) / after - mean
+
+
 def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
     """Distances [mm] of one marker to others, shape (n_frames, n_others); NaN where either is unseen.
 
@@ -129,6 +136,12 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
         The others.
     """
     result = np.empty((len(positions), len(others)))
+    _write_lengths(positions, marker, others, result)
+    return result
+
+
+@kernel
+def _write_lengths(positions: Floats, marker: int, others: Ints, result: Floats) -> None:
     for frame in range(len(positions)):
         for column in range(len(others)):
             total = 0.0
@@ -136,10 +149,8 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
                 away = positions[frame, marker, axis] - positions[frame, others[column], axis]
                 total += away * away
             result[frame, column] = math.sqrt(total)
-    return result
 
 
-@kernel
 def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
     """Steps of a marker [mm] less the median of the known steps of others, the lower one of two.
 
@@ -158,14 +169,18 @@ def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
         Each coordinate for itself; NaN where the marker's own step is unknown.
     """
     result = np.empty((len(steps), 3))
-    values = np.empty(len(others))
+    _write_relative_steps(steps, marker, others, np.empty(len(others)), result)
+    return result
+
+
+@kernel
+def _write_relative_steps(steps: Floats, marker: int, others: Ints, values: Floats, result: Floats) -> None:
     for frame in range(len(steps)):
         for axis in range(3):
             for index in range(len(others)):
                 values[index] = steps[frame, others[index], axis]
             usual = _lower_median(values)
             result[frame, axis] = steps[frame, marker, axis] - (0.0 if math.isnan(usual) else usual)
-    return result
 
 
 @kernel_part
@@ -185,7 +200,6 @@ def _lower_median(values: Floats) -> float:
     return math.nan
 
 
-@kernel
 def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: float) -> tuple[Floats, Floats]:
     """Expect each chosen label where it was last, moved on by the median step of its neighbours.
 
@@ -207,38 +221,35 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: 
     ages : ndarray, shape (n_frames, n_chosen)
         Frames since the label was seen.
     """
-    n_frames = len(positions)
-    places, ages = np.empty((n_frames, len(chosen), 3)), np.empty((n_frames, len(chosen)))
-    values, travelled, then = np.empty(neighbours.shape[1]), np.empty(3), np.empty(3)
-    for column in range(len(chosen)):
-        marker, last = chosen[column], -1
-        for axis in range(3):
-            travelled[axis] = then[axis] = 0.0
-        for frame in range(n_frames):
-            ages[frame, column] = math.inf
-            for axis in range(3):
-                places[frame, column, axis] = math.nan
-            if frame == 0:
-                continue
-            if not math.isnan(positions[frame - 1, marker, 0]):
-                last = frame - 1
-                for axis in range(3):
-                    then[axis] = travelled[axis]
-            for axis in range(3):
-                for index in range(len(values)):
-                    other = neighbours[marker, index]
-                    values[index] = positions[frame, other, axis] - positions[frame - 1, other, axis]
-                step = _lower_median(values)
-                travelled[axis] += 0.0 if math.isnan(step) else step
-            if last >= 0:
-                ages[frame, column] = frame - last
-                if frame - last <= longest:
-                    for axis in range(3):
-                        places[frame, column, axis] = positions[last, marker, axis] + travelled[axis] - then[axis]
+    places = np.full((len(positions), len(chosen), 3), math.nan)
+    ages = np.full(places.shape[:2], math.inf)
+    _write_expected(positions, chosen, neighbours, np.empty(neighbours.shape[1]), places, ages)
+    places[ages > longest] = math.nan
     return places, ages
 
 
 @kernel
+def _write_expected(
+    positions: Floats, chosen: Ints, neighbours: Ints, steps: Floats, places: Floats, ages: Floats
+) -> None:
+    """Write where each label is expected once it has been seen; there is room for the `steps` of its neighbours."""
+    for column in range(len(chosen)):
+        marker = chosen[column]
+        for axis in range(3):
+            last, travelled, then = -1, 0.0, 0.0
+            for frame in range(1, len(positions)):
+                if not math.isnan(positions[frame - 1, marker, 0]):
+                    last, then = frame - 1, travelled
+                for index in range(len(steps)):
+                    other = neighbours[marker, index]
+                    steps[index] = positions[frame, other, axis] - positions[frame - 1, other, axis]
+                step = _lower_median(steps)
+                travelled += 0.0 if math.isnan(step) else step
+                if last >= 0:
+                    ages[frame, column] = frame - last
+                    places[frame, column, axis] = positions[last, marker, axis] + travelled - then
+
+
 def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, Ints]:
     """Which labels are `factor` times nearer to another one's expected place than to their own, and to whose.
 
@@ -256,12 +267,18 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
     target : ndarray of intp, shape (n_frames, n_markers)
         The marker whose expected place is nearest.
     """
-    n_frames, n_markers = positions.shape[:2]
-    found, target = np.zeros((n_frames, n_markers), dtype=np.bool_), np.zeros((n_frames, n_markers), dtype=np.intp)
-    for frame in range(n_frames):
-        for marker in range(n_markers):
+    target = np.zeros(positions.shape[:2], dtype=np.intp)
+    found = np.zeros(positions.shape[:2], dtype=np.bool_)
+    _write_strayed(positions, expected, factor, found, target)
+    return found, target
+
+
+@kernel
+def _write_strayed(positions: Floats, expected: Floats, factor: float, found: Bools, target: Ints) -> None:
+    for frame in range(positions.shape[0]):
+        for marker in range(positions.shape[1]):
             own, nearest = math.nan, math.inf
-            for other in range(n_markers):
+            for other in range(positions.shape[1]):
                 x = positions[frame, marker, 0] - expected[frame, other, 0]
                 y = positions[frame, marker, 1] - expected[frame, other, 1]
                 z = positions[frame, marker, 2] - expected[frame, other, 2]
@@ -272,10 +289,8 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
                     nearest = square
                     target[frame, marker] = other
             found[frame, marker] = own > factor**2 * nearest and target[frame, marker] != marker
-    return found, target
 
 
-@kernel
 def fitted_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats) -> Floats:
     """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space.
 
@@ -298,52 +313,43 @@ def fitted_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, we
     -------
     ndarray, shape (n_frames, 3), mm
     """
-    result = np.empty((len(sudden), 3))
-    normal, towards, direct = np.empty((3, 3)), np.empty(3), weights[len(mates)]
-    for frame in range(len(sudden)):
-        for axis in range(3):
-            for other in range(axis):
-                normal[axis, other] = 0.0
-            normal[axis, axis] = direct
-            result[frame, axis] = direct * seen[frame, axis]
-        for mate in range(len(mates)):
-            jump = sudden[frame, mate]
-            length = _fill_direction(towards, positions[frame, mates[mate]], positions[frame, marker])
-            if length > 0.0 and not math.isnan(jump):
-                for axis in range(3):
-                    weighted = weights[mate] * towards[axis]
-                    result[frame, axis] += weighted * jump
-                    for other in range(axis + 1):
-                        normal[axis, other] += weighted * towards[other]
-        _solve(normal, result[frame])
+    result: Floats = weights[-1] * seen
+    _fit_steps(positions, marker, mates, sudden, weights, result)
     return result
 
 
-@kernel_part
-def _fill_direction(towards: Floats, start: Floats, end: Floats) -> float:
-    """Fill in the direction from one point to another, and return how far [mm] it is."""
-    for axis in range(3):
-        towards[axis] = end[axis] - start[axis]
-    length = math.sqrt(towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2])
-    for axis in range(3):
-        towards[axis] /= length
-    return length
+@kernel
+def _fit_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, result: Floats) -> None:
+    """Replace the weighted steps in space by those that fit the distances, too."""
+    for frame in range(len(sudden)):
+        direct, a, b, c = weights[len(mates)], result[frame, 0], result[frame, 1], result[frame, 2]
+        xx, xy, xz, yy, yz, zz = direct, 0.0, 0.0, direct, 0.0, direct
+        for mate in range(len(mates)):
+            jump, other = sudden[frame, mate], mates[mate]
+            x = positions[frame, marker, 0] - positions[frame, other, 0]
+            y = positions[frame, marker, 1] - positions[frame, other, 1]
+            z = positions[frame, marker, 2] - positions[frame, other, 2]
+            length = math.sqrt(x * x + y * y + z * z)
+            if length > 0.0 and not math.isnan(jump):
+                x, y, z = x / length, y / length, z / length
+                u, v, w = weights[mate] * x, weights[mate] * y, weights[mate] * z
+                xx, xy, xz, yy, yz, zz = xx + u * x, xy + v * x, xz + w * x, yy + v * y, yz + w * y, zz + w * z
+                a, b, c = a + u * jump, b + v * jump, c + w * jump
+        a, b, c = _solved((xx, xy, xz, yy, yz, zz), (a, b, c))
+        result[frame, 0], result[frame, 1], result[frame, 2] = a, b, c
 
 
 @kernel_part
-def _solve(normal: Floats, right: Floats) -> None:
-    """Solve a system of three equations in place by Cholesky's factor, of whose matrix the lower half is given."""
-    for row in range(3):
-        for column in range(row + 1):
-            for known in range(column):
-                normal[row, column] -= normal[row, known] * normal[column, known]
-            normal[row, column] = (
-                math.sqrt(normal[row, row]) if row == column else normal[row, column] / normal[column, column]
-            )
-        for known in range(row):
-            right[row] -= normal[row, known] * right[known]
-        right[row] /= normal[row, row]
-    for row in range(2, -1, -1):
-        for known in range(row + 1, 3):
-            right[row] -= normal[known, row] * right[known]
-        right[row] /= normal[row, row]
+def _solved(normal: Symmetric, right: Vector) -> Vector:
+    """Solve a system of three equations by Cholesky's factor."""
+    xx, xy, xz, yy, yz, zz = normal
+    xx = math.sqrt(xx)
+    xy, xz = xy / xx, xz / xx
+    yy = math.sqrt(yy - xy * xy)
+    yz = (yz - xz * xy) / yy
+    zz = math.sqrt(zz - xz * xz - yz * yz)
+    a = right[0] / xx
+    b = (right[1] - xy * a) / yy
+    c = (right[2] - xz * a - yz * b) / zz / zz
+    b = (b - yz * c) / yy
+    return (a - xy * b - xz * c) / xx, b, c

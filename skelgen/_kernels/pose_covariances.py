@@ -6,18 +6,15 @@ place follow from those of the parent, at a cost that is linear in limbs.
 
 from __future__ import annotations
 
-import numpy as np
-
 from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.chain import (
     FREE,
     FREEDOMS,
     LINK,
-    N_ARM,
-    N_PLACE,
     ROOT,
     ROTATION,
     ChainTable,
+    Measured,
     Place,
     copy_rotations,
     forward_kinematics,
@@ -31,9 +28,9 @@ from skelgen._kernels.posing import (
     FOLLOW,
     LEAST_LEVEL,
     N_AXIS,
-    N_FORM,
     SHIFT,
     VARIANCE,
+    Room,
     eliminate,
     find_forms,
 )
@@ -56,13 +53,18 @@ from skelgen._kernels.small_matrices import (
 )
 from skelgen.model.arrays import Floats
 
-OF_TURN, OF_BOTH, OF_ORIGIN, N_KNOWN = fixed(0, 9, 18, 27)
+OF_TURN, OF_BOTH, OF_ORIGIN = fixed(0, 9, 18)
 """Where a limb's covariances begin: of its turn, of turn and origin, and of its origin."""
 
 
 @kernel
 def propagate_covariances(
-    table: ChainTable, rotations: Floats, weights: Floats, levels: tuple[float, float], places: Floats, turns: Floats
+    table: ChainTable,
+    rotations: Floats,
+    measured: Measured,
+    levels: tuple[float, float],
+    out: tuple[Floats, Floats],
+    room: Room,
 ) -> None:
     """Write the covariances of some frames for noise 1.
 
@@ -72,22 +74,24 @@ def propagate_covariances(
         The limbs, and what their joints allow.
     rotations : ndarray, shape (n_frames * n_limbs, 9)
         World from limb by its rows, frame by frame.
-    weights : ndarray, shape (n_frames * n_markers,)
-        Of the squared distances, 0 where unseen.
+    measured : tuple
+        Markers and weights, of which only the weights count.
     levels : tuple of float
         Information on turns and on the root's place that is there without any marker.
-    places, turns : ndarray, shape (n_frames * n_limbs, 9)
+    out : tuple of ndarray, shapes (n_frames * n_limbs, 9)
         Receive the covariances of the limbs' origins in the world, and of their turns against the parents, in the
         parents' axes; of the root, in the world.
+    room : Room
+        Where to work.
     """
+    positions, weights = measured
+    places, turns = out
+    place, _, forms, known, solved = room
     n_limbs, n_markers = len(table.joints), len(table.markers)
-    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
-    nowhere = np.zeros((len(weights), 3))  # what is measured does not count
-    forms, solved, known = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS)), np.empty((n_limbs, N_KNOWN))
     for root in range(0, len(rotations), n_limbs):
         first = root // n_limbs * n_markers
         copy_rotations(rotations, root, place.limbs)
-        forward_kinematics(table, nowhere, weights, first, place)
+        forward_kinematics(table, positions, weights, first, place)
         find_forms(table, place, forms)
         eliminate(table, place, forms, levels[0], solved)
         shift = symmetric(forms, ROOT, SHIFT)

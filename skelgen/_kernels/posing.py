@@ -19,6 +19,8 @@ is known.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
@@ -39,6 +41,8 @@ from skelgen._kernels.chain import (
     STEP_TURN,
     WEIGHT,
     ChainTable,
+    FramePoses,
+    Measured,
     Place,
     copy_rotations,
     forward_kinematics,
@@ -102,31 +106,57 @@ AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
 """Where the parts of a turn about an axis that is minimised out begin; those of a second axis follow."""
 
 
+class Room(NamedTuple):
+    """What the frames of a chain are worked in, one after the other.
+
+    Attributes
+    ----------
+    here, there : Place
+        Where the chain is, and where a step leads.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    spare : ndarray, shape (n_limbs, 27)
+        For what else is kept of each limb.
+    solved : ndarray, shape (n_limbs, 22)
+        Turns that are minimised out.
+    """
+
+    here: Place
+    there: Place
+    forms: Floats
+    spare: Floats
+    solved: Floats
+
+
+def room_for(table: ChainTable) -> Room:
+    """Return room for the frames of a chain."""
+    n_limbs = len(table.joints)
+    here, there = (Place(np.zeros((n_limbs, N_PLACE)), np.empty((len(table.markers), N_ARM))) for _ in range(2))
+    forms, spare = np.empty((2, n_limbs, N_FORM))
+    return Room(here, there, forms, spare, np.empty((n_limbs, 2 * N_AXIS)))
+
+
 @kernel
-def solve_frames(
-    table: ChainTable, positions: Floats, weights: Floats, roots: Floats, rotations: Floats, max_steps: int
-) -> None:
+def solve_frames(table: ChainTable, measured: Measured, poses: FramePoses, max_steps: int, room: Room) -> None:
     """Step each frame's pose until it does not gain.
 
     Parameters
     ----------
     table : ChainTable
         The limbs, and what their joints allow.
-    positions : ndarray, shape (n_frames * n_markers, 3), mm
-        Measured markers, frame by frame; any number where the weight is 0.
-    weights : ndarray, shape (n_frames * n_markers,)
-        Of the squared distances.
-    roots : ndarray, shape (n_frames, 3), mm
-        Where the root's origin starts, replaced by where it fits best.
-    rotations : ndarray, shape (n_frames * n_limbs, 9)
-        The same of the limbs' rotations, world from limb by their rows; they obey the joints.
+    measured : tuple
+        Markers and weights.
+    poses : tuple
+        Where the root's origin and the limbs' rotations start, which obey the joints; replaced by what fits best.
     max_steps : int
         Steps at most.
+    room : Room
+        Where to work.
     """
+    positions, weights = measured
+    roots, rotations = poses
+    here, there, forms, _, solved = room
     n_limbs, n_markers = len(table.joints), len(table.markers)
-    here = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
-    there = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
-    forms, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
     for frame in range(len(roots)):
         first = frame * n_markers
         set_vector(here.limbs, ROOT, ORIGIN, vector(roots, frame, ROOT))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_kernel, kernel, kernel_part
 from skelgen.model.arrays import Floats, Ints
 
 PADDING = 16
@@ -69,7 +69,7 @@ class NearerBalls(NamedTuple):
     scales: Floats
 
 
-@kernel
+@array_kernel
 def draw_ball(light: Light, rays: Floats, ball: DrawnBall, nearer: NearerBalls, blur: Floats) -> float:
     """Add a blurred ball to an image's light.
 

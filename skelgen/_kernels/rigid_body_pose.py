@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
-from skelgen._kernels.absolute_orientation import fast_rotations
+from skelgen._kernels import array_kernel, array_part, kernel, kernel_part
+from skelgen._kernels.absolute_orientation import N_ROOM, write_rotations
 from skelgen._kernels.least_squares import factorise, solve
 from skelgen._kernels.rigid_body_tables import PointTable, PosedBody, SearchRules, TargetTable
 from skelgen._kernels.small_matrices import Symmetric, Vector, by_symmetric, dot, inverse, minus
@@ -33,7 +33,7 @@ STEP_TOLERANCE = 1e-10
 """rad and mm; steps below change nothing that anyone could measure."""
 
 
-@kernel
+@array_kernel
 def fit_body(target: TargetTable, scene: PointTable, matched: Ints, free: Bools, rules: SearchRules) -> PosedBody:
     """Fit the pose of a matched body, drop balls that do not belong to it and add those that do.
 
@@ -106,7 +106,7 @@ LIKELY = 2.0
 """Standard deviations of a normal variable up to which the balls' distances are noise: 98 of 100 poses."""
 
 
-@kernel
+@array_kernel
 def weigh_pose(target: TargetTable, scene: PointTable, matched: Ints) -> WeighedPose:
     """Fit the pose of a matched body once more.
 
@@ -188,13 +188,13 @@ def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
             for axis in range(3):
                 centre[axis] += balls[ball, axis]
                 middle[axis] += points[matched[ball], axis]
-    moments = np.zeros((1, 3, 3))
+    moments, rotations = np.zeros((1, 3, 3)), np.empty((1, 3, 3))
     for ball in range(len(matched)):
         if matched[ball] >= 0:
             for i in range(3):
                 for j in range(3):
                     moments[0, i, j] += (points[matched[ball], i] - middle[i] / n) * (balls[ball, j] - centre[j] / n)
-    rotations, _ = fast_rotations(moments)
+    write_rotations(moments, np.empty((N_ROOM, 4, 4)), rotations, np.empty(1, dtype=np.bool_))
     pose = np.eye(4)
     for i in range(3):
         pose[i, 3] = middle[i] / n

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, fixed, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, fixed, kernel, kernel_part
 from skelgen._kernels.rigid_body_tables import PointTable, SearchRules, TargetTable
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -68,7 +68,7 @@ class _Tables(NamedTuple):
     known: Ints
 
 
-@kernel
+@array_kernel
 def point_distances(points: Floats, covariances: Floats, left: Ints, right: Ints) -> tuple[Floats, Floats]:
     """Return the distances of all pairs of points and their variances.
 
@@ -106,7 +106,7 @@ def point_distances(points: Floats, covariances: Floats, left: Ints, right: Ints
     return distances, variances
 
 
-@kernel
+@array_kernel
 def find_matching(search: Search) -> tuple[Ints, float]:
     """Return the best matching of a body and its cost.
 
@@ -332,7 +332,7 @@ def _fits(tables: _Tables, rules: SearchRules, ball: int, point: int, matched: I
     return True
 
 
-@kernel
+@array_kernel
 def sum_of_squares(balls: Floats, points: Floats, matched: Ints) -> float:
     """Return the sum of squared distances [mm^2] after the best proper rigid motion, without that motion.
 

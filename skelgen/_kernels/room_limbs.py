@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.room_points import Room, is_in_view, whitened
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -42,7 +42,7 @@ class Kept(NamedTuple):
     variances: Floats
 
 
-@kernel
+@array_kernel
 def carry(states: Floats, covariances: Floats, kept: Kept, passed: Floats, acceleration: float, gate: float) -> Bools:
     """Move hidden markers to where speed and distances want them; return whether these agree, shape (n,).
 
@@ -121,7 +121,7 @@ def _measure(state: Floats, covariance: Floats, slope: Floats, off: float, varia
     return True
 
 
-@kernel
+@array_kernel
 def place_by_balls(room: Room, is_free: Bools, states: Floats, covariances: Floats, gate: float) -> tuple[Ints, Floats]:
     """Correct hidden markers by balls of one camera that lie where they must be.
 

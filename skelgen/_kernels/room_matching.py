@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.room_points import (
     Room,
     drop_misfits,
@@ -85,7 +85,7 @@ class RoomMatches(NamedTuple):
     scores: Floats
 
 
-@kernel
+@array_kernel
 def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
     """Return the markers that the balls of one moment show, the surest first; no ball belongs to two.
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.camera import Pair
 from skelgen.model.arrays import Floats, Ints
 
@@ -102,7 +102,7 @@ class _Pencil(NamedTuple):
     g: float
 
 
-@kernel
+@array_kernel
 def find_pairs(left: View, right: View, geometry: Geometry, gate: float) -> Ints:
     """Return the pairs of balls that can be one.
 
@@ -146,7 +146,7 @@ def find_pairs(left: View, right: View, geometry: Geometry, gate: float) -> Ints
     return pairs[:n_pairs].copy()
 
 
-@kernel
+@array_kernel
 def triangulate(left: View, right: View, geometry: Geometry, pairs: Ints) -> Triangulation:
     """Return the most likely points of pairs of balls.
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.ball_discs import BRIGHTNESS, RADIUS, STD, Fit, X, Y, fit_discs
 from skelgen._kernels.bright_spots import FULL
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -47,7 +47,7 @@ Borders = tuple[bool, bool, bool, bool]
 """Whether a window's left, right, upper and lower side is the image's border, beyond which a ball may go on."""
 
 
-@kernel
+@array_kernel
 def find_discs(window: Floats, noise: float, at_border: Borders) -> Fit:
     """Find the balls of a spot.
 
@@ -221,7 +221,7 @@ def _part_held(inside: Bools, discs: Floats) -> float:
     return n_held / n_inside
 
 
-@kernel
+@array_kernel
 def inscribed_discs(inside: Bools, at_border: Borders) -> Floats:
     """Return the fewest large discs that hold nearly all pixels of a shape, in the order of what each adds.
 
@@ -332,7 +332,7 @@ def _distance_from_outline(inside: Bools, at_border: Borders) -> Floats:
     return distance
 
 
-@kernel
+@array_kernel
 def light_of_spot(weights: NDArray[np.int64]) -> Floats:
     """Return the light of a window's largest spot and of the dark around it.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel, kernel_part
 from skelgen._kernels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -33,7 +33,7 @@ class Links(NamedTuple):
     track_of_point: Ints
 
 
-@kernel
+@array_kernel
 def rising_order(values: Floats) -> Ints:
     """Order that sorts numbers, equal ones as they come: a merge sort, from the bottom up."""
     n_values = len(values)
@@ -78,7 +78,7 @@ def first_not_below(points: Floats, order: Ints, x: float) -> int:
     return low
 
 
-@kernel
+@array_kernel
 def find_pairs(
     expected: Floats, terms: Floats, points: Floats, weights: Floats, order: Ints
 ) -> tuple[Ints, Floats, bool]:
@@ -156,7 +156,7 @@ def difference(points: Floats, point: int, others: Floats, other: int) -> tuple[
     return points[point, 0] - others[other, 0], points[point, 1] - others[other, 1], points[point, 2] - others[other, 2]
 
 
-@kernel
+@array_kernel
 def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: bool) -> Ints:
     """Point of each track, or -1: the best assignment within each cluster of tracks that compete for points.
 
@@ -328,7 +328,7 @@ def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, ro
         column = came_from[column]
 
 
-@kernel
+@array_kernel
 def find_doubts(links: Links, expected: Floats, terms: Floats, points: Floats, rules: Rules) -> Bools:
     """Return for each track whether its link is hardly better than another explanation, shape (n_tracks,).
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.track_matching import (
     Links,
     difference,
@@ -231,7 +231,7 @@ def _mute_jumps(points: TrackedPoints, begun: Ints, expected: Floats, lost: Bool
         points.identities[begun[nearest]] = -1
 
 
-@kernel
+@array_kernel
 def follow_frames(points: TrackedPoints, frame_starts: Ints, steps: Ints, tracks: _State, rules: Rules) -> None:
     """Follow all points through some frames; `points` and `tracks` are written to.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_kernel, kernel_part
 from skelgen.model.arrays import Floats, Ints
 
 FREEDOM = 4.0
@@ -88,7 +88,7 @@ class _Hypotheses(NamedTuple):
     score: Floats
 
 
-@kernel
+@array_kernel
 def sum_pair_distances(n_tracklets: int, points: Floats, tracklets: Ints, starts: Ints) -> NDArray[np.float64]:
     """Number, sum [mm] and sum of squares [mm^2] of the distances between tracklets, shape (3, n, n).
 
@@ -116,7 +116,7 @@ def sum_pair_distances(n_tracklets: int, points: Floats, tracklets: Ints, starts
     return sums
 
 
-@kernel
+@array_kernel
 def most_probable_labels(limb: LimbTracklets, law: LabelLaw) -> Ints:
     """Return the marker of each tracklet in the best hypothesis, shape (n,); -1 where too few may be found.
 

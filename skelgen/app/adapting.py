@@ -71,8 +71,8 @@ def adapted(project: Project, parameters: AdaptParameters) -> Project:
         for name, value in parameters.as_mapping().items()
         if value != getattr(AdaptParameters(), name)
     )
-    told = replace(_scaled(turned, _UNITS[parameters.unit]), notices=(*take.notices, f"opened with {changed}"))
-    return Project(told, project.seed)  # no file holds this take: the project must
+    adapted = replace(_scaled(turned, _UNITS[parameters.unit]), notices=(*take.notices, f"opened with {changed}"))
+    return Project(adapted, project.seed)  # no file holds this take: the project must
 
 
 def _cut(take: Take, frames: range) -> Take:

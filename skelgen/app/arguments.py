@@ -35,12 +35,17 @@ _KINDS: Mapping[str, tuple[type, ...]] = {
 
 
 def with_checked_arguments(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Refuse, in a sentence, arguments of types that nothing can be done with."""
+    """Refuse, in a sentence, arguments that do not exist or are of types that nothing can be done with."""
     signature = inspect.signature(function)
 
     @wraps(function)
     def checked(*args: _P.args, **kwargs: _P.kwargs) -> _R:
-        for name, value in signature.bind(*args, **kwargs).arguments.items():
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            takes = ", ".join(signature.parameters)
+            raise InputError(f"{function.__name__} {error}; its arguments are {takes}") from error
+        for name, value in given.items():
             kinds = _KINDS.get(name, (object,))
             if not isinstance(value, kinds) and value is not signature.parameters[name].default:
                 wanted = " or ".join(kind.__name__ for kind in kinds)

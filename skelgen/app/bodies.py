@@ -11,7 +11,7 @@ from skelgen.errors import WriteError
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, StageReport, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.bodies import Body
+from skelgen.model.project import Body
 from skelgen.model.topology import joint_children
 
 _Writable = TypeVar("_Writable")
@@ -58,7 +58,7 @@ def body_files(value: _Writable, path: Path) -> tuple[tuple[_Writable | Project,
     if BODY not in path.name or not isinstance(value, Project):
         return ((value, path),)
     if not value.has("joints"):
-        raise WriteError(f"{path}: bodies are told by their joints, which this project has not; run the stages first")
+        raise WriteError(f"{path}: bodies are found by their joints, which this project has not; run the stages first")
     names = [path.with_name(path.name.replace(BODY, body.name)) for body in value.bodies]
     return tuple(zip(split_bodies(value), names, strict=True))
 

@@ -261,13 +261,13 @@ def _points_of(
 def _points_in_room(
     settings: RoomSettings, source: "RoomSource", n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
-    found, told = [], list[str]()
+    found, notices = [], list[str]()
     total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
     with closing(capture_room(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
         for captured in with_progress(stream, total, monitor):
             found.append(captured.points)
-            told += captured.notices
-    for sentence in dict.fromkeys(told):
+            notices += captured.notices
+    for sentence in dict.fromkeys(notices):
         monitor.notice(sentence)
     return found
 

@@ -68,10 +68,10 @@ class RunOptions:
             return (f"the number of limbs was given: {self.n_limbs}",)
         if stage != "joints":
             return ()
-        said = [f"the root was given: {self.root}"] if self.root is not None else []
-        said += ["the hierarchy was given"] if self.hierarchy is not None else []
-        said += [f"a joint was given: {first} and {second}" for first, second in self.joined]
-        return (*said, *(f"no joint was given: {first} and {second}" for first, second in self.parted))
+        given = [f"the root was given: {self.root}"] if self.root is not None else []
+        given += ["the hierarchy was given"] if self.hierarchy is not None else []
+        given += [f"a joint was given: {first} and {second}" for first, second in self.joined]
+        return (*given, *(f"no joint was given: {first} and {second}" for first, second in self.parted))
 
 
 def stated_number(project: Project, kind: str) -> int | None:

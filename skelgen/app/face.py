@@ -105,7 +105,7 @@ def load(path: Path | str) -> Project:
 
 
 @with_checked_arguments
-def reconstruct(
+def reconstruct(  # noqa: PLR0913 - what users name: most leave most of it out
     take: Take | Project,
     n_markers: int | None = None,
     n_limbs: int | None = None,
@@ -343,7 +343,7 @@ def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
 
 
 @with_checked_arguments
-def run_batch(
+def run_batch(  # noqa: PLR0913 - as above
     inputs: Iterable[Path | str],
     output: Path | str,
     job: Job | None = None,

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -166,28 +166,34 @@ def _is_project(path: Path | str, format: str | None) -> bool:
     return format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX)
 
 
-def convert_file(
-    source: Path,
-    target: Path,
-    from_format: str | None,
-    to_format: str | None,
-    options: Mapping[str, Any],
-    reading: Mapping[str, Any] | None = None,
-    *,
-    monitor: Monitor = SILENT,
-) -> tuple[tuple[str, ...], list[Path]]:
+@dataclass(frozen=True)
+class NamedFile:
+    """A file as the user names it.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    format : str or None
+        Name of its format; None recognises it.
+    options : mapping of str to value
+        Options of the format's reader or writer.
+    """
+
+    path: Path
+    format: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT) -> tuple[tuple[str, ...], list[Path]]:
     """Read one file and write another.
 
     Parameters
     ----------
-    source, target : Path
-        The files.
-    from_format, to_format : str or None
-        Names of the formats; None recognises them.
-    options : mapping of str to value
-        For the writer what its format knows, for the reader all else; what that does not know is an error.
-    reading : mapping of str to value, optional
-        For the reader, also where the writer has an option of the same name.
+    source : NamedFile
+        What is read; its options are the reader's, also where the writer has one of the same name.
+    target : NamedFile
+        What is written; options that its format does not know are the reader's, and an error if that knows none either.
     monitor : Monitor
         Receives progress where reading takes long; may cancel.
 
@@ -198,33 +204,33 @@ def convert_file(
     files : list of Path
         The files written.
     """
-    written = set() if _is_project(target, to_format) else _writer_options(target, to_format)
-    read = {name for name in _option_names(from_format or name_of_format(source)) if name not in written}
-    for_reader = {name: value for name, value in options.items() if name in read} | dict(reading or {})
-    project = open_input(source, from_format, monitor=monitor, **for_reader)
-    remaining = {name: value for name, value in options.items() if name not in read}
+    written = set() if _is_project(target.path, target.format) else _writer_options(target)
+    read = {name for name in _option_names(source.format or name_of_format(source.path)) if name not in written}
+    for_reader = {name: value for name, value in target.options.items() if name in read} | dict(source.options)
+    project = open_input(source.path, source.format, monitor=monitor, **for_reader)
+    target = replace(target, options={name: value for name, value in target.options.items() if name not in read})
     value = project if project.has("labels") else project.take
-    parts = body_files(value, target)
+    parts = body_files(value, target.path)
     for _, path in parts:
-        planned = files_of(path, to_format, remaining)
+        planned = files_of(path, target.format, target.options)
         check_outputs(planned, (recording_of(project),), planned)
-    files = [file for part, path in parts for file in write_any(part, path, to_format, **remaining)]
-    return (*project.take.notices, *_remarks(project, target, to_format, remaining)), files
+    files = [file for part, path in parts for file in write_any(part, path, target.format, **target.options)]
+    return (*project.take.notices, *_remarks(project, target)), files
 
 
-def _writer_options(target: Path, to_format: str | None) -> set[str]:
-    entry = registry.format_for_writing(target, to_format)
+def _writer_options(target: NamedFile) -> set[str]:
+    entry = registry.format_for_writing(target.path, target.format)
     return {option.name for option in entry.options if option.writing}
 
 
-def _remarks(project: Project, target: Path, to_format: str | None, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, target: NamedFile) -> tuple[str, ...]:
     """What becomes of a project in another format; a project file keeps all."""
     from skelgen.app.export import remarks_on  # noqa: PLC0415 - loads the report
 
-    if _is_project(target, to_format):
+    if _is_project(target.path, target.format):
         return ()
-    entry = registry.format_for_writing(target, to_format)
-    return remarks_on(project, entry, target, registry.options_of(entry, options))
+    entry = registry.format_for_writing(target.path, target.format)
+    return remarks_on(project, entry, target.path, registry.options_of(entry, target.options))
 
 
 def name_of_format(path: Path) -> str:

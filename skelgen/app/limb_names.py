@@ -77,11 +77,11 @@ def with_joint_names(project: Project, skeleton: Skeleton) -> Skeleton:
     InputError
         If a correction names a marker that does not exist.
     """
-    said: dict[frozenset[int], str] = {}
+    stated: dict[frozenset[int], str] = {}
     for correction in (one for one in project.corrections if one.kind == "name-joint"):
         ends = (corrected_marker(project.trajectories, correction, which) for which in (0, 1))
-        said[frozenset(int(project.limbs.limb_of_marker[end]) for end in ends)] = correction.value
-    joints = (replace(one, name=said.get(frozenset((one.parent, one.child)), "")) for one in skeleton.joints)
+        stated[frozenset(int(project.limbs.limb_of_marker[end]) for end in ends)] = correction.value
+    joints = (replace(one, name=stated.get(frozenset((one.parent, one.child)), "")) for one in skeleton.joints)
     return replace(skeleton, joints=tuple(joints))
 
 
@@ -104,25 +104,25 @@ def names_in_motion(
     marker_set : str
         See `named_limbs`; ``none`` gives no names by shape either.
     monitor : Monitor
-        Is told what the shape is, and where it contradicts names of sides.
+        Receives a notice of what the shape is, and of where it contradicts names of sides.
     """
     names = named_limbs(project, replace(project.limbs, names=()), marker_set).names
     if marker_set == "none" or isinstance(project.take, Poses) or not motion.n_frames:
         return names
     from skelgen.stages.names import contradicts_sides, names_by_shape  # noqa: PLC0415 - reads tables
 
-    said = stated_names(project, project.limbs)
-    if any(name != f"limb{limb}" for limb, name in enumerate(names) if limb not in said):
+    stated = stated_names(project, project.limbs)
+    if any(name != f"limb{limb}" for limb, name in enumerate(names) if limb not in stated):
         if contradicts_sides(replace(skeleton, limb_names=names), motion):
             monitor.notice(
                 "the names say left where bending knees and feet say right: the recording is mirrored, or the names of "
                 "both sides are exchanged"
             )
         return names
-    found = names_by_shape(skeleton, motion, said, lambda: worn_by_shape(project))
+    found = names_by_shape(skeleton, motion, stated, lambda: worn_by_shape(project))
     for sentence in found.sentences:
         monitor.notice(sentence)
-    return _with_stated(found.names, said)
+    return _with_stated(found.names, stated)
 
 
 def worn_by_shape(project: Project) -> list[WornShape]:
@@ -147,8 +147,8 @@ def worn_by_shape(project: Project) -> list[WornShape]:
             names[marker] = name or names[marker]
         worn = find_marker_set(alike[0], names)
         called = enumerate(name_limbs(limbs, names, worn))
-        told = {limb: one for limb, one in called if one != f"limb{limb}" and limbs.body_of_limb[limb] == body}
-        found.append(WornShape(told, alike[2], worn.title))
+        own = {limb: one for limb, one in called if one != f"limb{limb}" and limbs.body_of_limb[limb] == body}
+        found.append(WornShape(own, alike[2], worn.title))
     return found
 
 
@@ -173,7 +173,7 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
     marker_set : str
         ``auto``, ``none`` or a marker set; see `skelgen.stages.names.MARKER_SET_CHOICES`.
     monitor : Monitor
-        Is told which marker set is recognised.
+        Receives a notice of the marker set that is recognised.
 
     Raises
     ------
@@ -209,18 +209,18 @@ def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
     limbs : Limbs
         What is named.
     """
-    said: dict[int, str] = {}
+    stated: dict[int, str] = {}
     for correction in (one for one in project.corrections if one.kind == "name"):
         limb = _limb_of(project, limbs, correction)
-        said = {other: name for other, name in said.items() if name != correction.value} | {limb: correction.value}
-    return said
+        stated = {other: name for other, name in stated.items() if name != correction.value} | {limb: correction.value}
+    return stated
 
 
-def _with_stated(names: Sequence[str], said: Mapping[int, str]) -> tuple[str, ...]:
+def _with_stated(names: Sequence[str], stated: Mapping[int, str]) -> tuple[str, ...]:
     """Names with those that the user gave; another limb that was called so has its number."""
-    taken = set(said.values())
+    taken = set(stated.values())
     rest = (f"limb{limb}" if name in taken else name for limb, name in enumerate(names))
-    return tuple(said.get(limb, name) for limb, name in enumerate(rest))
+    return tuple(stated.get(limb, name) for limb, name in enumerate(rest))
 
 
 def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:

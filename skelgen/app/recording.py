@@ -81,7 +81,7 @@ class Recording:
         self._recorder.close()
 
     def add(self, captured: Captured | RoomCaptured) -> None:
-        """Append what one moment told."""
+        """Append what was found at one moment."""
         if isinstance(self._recorder, C3dRecorder):
             positions = ball_positions(self._settings.bodies, captured)
             self._recorder.add(captured.pair.time, positions, captured.pair.dropped)

@@ -70,7 +70,7 @@ def recording_of(project: Project) -> Path | None:
 
 
 def files_of(path: Path, format_name: str | None, options: Mapping[str, Any]) -> tuple[Path, ...]:
-    """Return all files that writing will make; the file alone where no format writes it, which is told later.
+    """Return all files that writing will make; the file alone where no format writes it, which is an error later.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Takes of bodies with orientation: sensors that slipped are repaired, joints that hold for a span are told."""
+"""Takes of bodies with orientation: sensors that slipped are repaired, joints that hold for a span are found."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def repaired_sensors(poses: Poses, monitor: Monitor) -> Poses:
         monitor.notice(f"the sensors of {pair} are exchanged from frame {frame} on; they are exchanged back")
     bodies, slips = slips_moved_back(replace(poses, world_from_body=world_from_body) if exchanges else poses)
     for slip in slips:
-        monitor.notice(slip.told_of(poses.names[slip.limb]))
+        monitor.notice(slip.sentence(poses.names[slip.limb]))
     return bodies
 
 
@@ -65,5 +65,5 @@ def joints_of_bodies(
     else:
         held.release()
     for span in spans:
-        monitor.notice(span.told_of(project.limbs.names))
+        monitor.notice(span.sentence(project.limbs.names))
     return replace(topology, spans=spans)

@@ -82,7 +82,7 @@ def with_segments(
     constraints : LimbConstraints
         What the user states; markers of which it speaks are theirs.
     monitor : Monitor
-        Is told which markers the data put elsewhere.
+        Receives a notice of markers that the data put elsewhere.
     """
     from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
     from skelgen.stages.names import recognised_set  # noqa: PLC0415 - reads tables
@@ -104,12 +104,12 @@ def with_segments(
         if marker not in elsewhere:
             segments.setdefault(segment, []).append(names[marker])
     if elsewhere:
-        told = ", ".join(
+        listed = ", ".join(
             f"{names[marker]} with the {segment.rpartition(':')[2]}"
             for marker, segment in list(elsewhere.items())[:_TOLD]
         )
         more = f" and {len(elsewhere) - _TOLD} more" if len(elsewhere) > _TOLD else ""
-        monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {told}{more}")
+        monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {listed}{more}")
     if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
         return None
     apart = tuple(group[0] for group in segments.values())
@@ -136,7 +136,7 @@ def _groups(
 def _elsewhere(limbs: Limbs, placed: Mapping[int, str]) -> dict[int, str]:
     """Markers that are surely on the limb of another segment than the set's, and which segment that is.
 
-    A segment of which no marker would be left is believed: one marker on a hand moves much as the forearm does.
+    A segment keeps its markers if none would be left: one marker on a hand moves much as the forearm does.
     """
     votes: dict[int, Counter[str]] = {}
     for marker, segment in placed.items():
@@ -181,7 +181,7 @@ def with_tree(
     limb_names : sequence of str, length n_limbs
         What the set calls the limbs.
     monitor : Monitor
-        Is told which joints the data refuse.
+        Receives a notice of joints that the data refuse.
     """
     wanted = joints_of_person(limb_names)
     names = [name.rstrip("0123456789 ") for name in limb_names]

@@ -140,8 +140,8 @@ def _limb_pointer(project: Project, sentence: str, limbs: list[int]) -> Pointer:
     markers = np.flatnonzero(np.isin(project.limbs.limb_of_marker, limbs)).tolist()
     unknown = ~project.motion.limb_seen[:, limbs].all(axis=1) if project.has("skeleton") else np.zeros(1, dtype=bool)
     frame = int(unknown.argmax()) if _UNKNOWN in sentence and unknown.any() else None
-    if told := _FRAME.search(sentence):
-        frame = int(told[1])
+    if found := _FRAME.search(sentence):
+        frame = int(found[1])
     return Pointer(sentence, frame, tuple(markers))
 
 

@@ -234,12 +234,11 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
                 what = "the root of keypoints is chosen with their limbs; run that stage with it"
                 raise InputError(f"{project.name}: {what}")
         return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
-    from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.joints import JointSearch  # noqa: PLC0415 - see the module's docstring
 
     constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
-    find = partial(
-        find_joints, project.trajectories, project.limbs, settings.joints, seed=project.seed, monitor=monitor
-    )
+    search = JointSearch(project.trajectories, project.limbs, settings.joints, project.seed)
+    find = partial(search.find, monitor=monitor)
     held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):
         if isinstance(project.take, Poses):

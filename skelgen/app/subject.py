@@ -217,7 +217,7 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     posing = StageReport(settings.skeleton.as_mapping(), time.perf_counter() - started, (notice,))
     spans, _ = find_joint_spans(poses_of_markers(trajectories), subject.topology.parents, take.rate)
     for span in spans:
-        monitor.notice(span.told_of(skeleton.limb_names))
+        monitor.notice(span.sentence(skeleton.limb_names))
     return _with_skeleton(done, subject, limbs, (skeleton, motion), posing, spans)
 
 
@@ -235,9 +235,9 @@ def _with_skeleton(
         bodies, sure = subject.limbs.body_of_limb, subject.limbs.body_probability
         limbs = replace(limbs, body_of_limb=bodies, body_probability=sure)
     done = project.with_limbs(limbs, StageReport({}, 0.0, report.notices))
-    told = tuple(span.told_of(found[0].limb_names) for span in spans)
+    notices = tuple(span.sentence(found[0].limb_names) for span in spans)
     topology = replace(subject.topology.for_take(project.take.n_frames), spans=spans)
-    done = done.with_topology(topology, StageReport({}, 0.0, (*report.notices, *told)))
+    done = done.with_topology(topology, StageReport({}, 0.0, (*report.notices, *notices)))
     return done.with_skeleton(*found, report)
 
 
@@ -289,19 +289,21 @@ def _sentences_on_sensors(
         return body_of(names[int(skeleton.markers_of(limb)[0])])
 
     bodies = dict.fromkeys(map(body_of, names))
-    said = ["posed by the calibrated skeleton"]
+    notices = ["posed by the calibrated skeleton"]
     if seats:
         parts = ", ".join(f"{body(seat.limb)} by {seat.shift:.1f} mm and {seat.turn:.1f} degrees" for seat in seats)
         where = "elsewhere on their limbs than in the calibrated take"
-        said.append(f"sensors that sit {where}, placed anew by their joints: {parts}")
+        notices.append(f"sensors that sit {where}, placed anew by their joints: {parts}")
     if loose:
         joints = [skeleton.joints[index] for index in loose]
         parts = ", ".join(f"{body(joint.parent)} - {body(joint.child)}" for joint in joints)
-        said.append(f"joints that do not hold together: {parts}; a sensor slipped in the take, or this is another body")
+        notices.append(
+            f"joints that do not hold together: {parts}; a sensor slipped in the take, or this is another body"
+        )
     missing = [name for name in bodies if name not in take.names]
     if missing:
-        said.append(f"bodies of the skeleton that the take does not have: {', '.join(missing)}")
+        notices.append(f"bodies of the skeleton that the take does not have: {', '.join(missing)}")
     new = [name for name in take.names if name not in bodies]
     if new:
-        said.append(f"bodies that the skeleton does not have, left out: {', '.join(new)}")
-    return tuple(said)
+        notices.append(f"bodies that the skeleton does not have, left out: {', '.join(new)}")
+    return tuple(notices)

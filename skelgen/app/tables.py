@@ -1,12 +1,12 @@
 """What was found, as rows of plain values: printed as tables, dumped as JSON."""
 
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 from skelgen_formats.sample import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
-from skelgen.app.take_account import account_of
+from skelgen.app.take_account import TakeFacts, account_of
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
@@ -16,6 +16,87 @@ from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]
+"""Cells of a table by column: plain values."""
+
+
+class LabellingFacts(TypedDict):
+    """How sure labels are, and what could be done about it; keys of what a take does not have are missing.
+
+    Attributes
+    ----------
+    markers, doubtful_spans : int
+        How many.
+    doubtful_share : float
+        Part of the positions that is doubtful.
+    advice, questions : list of str
+        What could be done, and what the user could say.
+    left_out : int
+        Points that went to no marker, of unlabelled takes.
+    left_out_share : float
+        Their part of all points.
+    tracklets, classic_markers : int
+        Pieces of tracks, and markers that the classic method finds.
+    classic_agreement : float
+        Part of the points on which both methods agree.
+    """
+
+    markers: int
+    doubtful_spans: int
+    doubtful_share: float
+    advice: list[str]
+    questions: list[str]
+    left_out: NotRequired[int]
+    left_out_share: NotRequired[float]
+    tracklets: NotRequired[int]
+    classic_markers: NotRequired[int]
+    classic_agreement: NotRequired[float]
+
+
+class Spread(TypedDict):
+    """Mean, root mean square, high percentile and maximum of residuals [mm]; None where nothing was measured."""
+
+    mean_mm: float | None
+    rms_mm: float | None
+    p95_mm: float | None
+    max_mm: float | None
+
+
+class ProjectTables(TypedDict):
+    """What a project holds, as ``--json`` prints it; tables of stages that have not run are missing.
+
+    Attributes
+    ----------
+    take : TakeFacts
+        The take.
+    seed : int
+        Of every random choice.
+    stages : list of Row
+        Name, seconds and notices of each stage that has run.
+    labelling : LabellingFacts
+        How sure labels are.
+    limbs, membership, bodies, joints, joint_spans, angles, closed_loops, lengths : list of Row
+        One row each.
+    loops : list of str
+        Joints that would close loops.
+    residuals : Spread
+        Of all markers.
+    """
+
+    take: TakeFacts
+    seed: int
+    stages: list[Row]
+    labelling: NotRequired[LabellingFacts]
+    limbs: NotRequired[list[Row]]
+    membership: NotRequired[list[Row]]
+    bodies: NotRequired[list[Row]]
+    joints: NotRequired[list[Row]]
+    loops: NotRequired[list[str]]
+    joint_spans: NotRequired[list[Row]]
+    angles: NotRequired[list[Row]]
+    closed_loops: NotRequired[list[Row]]
+    lengths: NotRequired[list[Row]]
+    residuals: NotRequired[Spread]
+
 
 ALL = Sample()
 """Nothing was left out."""
@@ -23,7 +104,7 @@ ALL = Sample()
 _HIGH_PERCENTILE = 95.0
 
 
-def take_facts(take: Take, sample: Sample = ALL) -> Row:
+def take_facts(take: Take, sample: Sample = ALL) -> TakeFacts:
     """Return kind, counts, rate, duration and extent of a take.
 
     Parameters
@@ -73,7 +154,7 @@ def column_rows(take: Take, sample: Sample = ALL) -> list[Row]:
     return rows
 
 
-def project_tables(project: Project, sample: Sample = ALL) -> dict[str, Any]:
+def project_tables(project: Project, sample: Sample = ALL) -> ProjectTables:
     """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals.
 
     Parameters
@@ -83,10 +164,10 @@ def project_tables(project: Project, sample: Sample = ALL) -> dict[str, Any]:
     sample : Sample
         As of `take_facts`.
     """
-    stages = [
+    stages: list[Row] = [
         {"stage": name, "seconds": one.seconds, "notices": [*one.notices]} for name, one in project.reports.items()
     ]
-    tables: dict[str, Any] = {"take": take_facts(project.take, sample), "seed": project.seed, "stages": stages}
+    tables: ProjectTables = {"take": take_facts(project.take, sample), "seed": project.seed, "stages": stages}
     if project.has_labelling:
         tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):
@@ -106,9 +187,9 @@ def project_tables(project: Project, sample: Sample = ALL) -> dict[str, Any]:
     return tables
 
 
-def _labelling_facts(project: Project) -> Row:
+def _labelling_facts(project: Project) -> LabellingFacts:
     labelling = project.labelling
-    facts: Row = {
+    facts: LabellingFacts = {
         "markers": project.trajectories.n_markers,
         "doubtful_spans": len(labelling.doubts),
         "doubtful_share": doubtful_share(labelling),
@@ -116,11 +197,12 @@ def _labelling_facts(project: Project) -> Row:
         "questions": [one.sentence(project.trajectories.names) for one in questions_on(labelling)],
     }
     if isinstance(project.take, PointCloud):
-        facts |= {"left_out": int(labelling.left_out.sum()), "left_out_share": left_out_share(project)}
+        facts["left_out"], facts["left_out_share"] = int(labelling.left_out.sum()), left_out_share(project)
     if labelling.tracklets is not None:
-        facts |= {"tracklets": labelling.tracklets.n_tracklets}
+        facts["tracklets"] = labelling.tracklets.n_tracklets
     if labelling.classic is not None:
-        facts |= {"classic_markers": labelling.classic.n_markers, "classic_agreement": labelling.classic.share}
+        facts["classic_markers"] = labelling.classic.n_markers
+        facts["classic_agreement"] = labelling.classic.share
     return facts
 
 
@@ -279,8 +361,7 @@ def _length_rows(project: Project) -> list[Row]:
     return rows
 
 
-def _spread(residuals: Floats) -> Row:
-    """Mean, root mean square, high percentile and maximum of residuals [mm]; None where nothing was measured."""
+def _spread(residuals: Floats) -> Spread:
     seen = residuals[~np.isnan(residuals)]
     if len(seen) == 0:
         return {"mean_mm": None, "rms_mm": None, "p95_mm": None, "max_mm": None}

@@ -2,13 +2,13 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import resources
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
-from skelgen.kinematics.upward import find_up, sample_frames
+from skelgen.kinematics.upward import find_up, sampled_points
 from skelgen.model import PointCloud, Poses, Take
 from skelgen.model.arrays import Floats
 
@@ -30,27 +30,85 @@ _MARKER_SETS = "simulation/people/tables/marker_sets.toml"  # read as a file: th
 _APART = re.compile(r"[^a-z0-9]")
 
 
-def account_of(take: Take) -> dict[str, Any]:
-    """Return what a take looks like, for `skelgen info`.
+class TakeAccount(TypedDict):
+    """What a take looks like; the keys are those of ``skelgen info --json``.
 
-    Returns
-    -------
-    mapping
-        ``up`` (x, y, z, -x and so on, or empty), ``up_sure`` (sure, likely, unsure), ``height_mm`` along it,
-        ``missing`` (share of positions that are not seen), ``unit`` (a sentence if that of the file can hardly be
-        right) and ``suit``.
+    Attributes
+    ----------
+    up : str
+        Axis that points up: x, y, z, -x and so on, or empty.
+    up_sure : str
+        ``sure``, ``likely`` or ``unsure``.
+    height_mm : float or None
+        From the lowest points to the highest; None if no axis points up.
+    unit : str
+        A sentence if the unit of the file can hardly be right.
+    missing : float or None
+        Share of positions that are not seen; None for points without names.
+    suit : str
+        Marker set or keypoints whose names the take has, or empty.
     """
+
+    up: str
+    up_sure: str
+    height_mm: float | None
+    unit: str
+    missing: float | None
+    suit: str
+
+
+class TakeFacts(TakeAccount):
+    """What is known of a take before any stage has run.
+
+    Attributes
+    ----------
+    name, kind : str
+        The take's name; ``points``, ``markers`` or ``poses``.
+    frames : int
+        Number of frames.
+    sampled_frames : int or None
+        Of a large file, frames that stand for all; None if all were read.
+    rate_hz, seconds : float
+        Frame rate and duration.
+    count : int
+        Number of points, markers or bodies.
+    low_mm, high_mm : list of float, or None
+        Corners of the box around all positions; None if none is seen.
+    notices : list of str
+        What the reader noticed.
+    """
+
+    name: str
+    kind: str
+    frames: int
+    sampled_frames: int | None
+    rate_hz: float
+    seconds: float
+    count: int
+    low_mm: list[float] | None
+    high_mm: list[float] | None
+    notices: list[str]
+
+
+def account_of(take: Take) -> TakeAccount:
+    """Return what a take looks like, for `skelgen info`."""
     up = find_up(take)
     names = () if isinstance(take, PointCloud) else take.names
-    unit = _unit(sample_frames(take)) if up.axis else ""
-    found = {"up": up.axis, "up_sure": up.sure, "height_mm": up.height, "unit": unit}
-    return {**found, "missing": _missing(take), "suit": _suit(names)}
+    unit = _unit(sampled_points(take)) if up.axis else ""
+    return {
+        "up": up.axis,
+        "up_sure": up.sure,
+        "height_mm": up.height,
+        "unit": unit,
+        "missing": _missing(take),
+        "suit": _suit(names),
+    }
 
 
-def account_sentences(facts: Mapping[str, Any]) -> list[str]:
-    """Return what `account_of` found as lines for people."""
+def account_sentences(facts: TakeFacts) -> list[str]:
+    """Return what a take looks like as lines for people."""
     lines = []
-    if facts.get("sampled_frames"):
+    if facts["sampled_frames"]:
         of_all = f"from {facts['sampled_frames']} of {facts['frames']} frames, evenly spread"
         what = "extent, what is seen or missing and all notes are of these, gaps are not counted, and the others were"
         lines.append(f"{of_all}: {what} not checked (`--full` reads all)")

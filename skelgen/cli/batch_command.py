@@ -64,7 +64,7 @@ def batch(
     n_limbs: options.NLimbs = None,
     hierarchy: options.Hierarchy = None,
     root: options.Root = None,
-    skeleton: options.SubjectFile = None,
+    skeleton: options.SubjectFiles = None,
     seed: options.Seed = None,
     config: options.Config = None,
     methods: options.Methods = None,
@@ -95,8 +95,10 @@ def batch(
         What is written of every take.
     n_markers, n_limbs : int, optional
         Numbers of markers and limbs; found if left out.
-    hierarchy, skeleton, config : Path, optional
-        Files that state the tree, the subject and the parameters.
+    hierarchy, config : Path, optional
+        Files that state the tree and the parameters.
+    skeleton : list of Path, optional
+        Files that state the subject; one for each body that the takes show.
     methods : str, optional
         Methods of all stages: ``default`` or ``classic``.
     root : str, optional
@@ -115,14 +117,14 @@ def batch(
         Options of readers.
     """
     from skelgen.app.batch.run import read_manifest, run_batch
-    from skelgen.app.batch.work import Job, subject_file
+    from skelgen.app.batch.work import Job, subject_files
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.constraints import RunOptions
     from skelgen.app.pipeline import check_stage
 
     if until_stage is not None:
         check_stage(until_stage)
-    if skeleton is not None:
+    if skeleton:
         excluded = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--hierarchy": hierarchy, "--root": root}
         refuse_beside_skeleton(excluded | {"--until": until_stage})
     settings = settings_with(Settings(config, methods), assignments or ())
@@ -134,7 +136,7 @@ def batch(
         format_name=format_name,
         reader_options=options.given(reader_values),
         formats=tuple(formats or ()),
-        subject=None if skeleton is None else subject_file(skeleton),
+        subjects=subject_files(skeleton or ()),
     )
     screen = Screen(quiet, as_json)
     screen.note(settings.all_notices())

@@ -93,15 +93,15 @@ def motion_capture(
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
     stream: Generator[Captured | RoomCaptured, None, None]
     if isinstance(rig, RoomSettings):
+        word, cameras = "sets of images", rig.rig.names
         stream = capture_room(rig, room_source_of(rig, source), record or (), prediction, n_frames=frames)
     else:
+        word, cameras = "pairs", ()
         stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
-    word = "sets of images" if isinstance(rig, RoomSettings) else "pairs"
     counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
-            cameras = rig.rig.names if isinstance(rig, RoomSettings) else ()
             pictures = None if no_graphics else _pictures([body.name for body in rig.bodies], cameras, stack)
             keys = stack.enter_context(watched_keys()) if interactive else None
             interrupted = stack.enter_context(watched_interrupt())
@@ -109,10 +109,7 @@ def motion_capture(
                 if not counts.n_pairs and not no_labels:
                     _write(columns.labels())
                 counts.add(captured)
-                for notice in captured.notices:
-                    print(f"note: {notice}", file=sys.stderr)
-                if not silent:
-                    print(columns.residuals(captured), file=sys.stderr)
+                _report(captured, "" if silent else columns.residuals(captured))
                 if pictures is not None:
                     pictures.show(captured)
                 if keys is None or keys.was_hit():
@@ -124,6 +121,12 @@ def motion_capture(
             raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
+
+
+def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
+    """Say on stderr what was noticed of a moment, and its residuals unless they are empty."""
+    for line in (*(f"note: {notice}" for notice in captured.notices), *([residuals] if residuals else [])):
+        print(line, file=sys.stderr)
 
 
 class _Pictures(Protocol):
@@ -277,13 +280,13 @@ def calibrate_joints(
 
     screen = Screen(quiet, as_json)
     rig = read_rig_settings(settings)
-    wishes = _with_starts([_wish(text) for text in joints or ()], start or ())
+    requests = _with_starts([_request(text) for text in joints or ()], start or ())
     try:
         used = frames_from_text(use_frames or "")
     except InputError as error:
         raise InputError(f"--use-frames {error}") from error
     with screen.watching() as monitor:
-        new, done = calibrate_joints_of(rig, any_source_of(rig, source), wishes, frames, monitor, used)
+        new, done = calibrate_joints_of(rig, any_source_of(rig, source), requests, frames, monitor, used)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table("Joints", joint_rows(done))
@@ -292,7 +295,7 @@ def calibrate_joints(
     screen.json({"file": str(output or settings), "joints": joint_rows(done), "notices": list(done.notices)})
 
 
-def _wish(text: str) -> JointRequest:
+def _request(text: str) -> JointRequest:
     from skelgen.capture.values import JointRequest
 
     name, _, bodies = text.partition("=")
@@ -302,11 +305,11 @@ def _wish(text: str) -> JointRequest:
     return JointRequest(name, parts[0], parts[1], parts[2] if len(parts) == 3 else "")
 
 
-def _with_starts(wishes: list[JointRequest], starts: Sequence[str]) -> list[JointRequest]:
+def _with_starts(requests: list[JointRequest], starts: Sequence[str]) -> list[JointRequest]:
     """Joints with the places at which their search begins."""
     from skelgen.capture.values import start_from_text
 
-    by_name = {wish.name: wish for wish in wishes}
+    by_name = {request.name: request for request in requests}
     for text in starts:
         name, _, places = text.rpartition("=")
         try:

@@ -70,15 +70,14 @@ def convert(
     **values
         Options of readers and writers.
     """
-    from skelgen.app.files import convert_file
+    from skelgen.app.files import NamedFile, convert_file
     from skelgen.app.replacing import check_outputs, files_of
 
-    screen = Screen(quiet)
-    check_outputs(files_of(target, to, given(values)), (take,), (target,), overwrite=overwrite)
+    screen, written = Screen(quiet), NamedFile(target, to, given(values))
+    check_outputs(files_of(target, to, written.options), (take,), (target,), overwrite=overwrite)
     with screen.watching() as monitor:
-        notices, files = convert_file(
-            take, target, format_name, to, given(values), _named_values(reading or ()), monitor=monitor
-        )
+        source = NamedFile(take, format_name, _named_values(reading or ()))
+        notices, files = convert_file(source, written, monitor)
     screen.note(notices)
     show_files(screen, files)
 
@@ -134,8 +133,9 @@ def info(
         show_project(screen, tables)
     else:
         show_take(screen, tables["take"])
-    if tables["take"]["low_mm"]:
-        low, high = (" ".join(f"{x:.1f}" for x in tables["take"][key]) for key in ("low_mm", "high_mm"))
+    corners = tables["take"]["low_mm"], tables["take"]["high_mm"]
+    if corners[0]:
+        low, high = (" ".join(f"{x:.1f}" for x in corner or ()) for corner in corners)
         screen.say(f"extent [mm]: {low} .. {high}")
     for sentence in account_sentences(tables["take"]):
         screen.say(sentence)

@@ -94,15 +94,6 @@ MarkerSetName = Annotated[
         show_default="auto",
     ),
 ]
-SubjectFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--skeleton",
-        metavar="PROJECT",
-        help="Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder.",
-        show_default=False,
-    ),
-]
 SubjectFiles = Annotated[
     list[Path] | None,
     typer.Option(

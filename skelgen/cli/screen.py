@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from skelgen.errors import printable
 from skelgen.progress import SILENT, Monitor, SilentMonitor
@@ -17,6 +17,8 @@ from skelgen.progress import SILENT, Monitor, SilentMonitor
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from skelgen.app.tables import LabellingFacts, ProjectTables, Row
+    from skelgen.app.take_account import TakeFacts
     from skelgen.evaluation import Table
     from skelgen.model import Project
 
@@ -227,35 +229,36 @@ _LONG = (
 )  # sentences: they are said as notes while the stages run, and are too long for a column
 
 
-def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:
+def show_take(screen: Screen, facts: TakeFacts) -> None:
     """Print one line about a take.
 
     Parameters
     ----------
     screen : Screen
         Where to print.
-    facts : mapping
-        From `take_facts`.
+    facts : TakeFacts
+        What is known of it.
     """
     count = f"{facts['count']} {facts['kind'] if facts['kind'] != 'poses' else 'bodies'}"
     screen.say(f"{facts['name']}: {count}, {facts['frames']} frames at {facts['rate_hz']:g} Hz")
 
 
-def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
+def show_project(screen: Screen, tables: ProjectTables) -> None:
     """Print what a project holds: take, limbs, joints, lengths, residuals, times.
 
     Parameters
     ----------
     screen : Screen
         Where to print.
-    tables : mapping
-        From `project_tables`.
+    tables : ProjectTables
+        All that it holds.
     """
     show_take(screen, tables["take"])
     if "labelling" in tables:
         _show_labelling(screen, tables["labelling"])
+    found = cast("Mapping[str, Sequence[Row]]", tables)
     for key, title in _TITLES.items():
-        rows = [{name: value for name, value in row.items() if name not in _LONG} for row in tables.get(key, ())]
+        rows = [{name: value for name, value in row.items() if name not in _LONG} for row in found.get(key, ())]
         rows = [] if key == "bodies" and len(rows) == 1 else rows
         screen.table(title, rows)
     if "residuals" in tables:
@@ -264,7 +267,7 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     screen.say(f"stages: {times or 'none has run'}")
 
 
-def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
+def _show_labelling(screen: Screen, facts: LabellingFacts) -> None:
     """Print how sure the labels are in a line, and what could be done about it."""
     parts = [f"{facts['markers']} markers"]
     if "tracklets" in facts:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from skelgen.evaluation.joints import JointScore, joint_distances, joint_gaps
+from skelgen.evaluation.joints import JointScore, joint_distances, joint_errors
 from skelgen.kinematics.calibration.uncertainty import Bound, cramer_rao_bound
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
@@ -125,7 +125,7 @@ def with_limits(
             full = dataclasses.replace(full, bound=smallest, times_bound=float(error.mean()) / smallest)
         if motion.joint_std is not None:
             std = motion.joint_std[:, joint]
-            gap = np.abs(joint_gaps(found, np.array([true_joint]), truth)[:, 0])
+            gap = np.abs(joint_errors(found, np.array([true_joint]), truth)[:, 0])
             held = gap <= SIGMAS_OF_95 * std + np.finfo(np.float32).eps * np.abs(found[:, 0])
             predicted = DISTANCE_OF_STD * np.linalg.norm(std, axis=1).mean()
             full = dataclasses.replace(full, predicted=float(predicted), coverage=float(held.mean()))

@@ -94,10 +94,10 @@ def joint_distances(positions: Floats, true_of_joint: Ints, truth: Truth) -> Flo
     -------
     ndarray, shape (n_frames, n_joints), mm
     """
-    return np.asarray(np.linalg.norm(joint_gaps(positions, true_of_joint, truth), axis=2))
+    return np.asarray(np.linalg.norm(joint_errors(positions, true_of_joint, truth), axis=2))
 
 
-def joint_gaps(positions: Floats, true_of_joint: Ints, truth: Truth) -> Floats:
+def joint_errors(positions: Floats, true_of_joint: Ints, truth: Truth) -> Floats:
     """Return the vectors from true positions to joints, for hinges across the true axis, mm.
 
     Parameters

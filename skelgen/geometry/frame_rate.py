@@ -18,7 +18,7 @@ from skelgen.model.filled import Filled, PositionSource
 from skelgen.model.joint_spans import JointSpan
 
 AS_RECORDED_RATE = 0.0
-"""The wish that leaves frames as they are."""
+"""The rate that leaves frames as they are."""
 
 MOST_FRAMES = 2_000_000
 """Frames that a higher rate may make of a take: some hours at what programs play; more is a slip of the keyboard."""
@@ -44,7 +44,7 @@ def n_frames_at(n_frames: int, recorded: float, rate: float) -> int:
     recorded : float, Hz
         Its rate.
     rate : float, Hz
-        The wish; `AS_RECORDED_RATE` for that of the take.
+        The rate asked for; `AS_RECORDED_RATE` for that of the take.
     """
     if rate == AS_RECORDED_RATE or n_frames == 0:
         return n_frames
@@ -58,9 +58,9 @@ def with_rate(value: Project | Take | Filled, rate: float) -> Project | Take | F
     ----------
     value : Project, PointCloud, Trajectories, Poses or Filled
         Points without labels stay as they are, since nothing connects them; a project loses how sure its labels are,
-        which is told of the recorded frames.
+        which a notice says of the recorded frames.
     rate : float, Hz
-        The wish; `AS_RECORDED_RATE` returns the value as it is.
+        The rate asked for; `AS_RECORDED_RATE` returns the value as it is.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def transforms_at_rate(transforms: Floats, recorded: float, rate: float) -> Floa
     recorded : float, Hz
         Their rate.
     rate : float, Hz
-        The wish.
+        The rate asked for.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def vectors_at_rate(vectors: Floats, recorded: float, rate: float) -> Floats:
     recorded : float, Hz
         Their rate.
     rate : float, Hz
-        The wish.
+        The rate asked for.
     """
     return _line(vectors, _between(len(vectors), recorded, rate))
 

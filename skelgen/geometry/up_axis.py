@@ -19,122 +19,122 @@ TURNS: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "z-to-y": ((0, 2, 1), (1, 1, -1)),
     "y-to-z": ((0, 2, 1), (1, -1, 1)),
 }
-"""Per wish, which old coordinate each new one is, and with which sign: z-to-y makes what was up along z up along y."""
+"""Which old coordinate each new one is, and with which sign: z-to-y makes what was up along z up along y."""
 
 
-def with_up_axis(value: Project | Take | Filled, wish: str) -> Project | Take | Filled:
+def with_up_axis(value: Project | Take | Filled, axes: str) -> Project | Take | Filled:
     """Return a take or a project in turned world axes, to be written; `AS_RECORDED` returns it as it is.
 
     Parameters
     ----------
     value : Project, PointCloud, Trajectories, Poses or Filled
         Of a project, take and results are turned; places that the user named by hand are not.
-    wish : str
+    axes : str
         A key of `TURNS`.
 
     Raises
     ------
     InputError
-        If there is no such wish.
+        If there is no such key.
     """
-    if wish not in TURNS:
-        raise InputError(f"the axes {wish!r} are not known; there are {', '.join(TURNS)}")
-    if wish == AS_RECORDED:
+    if axes not in TURNS:
+        raise InputError(f"the axes {axes!r} are not known; there are {', '.join(TURNS)}")
+    if axes == AS_RECORDED:
         return value
     if isinstance(value, Project):
-        return _project(value, wish)
+        return _project(value, axes)
     if isinstance(value, Filled):
-        return replace(value, measured=_markers(value.measured, wish), positions=_vectors(value.positions, wish))
-    return _take(value, wish)
+        return replace(value, measured=_markers(value.measured, axes), positions=_vectors(value.positions, axes))
+    return _take(value, axes)
 
 
-def turned_poses(poses: Floats, wish: str) -> Floats:
+def turned_poses(poses: Floats, axes: str) -> Floats:
     """Return poses in turned world axes, shape (..., 4, 4).
 
     Parameters
     ----------
     poses : ndarray, shape (..., 4, 4), mm
         World from body.
-    wish : str
+    axes : str
         A key of `TURNS`.
     """
-    order, signs = TURNS[wish]
+    order, signs = TURNS[axes]
     turned = poses.copy()
     turned[..., :3, :] = poses[..., order, :] * np.array(signs)[:, np.newaxis]
     return turned
 
 
-def _project(project: Project, wish: str) -> Project:
-    take = _take(project.take, wish)
+def _project(project: Project, axes: str) -> Project:
+    take = _take(project.take, axes)
     changes: dict[str, Any] = {"take": take}
     if project.has("labels"):
         is_take = project.trajectories is project.take
-        changes["_trajectories"] = take if is_take else _markers(project.trajectories, wish)
+        changes["_trajectories"] = take if is_take else _markers(project.trajectories, axes)
     if project.has("joints"):
-        raw = _vectors(project.topology.raw_joint_positions, wish)
+        raw = _vectors(project.topology.raw_joint_positions, axes)
         changes["_topology"] = replace(project.topology, raw_joint_positions=raw)
     if project.has("skeleton"):
-        changes["_skeleton"] = _skeleton(project.skeleton, wish)
-        changes["_motion"] = _motion(project.motion, wish)
+        changes["_skeleton"] = _skeleton(project.skeleton, axes)
+        changes["_motion"] = _motion(project.motion, axes)
     return replace(project, **changes)
 
 
-def _skeleton(skeleton: Skeleton, wish: str) -> Skeleton:
+def _skeleton(skeleton: Skeleton, axes: str) -> Skeleton:
     """Turn the limbs' own frames with the world: they have its axes in the reference pose."""
     return replace(
         skeleton,
-        joints=tuple(_joint(joint, wish) for joint in skeleton.joints),
-        loops=tuple(_joint(joint, wish) for joint in skeleton.loops),
-        marker_offsets=_vectors(skeleton.marker_offsets, wish),
-        offset_std=_sizes(skeleton.offset_std, wish),
-        reference_pose=_frames(skeleton.reference_pose, wish),
+        joints=tuple(_joint(joint, axes) for joint in skeleton.joints),
+        loops=tuple(_joint(joint, axes) for joint in skeleton.loops),
+        marker_offsets=_vectors(skeleton.marker_offsets, axes),
+        offset_std=_sizes(skeleton.offset_std, axes),
+        reference_pose=_frames(skeleton.reference_pose, axes),
     )
 
 
-def _joint(joint: Joint, wish: str) -> Joint:
+def _joint(joint: Joint, axes: str) -> Joint:
     vectors = ("position_in_parent", "position_in_child", "axis", "second_axis")
     sizes = ("std", "axis_std", "second_axis_std")
     squares = ("covariance", "covariance_in_child", "turn_covariance")
-    turned: dict[str, Any] = {name: _sizes(getattr(joint, name), wish) for name in sizes}
+    turned: dict[str, Any] = {name: _sizes(getattr(joint, name), axes) for name in sizes}
     for name in vectors:
-        turned[name] = None if getattr(joint, name) is None else _vectors(getattr(joint, name), wish)
+        turned[name] = None if getattr(joint, name) is None else _vectors(getattr(joint, name), axes)
     for name in squares:
         old = getattr(joint, name)
-        turned[name] = None if old is None else _vectors(_vectors(old, wish).swapaxes(0, 1), wish).swapaxes(0, 1)
+        turned[name] = None if old is None else _vectors(_vectors(old, axes).swapaxes(0, 1), axes).swapaxes(0, 1)
     return replace(joint, **turned)
 
 
-def _motion(motion: Motion, wish: str) -> Motion:
-    poses = _frames(motion.world_from_limb, wish)
-    joints, markers = _vectors(motion.joint_positions, wish), _vectors(motion.marker_positions, wish)
-    std = _sizes(motion.joint_std, wish)
+def _motion(motion: Motion, axes: str) -> Motion:
+    poses = _frames(motion.world_from_limb, axes)
+    joints, markers = _vectors(motion.joint_positions, axes), _vectors(motion.marker_positions, axes)
+    std = _sizes(motion.joint_std, axes)
     turned = replace(motion, world_from_limb=poses, joint_positions=joints, marker_positions=markers, joint_std=std)
     return replace(turned, compute_angles=None)  # of the skeleton as it was; writers ask the skeleton itself
 
 
-def _frames(poses: Floats, wish: str) -> Floats:
+def _frames(poses: Floats, axes: str) -> Floats:
     """Turn poses of frames that turn with the world."""
-    turned = turned_poses(poses, wish)
-    turned[..., :3, :3] = _vectors(turned[..., :3, :3], wish)
+    turned = turned_poses(poses, axes)
+    turned[..., :3, :3] = _vectors(turned[..., :3, :3], axes)
     return turned
 
 
-def _sizes(std: Floats | None, wish: str) -> Floats | None:
-    return None if std is None else np.abs(_vectors(std, wish))
+def _sizes(std: Floats | None, axes: str) -> Floats | None:
+    return None if std is None else np.abs(_vectors(std, axes))
 
 
-def _take(take: Take, wish: str) -> Take:
+def _take(take: Take, axes: str) -> Take:
     if isinstance(take, PointCloud):
-        return replace(take, points=_vectors(take.points, wish))
+        return replace(take, points=_vectors(take.points, axes))
     if isinstance(take, Poses):
-        return replace(take, world_from_body=turned_poses(take.world_from_body, wish))
-    return _markers(take, wish)
+        return replace(take, world_from_body=turned_poses(take.world_from_body, axes))
+    return _markers(take, axes)
 
 
-def _markers(markers: Trajectories, wish: str) -> Trajectories:
-    return replace(markers, positions=_vectors(markers.positions, wish))
+def _markers(markers: Trajectories, axes: str) -> Trajectories:
+    return replace(markers, positions=_vectors(markers.positions, axes))
 
 
-def _vectors(vectors: Floats, wish: str) -> Floats:
-    order, signs = TURNS[wish]
+def _vectors(vectors: Floats, axes: str) -> Floats:
+    order, signs = TURNS[axes]
     return np.asarray(vectors[..., order] * signs)

@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
-from skelgen.kinematics.joints.fit import TypeChoice, choose, fit_joint_type
+from skelgen.kinematics.joints.fit import TypeChoice, choose_type, fit_joint_type
 from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
@@ -173,13 +173,13 @@ def find_hierarchy(
         return relative_poses(poses, parent, child, covariances, size)
 
     children = [int(child) for child in outward_order(parents) if parents[child] >= 0]
-    joints = {child: choose(relate(int(parents[child]), child), wanted.get(child)) for child in children}
+    joints = {child: choose_type(relate(int(parents[child]), child), wanted.get(child)) for child in children}
     found = Hierarchy(poses.names, parents, gaps, joints, ())
     if loops is None:
         pairs = _loops(found, relate)
     else:
         pairs = tuple((body_index(poses, first), body_index(poses, second)) for first, second in loops)
-    joined = tuple(choose(relate(first, second)) for first, second in pairs)
+    joined = tuple(choose_type(relate(first, second)) for first, second in pairs)
     return replace(found, loops=pairs, loop_joints=joined)
 
 

@@ -50,7 +50,7 @@ class Up:
 
 def find_up(take: Take) -> Up:
     """Find the axis that is up in a take of points."""
-    frames = sample_frames(take)
+    frames = sampled_points(take)
     shown = [frame for frame in frames if not np.isnan(frame).all()]
     if len(shown) < 2 or isinstance(take, Poses):
         return Up("", UNSURE, None)
@@ -68,7 +68,7 @@ def find_up(take: Take) -> Up:
     return Up(name, SURE if times > _SURE else LIKELY if times > _FAIRLY else UNSURE, height)
 
 
-def sample_frames(take: Take) -> Sequence[Floats]:
+def sampled_points(take: Take) -> Sequence[Floats]:
     """Return the points of some frames spread evenly over a take [mm], shape (n_points, 3), NaN where unseen."""
     chosen = spread_frames(take.n_frames, _FRAMES).tolist()
     if isinstance(take, PointCloud):

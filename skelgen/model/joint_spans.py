@@ -41,8 +41,8 @@ class JointSpan:
         if not 0 <= self.first_frame <= self.last_frame:
             raise InputError(f"a joint holds from frame {self.first_frame} to frame {self.last_frame}")
 
-    def told_of(self, names: Sequence[str]) -> str:
-        """Return what is told of it, by the names of all limbs."""
+    def sentence(self, names: Sequence[str]) -> str:
+        """Return what a notice says of it, by the names of all limbs."""
         first, second = (names[limb] for limb in self.limbs)
         how = "are fixed to each other" if self.is_fixed else "are joined"
         return (

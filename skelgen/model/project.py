@@ -1,4 +1,4 @@
-"""A project: the immutable chain from a take to its skeleton in motion, and the recording that the take comes from."""
+"""A project: the immutable chain from a take to its skeleton in motion, the recording it comes from, and its bodies."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from skelgen.errors import MissingResultError
 from skelgen.model import tables
-from skelgen.model.arrays import check_whole, set_fields
-from skelgen.model.bodies import Body, bodies_of
+from skelgen.model.arrays import Ints, check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
@@ -281,3 +282,52 @@ def _present(value: _T | None, what: str, stage: str) -> _T:
     if value is None:
         raise MissingResultError(f"this project has no {what} yet: run the stage {stage!r} first")
     return value
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One tree of limbs.
+
+    Attributes
+    ----------
+    name : str
+        ``body1``, ``body2`` and so on: the one with most limbs first.
+    root : int
+        The limb without a parent.
+    limbs, markers : ndarray of intp
+        Indices into the limbs and the markers of the project, rising.
+    probability : float or None
+        That it is a body of its own and no part of another one; None where that was not estimated, as for things that
+        the joints part.
+    """
+
+    name: str
+    root: int
+    limbs: Ints
+    markers: Ints
+    probability: float | None
+
+
+def bodies_of(project: Project) -> tuple[Body, ...]:
+    """Return the bodies of a project whose joints have been found, the one with most limbs first.
+
+    Parameters
+    ----------
+    project : Project
+        With joints.
+
+    Raises
+    ------
+    MissingResultError
+        If joints have not been found yet.
+    """
+    limbs, topology = project.limbs, project.topology
+    found = []
+    for number, members in enumerate(topology.bodies, start=1):
+        body = int(limbs.body_of_limb[members[0]])
+        is_told = limbs.n_bodies > 1 and np.array_equal(np.flatnonzero(limbs.body_of_limb == body), members)
+        markers = np.flatnonzero(np.isin(limbs.limb_of_marker, members))
+        root = int(members[topology.parents[members] < 0][0])
+        sure = float(limbs.body_probability[body]) if is_told else None
+        found.append(Body(f"body{number}", root, members, markers, sure))
+    return tuple(found)

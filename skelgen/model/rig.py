@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, check_floats, check_names, set_fields
+from skelgen.model.arrays import Floats, check_coordinates, check_floats, check_names, set_fields
 
 N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
@@ -334,7 +334,7 @@ def check_pose(pose: Floats, what: str) -> Floats:
     Raises
     ------
     InputError
-        If it is no rotation with a translation.
+        If it is no rotation with a translation, or this is impossibly far.
     """
     clean = check_floats(pose, (4, 4), what, finite=True)
     turn = clean[:3, :3]
@@ -342,4 +342,5 @@ def check_pose(pose: Floats, what: str) -> Floats:
         wrong = not np.abs(turn @ turn.T - np.eye(3)).max() <= _ROTATION_TOLERANCE or np.linalg.det(turn) < 0
     if wrong or (clean[3] != (0, 0, 0, 1)).any():
         raise InputError(f"{what} is not a rotation with a translation")
+    check_coordinates(clean[:3, 3], what)
     return clean

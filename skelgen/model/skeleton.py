@@ -204,6 +204,8 @@ class Skeleton:
         set_fields(self, limb_names=check_limb_names(self.limb_names, len(parents)))
         if [joint.child for joint in self.joints] != joint_children(parents).tolist():
             raise InputError("joints must be listed from the root outward, one per child limb")
+        if not np.isfinite(offsets[limb_of_marker >= 0]).all():
+            raise InputError("marker_offsets of markers on limbs must be finite numbers")
         shapes = {"offset_std": (n_markers, 3), "length_std": (len(self.lengths),), "marker_noise": (n_markers,)}
         for name, shape in shapes.items():
             if getattr(self, name) is not None:

@@ -1,4 +1,4 @@
-"""What a simulated take can be told: its motion, who moves, and the faults of the tracker."""
+"""Parameters of a simulated take: its motion, who moves, and the faults of the tracker."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -84,7 +84,7 @@ class SimulationParameters(StageParameters):
     marker_set: str = declare(
         NONE,
         "Markers as people wear them, on a human; none: markers that wind around all limbs. A human who walks, runs or "
-        "the like wears plug-in-gait unless told otherwise.",
+        "the like wears plug-in-gait if nothing else is stated.",
         choices=(NONE, *MARKER_SETS, *LABORATORY_SETS),
     )
     height: float = declare(

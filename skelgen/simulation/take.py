@@ -8,7 +8,7 @@ import numpy as np
 from skelgen.errors import ParameterError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_whole
-from skelgen.simulation.articulated import Structure
+from skelgen.simulation.articulated import Structure, side_by_side, with_spacing
 from skelgen.simulation.holds import TOOL, Hold, held, sensed
 from skelgen.simulation.markers import (
     carried_markers,
@@ -30,11 +30,10 @@ from skelgen.simulation.people import (
     Person,
     natural_motion,
     person,
-    skin_motion,
+    realistic_soft_tissue,
 )
 from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
-from skelgen.simulation.subjects import side_by_side, with_spacing
 from skelgen.simulation.truth import Truth
 from skelgen.simulation.visibility import CAMERAS_NEEDED, camera_ring, seen_by_cameras
 
@@ -248,8 +247,7 @@ def _displaced(scene: _Scene) -> Floats:
     """What soft tissue does to the markers [mm], shape (n_frames, n_markers, 3)."""
     body, settings, rng = scene.body, scene.settings, scene.streams["tissue"]
     if settings.soft_tissue == REALISTIC:
-        sliding, plates = (scene.person.sliding, scene.person.plates) if scene.person else (None, ())
-        return skin_motion(body, scene.poses, scene.angles, settings.rate, rng, sliding=sliding, plates=plates)
+        return realistic_soft_tissue(body, scene.poses, scene.angles, settings.rate, rng, scene.person)
     if settings.slide > 0:
         return soft_tissue_motion(
             body, scene.poses, scene.angles, rate=settings.rate, deviation=settings.slide, rng=rng

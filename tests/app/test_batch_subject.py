@@ -38,6 +38,16 @@ def test_every_take_has_its_lengths(rods):
     assert Path("out/1/1.joints.csv").read_bytes() == alone
 
 
+def test_takes_of_two_bodies_are_labelled_by_both_skeletons(rods):
+    words = ["--no-labelled", "--subjects", "2", "--n-frames", "150", "--noise", "0.3", "-q"]
+    assert main(["simulate", "rods", "-o", "pairs/both.mfml", *words]) == 0
+    assert main(["batch", "pairs", "-o", "out", "--skeleton", "rom", "--skeleton", "rom", "-q"]) == 0
+    done, alone = open_project(rods / "out" / "both" / "both.skelgen"), open_project(rods / "rom" / "rom.skelgen")
+    assert done.skeleton.n_limbs == 2 * alone.skeleton.n_limbs
+    assert evaluate(done, read_truth(rods / "pairs" / "both.truth.npz")).labels.idf1 > 0.99
+    assert [Path(one["path"]).name for one in read_manifest("out")["job"]["skeleton"]] == ["rom.skelgen"] * 2
+
+
 def test_a_take_of_another_body_stops_nothing(rods, capsys):
     assert main(["simulate", "quadruped", "-o", "in/dog.c3d", "--n-frames", "60", "-q"]) == 0
     assert main(["batch", "in", "-o", "out", "--skeleton", "rom", "-q"]) == 3
@@ -47,11 +57,11 @@ def test_a_take_of_another_body_stops_nothing(rods, capsys):
 
 
 def test_another_skeleton_is_another_job(rods):
-    first, other = (Job(subject=SubjectFile("rom.skelgen", sum_of)) for sum_of in ("1", "2"))
+    first, other = (Job(subjects=(SubjectFile("rom.skelgen", sum_of),)) for sum_of in ("1", "2"))
     assert first.fingerprint != other.fingerprint
     Path("rom/rom.skelgen").touch()
     with pytest.raises(InputError, match="not the skeleton with which the batch began"):
-        subject_in(SubjectFile(str(rods / "rom" / "rom.skelgen"), "1"))
+        subject_in((SubjectFile(str(rods / "rom" / "rom.skelgen"), "1"),))
 
 
 @pytest.mark.parametrize(

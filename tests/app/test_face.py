@@ -56,6 +56,11 @@ def test_what_a_function_cannot_take_is_refused_in_a_sentence(function, argument
         getattr(skelgen, function)(*arguments)
 
 
+def test_an_argument_that_does_not_exist_is_refused_with_those_that_do(waving):
+    with pytest.raises(InputError, match=r"reconstruct .*'n_limb'; its arguments are take, n_markers, n_limbs, seed"):
+        skelgen.reconstruct(waving, n_limb=3)
+
+
 @pytest.mark.parametrize(
     ("names", "value", "frames"), [((5,), "new", (None, None)), (("A",), 5, (None, None)), (("A", "B"), "", ("a", 3))]
 )

@@ -13,6 +13,7 @@ from skelgen.app.project_file.checks import with_saved
 from skelgen.app.stage_summary import has_doubts, stage_pointers, stage_sentences, take_sentences
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project
+from skelgen.model.labelling import Doubt
 from skelgen.model.project import STAGES
 from skelgen.simulation import simulate
 
@@ -72,10 +73,11 @@ def test_one_tree_is_told_in_the_singular():
 
 
 def test_doubts_point_to_their_frame_and_marker(done):
-    for pointer in stage_pointers(done, "labels"):
-        if pointer.frame is not None:
-            assert 0 <= pointer.frame < done.take.n_frames
-            assert done.trajectories.names[pointer.markers[0]] in pointer.sentence
+    doubt = Doubt(4, 30, 50, "misfit", -1, 0.3, "it is off its place")
+    doubted = replace(done, _labelling=replace(done.labelling, doubts=(doubt,)))
+    (pointer,) = (pointer for pointer in stage_pointers(doubted, "labels") if pointer.frame is not None)
+    assert (pointer.frame, pointer.markers[0]) == (30, 4)
+    assert done.trajectories.names[4] in pointer.sentence
 
 
 def test_notices_about_limbs_point_to_their_markers_and_where_they_are_unknown():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.tables import take_facts
 from skelgen.app.take_account import account_of, account_sentences
 from skelgen.model import PointCloud, Trajectories
 
@@ -51,4 +52,4 @@ def test_marker_set_is_known_by_its_names():
     keypoints = Trajectories(take.positions[:, :6], names, 100.0)
     assert "MediaPipe" in account_of(keypoints)["suit"]
     assert account_of(take)["suit"] == ""
-    assert any(line.startswith("names: keypoints") for line in account_sentences(account_of(keypoints)))
+    assert any(line.startswith("names: keypoints") for line in account_sentences(take_facts(keypoints)))

@@ -64,11 +64,11 @@ def show_known_rig() -> None:
     for seed in SEEDS:
         pairs = seen_pairs(seed)
         found = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, reference_rig().left.size)
-        errors.append(numbers(found) - numbers_of_seed())
+        errors.append(numbers(found) - numbers_of_reference())
         stds.append([found.left_std[0], found.left_std[2], found.right_std[0], found.baseline_std])
         pairs[3] = (pairs[3][0], replace(pairs[3][1], corners=pairs[7][1].corners))
         bad = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, reference_rig().left.size)
-        spoilt.append(numbers(bad) - numbers_of_seed())
+        spoilt.append(numbers(bad) - numbers_of_reference())
     rows = [
         (name, *(f"{value:.3f}" for value in values))
         for name, *values in zip(
@@ -89,7 +89,7 @@ def numbers(found: StereoCalibration) -> np.ndarray:
     return np.array([rig.left.matrix[0, 0], rig.left.matrix[0, 2], rig.right.matrix[0, 0], rig.baseline])
 
 
-def numbers_of_seed() -> np.ndarray:
+def numbers_of_reference() -> np.ndarray:
     """The truth."""
     rig = reference_rig()
     return np.array([rig.left.matrix[0, 0], rig.left.matrix[0, 2], rig.right.matrix[0, 0], rig.baseline])

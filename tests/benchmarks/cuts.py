@@ -205,7 +205,10 @@ def work(pipe: Connection, gigabytes: float) -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (int(gigabytes * 2**30),) * 2)
     while True:
-        case = pipe.recv()
+        try:
+            case = pipe.recv()
+        except EOFError:  # there are no more
+            return
         began = time.process_time()
         pipe.send((outcome(*case), time.process_time() - began))
 

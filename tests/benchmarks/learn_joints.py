@@ -3,7 +3,8 @@
 For skelgen/kinematics/calibration/joint_places.py. True joints of real people (``../shared/data/bodies`` beside the
 project, those with joints) and of simulated people in all marker sets and motions, with limbs and tree given, seen from
 the markers of their limbs, in units of the distance between the middles of both limbs' markers. Real and simulated
-people weigh alike, and so does everybody among them. Printed are the constants, and for each real person how well those
+people weigh alike, and so does everybody among them. So is how far inward the joints of arms and legs lie, for
+skelgen/kinematics/calibration/mirrored_halves.py. Printed are the constants, and for each real person how well those
 learned from all others describe the joints: mean surprise of a coordinate [nats], beside that with the constants of
 skelgen. Deviations are median absolute ones times 1.48.
 """
@@ -24,11 +25,13 @@ from skelgen.benchmark.people import simulated_person
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.kinematics.calibration import joint_places as known_places
 from skelgen.kinematics.calibration.joint_places import JointPlace, joint_places
+from skelgen.kinematics.calibration.mirrored_halves import INWARD, InwardPlace, inward_places, twins
 from skelgen.kinematics.chain.chain import ChainPoses, ObservedChain
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.joints import JointConstraints, find_joints
+from skelgen.stages.names import segments_by_shape
 from skelgen.stages.skeleton import fit_skeleton
 
 N_PEOPLE = 50  # simulated
@@ -64,6 +67,10 @@ class Seen:
         From the middles of both limbs' markers, along the one axis.
     to_next : ndarray, shape (2,)
         From the next joint above and below in a row of limbs, along the one axis.
+    segment : str
+        What a person's limb below is; empty where nobody knows.
+    inward : float
+        Inward of the expected place.
     """
 
     name: str
@@ -72,6 +79,8 @@ class Seen:
     aside: float
     to_middles: Floats
     to_next: Floats
+    segment: str
+    inward: float
 
     @property
     def along(self) -> float:
@@ -104,12 +113,30 @@ def main() -> None:
         both = learned(others), in_use()
         rows.append((name, str(len(own)), *(f"{surprise(own, constants):.3f}" for constants in both)))
     show("Surprise of true joints [nats]", ("person", "joints", "learned from all others", "in use"), rows)
+    show_inward(seen)
     for name in ("simulated", *sorted({one.name for one in seen} - {"simulated"}), ""):
         chosen = [one for one in seen if not name or one.name == name]
         print(
             f"{name or 'all':10}", *(f"{key} {value:.3f}" for key, value in learned(chosen)._asdict().items()), end=""
         )
         print(f"  aside: {FAR} below {np.quantile([one.aside for one in chosen], FAR):.2f}, {len(chosen)} joints")
+
+
+def show_inward(seen: Sequence[Seen]) -> None:
+    """Print how far inward joints of each segment lie: median and deviation, of simulated people and of all others."""
+    rows = []
+    for segment in sorted({one.segment for one in seen} - {""}):
+        own = [one for one in seen if one.segment == segment]
+        parts = [[one.inward for one in own if (one.name == "simulated") == is_made] for is_made in (True, False)]
+        cells = []
+        for part in parts:
+            median = np.median(part) if part else np.nan
+            spread = SIGMA_OF_MEDIAN * np.median(np.abs(part - median)) if part else np.nan
+            cells += [str(len(part)), f"{median:.3f}", f"{spread:.3f}"]
+        in_use = INWARD.get(segment, (np.nan, np.nan))
+        rows.append((segment, *cells, *(f"{one:.2f}" for one in in_use)))
+    columns = ("segment", "simulated", "inward [D]", "deviation", "real", "inward [D]", "deviation", "in use", "")
+    show("Joints inward of where those of any body are expected", columns, rows)
 
 
 def in_use() -> Constants:
@@ -165,12 +192,15 @@ def seen_joints(known: Known) -> Iterator[Seen]:
         chain_poses = ChainPoses(poses[:, 0, :3, 3], poses[:, :, :3, :3])
         fit = tree.observed(chain_poses, known.take.positions[frames][:, tree.markers])
         joints = known.joints[frames][:, tree.limbs]
-        for place in joint_places(fit):
+        every = joint_places(fit)
+        inward = inward_places(fit, every, twins(fit.chain, every), segments_by_shape(fit))
+        inner = {one.place.limb: one for one in inward}
+        for place in every:
             if np.isfinite(joints[:, place.limb]).any():
-                yield seen_joint(known.name, place, fit, joints)
+                yield seen_joint(known.name, place, fit, joints, inner.get(place.limb))
 
 
-def seen_joint(name: str, place: JointPlace, fit: ObservedChain, joints: Floats) -> Seen:
+def seen_joint(name: str, place: JointPlace, fit: ObservedChain, joints: Floats, inner: InwardPlace | None) -> Seen:
     """One joint, in the median over frames."""
     chain, markers, limb = fit.chain, fit.poses.markers(fit.chain), place.limb
     parent, joint, size = int(chain.parents[limb]), joints[:, limb], place.distance
@@ -196,7 +226,14 @@ def seen_joint(name: str, place: JointPlace, fit: ObservedChain, joints: Floats)
         if is_in_row and len(below) == 1:
             ends[1] = along_axis(joints[:, below[0]] - joint)
     median = np.nanmedian(in_axes, axis=0) / size
-    return Seen(name, float(np.nanmedian(part)), median, float(np.nanmedian(aside)) / size, middles, ends)
+    segment, inward = "", np.nan
+    if inner is not None:
+        there = fit.poses.rotations[:, parent] @ inner.in_parent
+        segment = inner.segment
+        inward = float(np.nanmedian(((off - known_places.TOWARDS_CHILD * way) * there).sum(axis=1))) / inner.size
+    return Seen(
+        name, float(np.nanmedian(part)), median, float(np.nanmedian(aside)) / size, middles, ends, segment, inward
+    )
 
 
 def learned(seen: Sequence[Seen]) -> Constants:

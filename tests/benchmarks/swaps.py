@@ -124,7 +124,13 @@ def show_recordings(folder: Path) -> None:
     """What is found in recordings as they are."""
     rows = []
     for path in sorted([*folder.rglob("*.c3d"), *folder.rglob("*.trc"), *folder.rglob("*.tsv")]):
-        take = skelgen.read(path)
+        try:
+            take = skelgen.read(path)
+        except skelgen.SkelgenError as error:  # some show what must be refused
+            print(error)
+            continue
+        if not isinstance(take, skelgen.Trajectories):
+            continue
         started = time.perf_counter()
         swaps = find_swaps(take)
         rows.append((path.name, str(take.n_frames), str(len(swaps)), f"{time.perf_counter() - started:.2f}"))

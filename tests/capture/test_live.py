@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
-from threading import Barrier
 
 import numpy as np
 import pytest
@@ -49,22 +49,15 @@ def test_threads_change_nothing(source, pairs, prediction):
                 np.testing.assert_array_equal(body.world_from_body, second.bodies[name].world_from_body)
 
 
-def test_each_image_and_each_body_has_a_thread_of_its_own(source, pairs, monkeypatch):
-    """All wait for each other, which they can only do side by side."""
-    with MotionCapture(source.settings, threads=True) as capture:
-        images, bodies = Barrier(2), Barrier(3)
-        balls, candidate = capture._points._balls, capture._bodies._candidate
+@pytest.mark.parametrize("threads", [True, False])
+def test_threads_begin_with_the_first_pair_and_end_with_the_capture(source, pairs, threads):
+    def running():
+        return [thread for thread in threading.enumerate() if thread.name.startswith("capture")]
 
-        def meeting(work, barrier):
-            def met(*given):
-                barrier.wait(timeout=20)
-                return work(*given)
-
-            return met
-
-        monkeypatch.setattr(capture._points, "_balls", meeting(balls, images))
-        monkeypatch.setattr(capture._bodies, "_candidate", meeting(candidate, bodies))
+    with MotionCapture(source.settings, threads=threads) as capture:
         assert len(capture.see(pairs[0]).bodies) == 3
+        assert (len(running()) > 1) is threads
+    assert not running()
 
 
 def test_lost_pairs_are_counted_and_told(source, pairs):

@@ -41,6 +41,7 @@ def test_segments_are_bodies_in_millimetres(put, text):
         ("<position>0 0 0.9 0.1 0.2 1.0</position>", "", "export MVNX with segment position"),
         ("0.1 0.2 1.1", "0.1 0.2 x", "no number"),
         ("<subject ", "<subject <", "broken XML"),
+        ("</frames>", '</frames><segments><segment label="L4"/></segments>', "segment is named behind the first frame"),
         ("<mvnx ", "<!DOCTYPE mvnx []><mvnx ", "document type"),
     ],
 )

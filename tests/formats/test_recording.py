@@ -54,7 +54,15 @@ def test_ezc3d_reads_it_too(tmp_path):
 def test_recording_that_was_never_closed_is_whole_up_to_the_last_second(tmp_path):
     places = positions(130)
     with record(tmp_path / "walk.c3d", places, close=False):
-        np.testing.assert_array_equal(read_c3d(tmp_path / "walk.c3d").positions, places[:120])
+        np.testing.assert_array_equal(read_c3d(tmp_path / "walk.c3d").positions, places[:121])
+
+
+def test_recording_is_there_from_its_first_frame_on_and_whole(tmp_path):
+    path = tmp_path / "walk.c3d"
+    with C3dRecorder(path, NAMES, RATE) as recorder:
+        assert not path.exists()
+        recorder.add(0.0, positions(2)[1])
+        np.testing.assert_array_equal(read_c3d(path).positions, positions(2)[1:])
 
 
 def test_more_frames_than_the_header_can_count(tmp_path):
@@ -122,7 +130,6 @@ def test_recording_that_is_there_is_not_overwritten(tmp_path, make):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 def test_full_disk_is_one_sentence(tmp_path):
     recorder = MfmlRecorder(tmp_path / "walk.mfml")
-    recorder.close()
     full = pytest.raises(WriteError, match="cannot be recorded: No space left on device")
     with Path("/dev/full").open("wb", buffering=0) as recorder._stream, full:
         recorder.add(0.0, np.ones((1, 3)), np.ones(1))

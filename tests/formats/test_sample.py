@@ -143,6 +143,13 @@ def test_line_that_is_cut_off_is_told_and_not_counted(positions, tmp_path):
     assert take.notices == read_take(path).notices
 
 
+def test_frames_of_infinite_numbers_are_counted_by_the_whole_file(tmp_path, positions):
+    path = tmp_path / "take.csv"
+    path.write_text(nexus_text(positions, lambda number: ("inf" if number % 699 == 0 else "3", "0")), encoding="utf-8")
+    with np.errstate(all="raise"):
+        assert read_take(path, sample=small_sample()).n_frames == N_FRAMES
+
+
 def test_frames_that_an_export_leaves_out_are_counted_by_the_whole_file(positions, tmp_path):
     path = tmp_path / "take.csv"
     path.write_text(nexus_text(positions, lambda number: (str(number + 5 * (number > 300)), "0")), encoding="utf-8")

@@ -183,8 +183,8 @@ def test_the_window_starts_without_what_only_stages_need():
 
 def test_nothing_is_compiled_ahead_twice(tmp_path):
     preferences = Preferences(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
-    process = start.compile_ahead(preferences)
+    process = start.compile_in_background(preferences)
     process.terminate()
     process.wait()
     preferences.compiled = sources_digest()
-    assert start.compile_ahead(preferences) is None
+    assert start.compile_in_background(preferences) is None

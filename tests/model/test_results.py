@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError
-from skelgen.model import Joint, Limbs, Topology
+from skelgen.model import Joint, Limbs, Skeleton, Topology
 from skelgen.model.topology import outward_order
 
 
@@ -146,3 +146,9 @@ def test_motion_knows_its_times_and_rotations(small_project):
     motion = small_project.motion
     np.testing.assert_allclose(motion.times, np.arange(12) / 100)
     np.testing.assert_array_equal(motion.rotations, motion.world_from_limb[:, :, :3, :3])
+
+
+def test_a_marker_on_a_limb_without_a_place_on_it_is_refused():
+    offsets = np.array([[1.0, 2.0, np.nan], [np.nan] * 3])
+    with pytest.raises(InputError, match="markers on limbs must be finite"):
+        Skeleton([-1], (), [0, -1], offsets, np.zeros(2), np.eye(4)[np.newaxis])

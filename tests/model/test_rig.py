@@ -37,6 +37,13 @@ def test_a_mirrored_pose_is_refused():
         Camera(640, 480, MATRIX, camera_from_world=np.diag([1.0, 1, -1, 1]))
 
 
+def test_a_camera_out_of_this_world_is_refused():
+    pose = np.eye(4)
+    pose[1, 3] = 1e300
+    with pytest.raises(InputError, match=r"1e\+300 mm, more than a thousand kilometres"):
+        Camera(640, 480, MATRIX, camera_from_world=pose)
+
+
 def test_a_joint_of_a_body_that_is_not_there_is_refused():
     rig = StereoRig(camera(), camera(450.0))
     joint = TargetJoint("elbow", "hinge", "upper", "lower", np.eye(4), np.eye(4))

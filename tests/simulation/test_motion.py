@@ -35,7 +35,7 @@ def test_markers_of_one_limb_keep_their_distances(name: str) -> None:
         assert np.ptp(distances, axis=0).max() < ROUNDING
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[1:])  # rods have no hinge
 def test_a_hinge_keeps_its_axis_in_both_limbs(name: str) -> None:
     truth = simulate(name, n_frames=N_FRAMES, seed=4).truth
     for joint in [index for index, kind in enumerate(truth.joint_kinds) if kind == "hinge"]:

@@ -10,8 +10,8 @@ import pytest
 from skelgen.errors import ParameterError
 from skelgen.simulation import read_truth, simulate, write_truth
 from skelgen.simulation.articulated import LimbModel, Structure
-from skelgen.simulation.people import MARKER_SETS, MOTIONS, natural_motion, person, skin_motion, tables
-from skelgen.simulation.people.skin import MEASURED_AT
+from skelgen.simulation.people import MARKER_SETS, MOTIONS, natural_motion, person, realistic_soft_tissue, tables
+from skelgen.simulation.people.soft_tissue import MEASURED_AT
 from skelgen.simulation.people.tables import read_table, tissue_of, worn_markers
 
 SEGMENTS = [row["name"] for row in read_table("soft_tissue")["segments"]]
@@ -146,7 +146,7 @@ def turned(name: str, markers: np.ndarray, n_frames: int = 2) -> tuple[Structure
 @pytest.mark.parametrize("segment", SEGMENTS)
 def test_markers_beside_a_joint_move_as_far_as_tabled(segment: str) -> None:
     structure, poses, angles = turned(segment, np.zeros((1, 3)))
-    moved = [skin_motion(structure, poses, angles, 100.0, np.random.default_rng(seed)) for seed in range(400)]
+    moved = [realistic_soft_tissue(structure, poses, angles, 100.0, np.random.default_rng(seed)) for seed in range(400)]
     tissue = tissue_of(segment)
     wanted = np.hypot(tissue.joint, tissue.wander) * np.exp(0.25**2)  # people differ
     assert np.sqrt(np.mean(np.sum(np.square(moved), axis=3))) == pytest.approx(wanted, rel=0.1)
@@ -155,14 +155,15 @@ def test_markers_beside_a_joint_move_as_far_as_tabled(segment: str) -> None:
 def test_markers_of_a_segment_move_together_as_far_as_tabled() -> None:
     far_apart = np.array([[150.0, 0, 0], [-150.0, 0, 0]])
     structure, poses, angles = turned("left thigh", far_apart)
-    moved = np.array([skin_motion(structure, poses, angles, 100.0, np.random.default_rng(s))[0] for s in range(600)])
+    random = map(np.random.default_rng, range(600))
+    moved = np.array([realistic_soft_tissue(structure, poses, angles, 100.0, rng)[0] for rng in random])
     shared = np.sum(moved[:, 0] * moved[:, 1]) / np.sum(moved[:, 0] ** 2)
     assert shared == pytest.approx(tissue_of("left thigh").together, abs=0.12)
 
 
 def test_skin_at_rest_only_wanders() -> None:
     structure, poses, angles = turned("left thigh", np.array([[50.0, 0, -100]]), n_frames=500)
-    moved = skin_motion(structure, poses, [0 * one for one in angles], 100.0, np.random.default_rng(0))
+    moved = realistic_soft_tissue(structure, poses, [0 * one for one in angles], 100.0, np.random.default_rng(0))
     assert 0 < np.abs(moved).max() < 5 * tissue_of("left thigh").wander
 
 
@@ -170,7 +171,7 @@ def test_an_impact_sets_soft_tissue_swinging_and_it_calms_down() -> None:
     structure, poses, angles = turned("left thigh", np.array([[50.0, 0, -100]]), n_frames=300)
     poses[100:, :, 2, 3] -= np.minimum(np.arange(200) * 10.0, 50.0)[:, np.newaxis]  # 1 m/s for 50 ms
     still, struck = (
-        skin_motion(structure, place, [0 * one for one in angles], 100.0, np.random.default_rng(0))
+        realistic_soft_tissue(structure, place, [0 * one for one in angles], 100.0, np.random.default_rng(0))
         for place in (np.tile(np.eye(4), (300, 2, 1, 1)), poses)
     )
     swing = np.abs(struck - still)[..., 2].max(axis=1)

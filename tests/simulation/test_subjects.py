@@ -7,8 +7,8 @@ from skelgen.errors import ParameterError
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.model import Poses
 from skelgen.simulation import find_structure, simulate
+from skelgen.simulation.articulated import with_spacing
 from skelgen.simulation.markers import pieces_lost
-from skelgen.simulation.subjects import with_spacing
 
 
 def test_the_first_of_two_bodies_moves_as_if_it_were_alone():

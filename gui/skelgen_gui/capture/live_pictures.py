@@ -6,7 +6,7 @@ from typing import Self
 
 from PySide6.QtWidgets import QApplication
 
-from skelgen.app.capture_jobs.camera_images import seen_by_cameras
+from skelgen.app.capture_jobs.camera_images import camera_images_of
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured
 from skelgen_gui.capture.pictures import Pictures
@@ -56,7 +56,7 @@ class LivePictures:
         self._shown_at = now
         found = captured.bodies
         bodies = {group: found[name] for group, name in enumerate(self._names) if name in found}
-        images = seen_by_cameras(captured, bodies)
+        images = camera_images_of(captured, bodies)
         if self._cameras:
             self.view.show_all(images, self._cameras)
         else:

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.model.arrays import Bools, Floats
-from skelgen_gui.widgets.painting import draw_lines
+from skelgen_gui.widgets.painting import draw_lines, draw_names
 
 LOOSE = QColor("#f2c94c")
 """Of balls that belong to no body; pictures are dark on light desktops too."""
@@ -178,11 +178,12 @@ def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float
     for (x, y), group in zip(places.tolist(), seen.groups.tolist(), strict=True):
         painter.setPen(QPen(group_colour(group), _INK))
         painter.drawEllipse(QPointF(x, y), _RING, _RING)
+    names = []
     for label in seen.labels:
-        painter.setPen(group_colour(label.group))
         place = box.topLeft() + QPointF((label.x + 0.5) * scale, (label.y + 0.5) * scale)
         shift = QPointF(-painter.fontMetrics().horizontalAdvance(label.text) / 2, -2 * _RING)
-        painter.drawText(place + shift, label.text)
+        names.append((label.text, place + shift, group_colour(label.group)))
+    draw_names(painter, names)
 
 
 def _paint_board(painter: QPainter, places: Floats) -> None:

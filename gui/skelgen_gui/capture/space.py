@@ -18,7 +18,7 @@ from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.view3d.backdrop import paint_background
 from skelgen_gui.view3d.colours import Colours, Sprites, Style
 from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
-from skelgen_gui.widgets.painting import draw_lines
+from skelgen_gui.widgets.painting import draw_lines, draw_names
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 
 # A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand
@@ -201,6 +201,7 @@ class Space(QWidget):
 
     def _paint_bodies(self, painter: QPainter, colours: Colours) -> None:
         """Axes and names of bodies."""
+        names = []
         for body in self._found.bodies.values():
             pose = body.world_from_body
             ends = np.stack([np.repeat(pose[None, :3, 3], 3, axis=0), pose[:3, 3] + _AXIS * pose[:3, :3].T], axis=1)
@@ -210,8 +211,8 @@ class Space(QWidget):
                 self._paint_lines(painter, shown[axis : axis + 1])
             (place,), _ = self._canvas.project(shown[:1, 0])
             if not np.isnan(place).any():
-                painter.setPen(colours.ink)
-                painter.drawText(QPointF(place[0] + 8, place[1] + 14), body.name)
+                names.append((body.name, QPointF(place[0] + 8, place[1] + 14), colours.ink))
+        draw_names(painter, names)
 
     def _shown(self, points: Floats) -> Floats:
         return np.asarray(points @ self._shown_from_world.T)

@@ -71,7 +71,7 @@ class MatrixPainting:
         self._painter.drawImage(square, image, QRectF(region.column, region.row, region.size, region.size))
 
     def limbs(self) -> None:
-        """Paint strips in the limbs' colours, their numbers, borders, and a frame about each block."""
+        """Paint strips in the limbs' colours, their names or numbers, borders, and a frame about each block."""
         square, borders = self._square, self._matrix.borders
         pairs = list(pairwise(borders))
         self._painter.setPen(blended(self._palette.color(_Role.Text), self._palette.color(_Role.Base), 0.35))
@@ -93,10 +93,10 @@ class MatrixPainting:
             self._painter.setPen(QPen(colour, 2.0))
             self._painter.setBrush(Qt.BrushStyle.NoBrush)
             self._painter.drawRect(block)
-        name = str(limb) if limb >= 0 else "–"
-        if self._metrics.horizontalAdvance(name) < block.width():
-            self._painter.setPen(self._palette.color(_Role.WindowText))
-            self._painter.drawText(QRectF(block.left(), 0, block.width(), _NUMBERS), _Align.AlignCenter, name)
+        names = (self._matrix.limb_names[limb], str(limb)) if limb >= 0 else ("–",)
+        name = next((name for name in names if self._metrics.horizontalAdvance(name) < block.width()), "")
+        self._painter.setPen(self._palette.color(_Role.WindowText))
+        self._painter.drawText(QRectF(block.left(), 0, block.width(), _NUMBERS), _Align.AlignCenter, name)
 
     def names(self) -> None:
         """Paint the markers' names beside the rows, where these are high enough."""

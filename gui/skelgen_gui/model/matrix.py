@@ -35,9 +35,8 @@ def cell_sentence(matrix: DeviationMatrix, row: int, column: int) -> str:
 
 
 def _name(matrix: DeviationMatrix, row: int) -> str:
-    number = int(matrix.limbs[row])
-    limb = translate("Matrix", "limb {0}").format(number) if number >= 0 else translate("Matrix", "no limb")
-    return f"{matrix.names[row]} ({limb})"
+    limb = int(matrix.limbs[row])
+    return f"{matrix.names[row]} ({matrix.limb_names[limb] if limb >= 0 else translate('Matrix', 'no limb')})"
 
 
 @dataclass(frozen=True)

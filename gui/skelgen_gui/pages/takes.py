@@ -146,9 +146,9 @@ class TakesPage(QWidget):
 
         def work(monitor: Monitor) -> object:
             from skelgen.app.batch.run import run_batch  # noqa: PLC0415 - loads the stages
-            from skelgen.app.batch.work import Job, subject_file  # noqa: PLC0415
+            from skelgen.app.batch.work import Job, subject_files  # noqa: PLC0415
 
-            job = Job(subject=None if subject is None else subject_file(subject))
+            job = Job(subjects=subject_files([] if subject is None else [subject]))
             return run_batch(paths, folder, job, resume=True, monitor=monitor)
 
         self.status.clear()

@@ -233,7 +233,7 @@ class StatusLine(QStatusBar):
     def _advance(self, name: str, share: float) -> None:
         self.progress.setValue(round(_PERCENT * share))
         left = seconds_left(share, time.monotonic() - self._began)
-        words = [self._title, name] if name else [self._title]
+        words = [self._title, name] if name not in {"", self._title} else [self._title]
         if left is not None:
             words.append(self.tr("about {0} left").format(_rough(left)))
         self.showMessage(" · ".join(words))

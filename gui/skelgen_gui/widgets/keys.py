@@ -1,13 +1,14 @@
-"""Keys of the window hold wherever the focus is; what a list, a button or a graph needs itself, it keeps."""
+"""Where keys go, and a ring around what has the focus: lists and buttons keep the keys that they need themselves."""
 
-from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtCore import QEvent, QObject, QRectF, Qt
+from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractItemView,
     QAbstractSlider,
     QApplication,
     QComboBox,
+    QFocusFrame,
     QTabBar,
     QWidget,
 )
@@ -51,3 +52,37 @@ def _needs(widget: QWidget, key: Qt.Key) -> bool:
         return True
     by_keyboard = widget.window().testAttribute(Qt.WidgetAttribute.WA_KeyboardFocusChange)
     return key == _Key.Key_Space and by_keyboard and isinstance(widget, _PRESSED)
+
+
+_WIDTH = 2.0  # px
+_ROUND = 4.0  # px
+
+
+class FocusRing(QFocusFrame):
+    """Is where the focus is, while it is moved by keys.
+
+    Parameters
+    ----------
+    window : QWidget
+        In which the focus is followed; docks of it that float are followed, too.
+    """
+
+    def __init__(self, window: QWidget) -> None:
+        super().__init__(window)
+        self._window = window
+        self.hide()  # else it is shown with the window, around nothing
+        QApplication.instance().focusChanged.connect(self._follow)  # type: ignore[union-attr]
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the ring in the colour of what is chosen: it stands out on any ground."""
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            painter.setPen(QPen(self.palette().color(QPalette.ColorRole.Highlight), _WIDTH))
+            half = _WIDTH / 2
+            painter.drawRoundedRect(QRectF(self.rect()).adjusted(half, half, -half, -half), _ROUND, _ROUND)
+
+    def _follow(self, _: QWidget | None, now: QWidget | None) -> None:
+        """Go to where the focus is now, if keys brought it there."""
+        is_here = now is not None and (now.window() is self._window or self._window.isAncestorOf(now.window()))
+        by_keys = is_here and now is not None and now.window().testAttribute(Qt.WidgetAttribute.WA_KeyboardFocusChange)
+        self.setWidget(now if by_keys else None)  # type: ignore[arg-type]

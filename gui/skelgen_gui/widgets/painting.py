@@ -2,13 +2,13 @@
 
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QLineF, QPointF, QRectF, Qt
-from PySide6.QtGui import QHelpEvent, QImage, QPainter, QPalette, QPixmap, QWheelEvent
+from PySide6.QtGui import QColor, QHelpEvent, QImage, QPainter, QPalette, QPixmap, QWheelEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 from shiboken6 import Shiboken
 
@@ -146,3 +146,23 @@ def show_tip(widget: QWidget, event: QEvent, tip_at: Callable[[QPointF], str]) -
 def as_rich_text(text: str) -> str:
     """Return plain text as rich text, which Qt wraps, and in which names of markers cannot be taken for tags."""
     return "<qt>" + "<br>".join(html.escape(line) for line in text.split("\n")) + "</qt>"
+
+
+def draw_names(painter: QPainter, names: Sequence[tuple[str, QPointF, QColor]]) -> None:
+    """Draw names where their text begins, those that would cover others below them.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Where to draw.
+    names : sequence of (text, place, colour)
+        The place [px] is the left end of the text's base line.
+    """
+    metrics, taken = painter.fontMetrics(), list[QRectF]()
+    for text, place, colour in sorted(names, key=lambda one: one[1].y()):
+        box = QRectF(metrics.boundingRect(text)).translated(place)
+        while hidden := [other for other in taken if other.intersects(box)]:
+            box.moveTop(max(other.bottom() for other in hidden) + 1)
+        taken.append(box)
+        painter.setPen(colour)
+        painter.drawText(box.topLeft() - QPointF(metrics.boundingRect(text).topLeft()), text)

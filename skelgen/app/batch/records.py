@@ -5,13 +5,81 @@ import json
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 from skelgen.errors import InputError, WriteError
 from skelgen.files import UNFINISHED, replacing, sha256_of
 
-Record = dict[str, Any]
-"""A take's record as plain JSON values; what differs from run to run stands under ``run`` alone."""
+
+class FileFacts(TypedDict):
+    """Size and checksum of a file; of a recording its path, too. None where it could not be read."""
+
+    path: NotRequired[str]
+    bytes: int | None
+    sha256: str | None
+
+
+class Facts(TypedDict, total=False):
+    """What the page of a batch shows of a take: counts, rate, mean residual and notices."""
+
+    frames: int
+    rate_hz: float
+    unlabelled: bool
+    markers: int
+    limbs: int
+    joints: int
+    residual_mm: float | None
+    notices: list[str]
+
+
+class Run(TypedDict, total=False):
+    """What differs from run to run: times, the machine, and the most memory that was held."""
+
+    stages: dict[str, float]
+    host: str
+    seconds: float
+    peak_bytes: int
+
+
+class Record(TypedDict):
+    """A take's record, as JSON keeps it.
+
+    Attributes
+    ----------
+    name, outcome, error : str
+        Of the take; `DONE`, `FAILED` or `WAITING`; why it failed, or empty.
+    source : FileFacts
+        The recording.
+    job, skelgen : str
+        Fingerprint of what was done, and the version of the program.
+    facts : Facts
+        What was found.
+    files : dict of str to FileFacts
+        What was written, by name.
+    run : Run
+        What differs from run to run.
+    """
+
+    name: str
+    outcome: str
+    error: str
+    source: FileFacts
+    job: str
+    skelgen: str
+    facts: Facts
+    files: dict[str, FileFacts]
+    run: Run
+
+
+class Manifest(TypedDict):
+    """All records of a batch, with what was done and how many takes came to what."""
+
+    format: str
+    version: int
+    job: dict[str, object]
+    counts: dict[str, int]
+    takes: list[Record]
+
 
 RECORD = "take.json"
 MANIFEST = "manifest.json"
@@ -23,12 +91,12 @@ _VERSION = 1
 _MANY = 1e12  # more than any take has of anything
 
 
-def write_json(data: Mapping[str, Any], path: Path) -> None:
+def write_json(data: Record | Manifest, path: Path) -> None:
     """Write a JSON file, whole or not at all.
 
     Parameters
     ----------
-    data : mapping
+    data : Record or Manifest
         Plain values.
     path : Path
         The file.
@@ -37,8 +105,8 @@ def write_json(data: Mapping[str, Any], path: Path) -> None:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="ascii")
 
 
-def read_json(path: Path) -> Record | None:
-    """Return what a JSON file holds, or None if it is none of an object."""
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return what a JSON file holds, which nobody has checked, or None if it is none of an object."""
     try:
         data = json.loads(path.read_text(encoding="ascii"))
     except (OSError, ValueError, RecursionError):
@@ -46,7 +114,7 @@ def read_json(path: Path) -> Record | None:
     return data if isinstance(data, dict) else None
 
 
-def files_of(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
+def files_of(paths: Iterable[Path]) -> dict[str, FileFacts]:
     """Return size and checksum of files by name."""
     return {path.name: {"bytes": path.stat().st_size, "sha256": sha256_of(path)} for path in sorted(paths)}
 
@@ -60,7 +128,7 @@ def finished_record(folder: Path, blank: Record) -> Record | None:
     ----------
     folder : Path
         Of the take.
-    blank : dict
+    blank : Record
         Record of the take before it is done, with the checksum of its source.
     """
     record = read_json(folder / RECORD) or {}
@@ -68,16 +136,18 @@ def finished_record(folder: Path, blank: Record) -> Record | None:
         wanted = DONE, blank["job"], blank["source"]["sha256"]
         if (record["outcome"], record["job"], record["source"]["sha256"]) != wanted:
             return None
-        known = {name: record[name] for name in ("facts", "files", "run")}
-        paths = [folder / name for name in known["files"]]
-        if not (paths and _are_facts(known["facts"]) and all(path.is_file() for path in paths)):
+        paths = [folder / name for name in record["files"]]
+        if not (paths and _are_facts(record["facts"]) and all(path.is_file() for path in paths)):
             return None
-        return blank | {"outcome": DONE} | known if known["files"] == files_of(paths) else None
+        if record["files"] != (files := files_of(paths)):
+            return None
+        known: Record = {**blank, "outcome": DONE, "files": files, "facts": record["facts"], "run": record["run"]}
+        return known
     except (KeyError, TypeError, ValueError, AttributeError, OSError):
         return None
 
 
-def _are_facts(facts: Record) -> bool:
+def _are_facts(facts: Mapping[str, Any]) -> bool:
     """Whether the facts of a take are such as can be shown."""
     counts = [facts["frames"], *(facts.get(name, 0) for name in ("markers", "limbs", "joints"))]
     residual = 0.0 if facts.get("residual_mm") is None else facts["residual_mm"]
@@ -122,14 +192,14 @@ def clear_unfinished(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def manifest_of(job: Mapping[str, Any], records: Iterable[Record]) -> Record:
+def manifest_of(job: Mapping[str, object], records: Iterable[Record]) -> Manifest:
     """Return the manifest of a batch.
 
     Parameters
     ----------
     job : mapping
         From `Job.as_mapping`.
-    records : iterable of dict
+    records : iterable of Record
         One per take.
     """
     takes = list(records)

@@ -4,12 +4,14 @@ import contextlib
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import cast
 from urllib.parse import quote
 
 from skelgen.app.batch.records import (
     DONE,
     FAILED,
     MANIFEST,
+    Manifest,
     Record,
     clear_unfinished,
     earlier_names,
@@ -36,7 +38,7 @@ class BatchResult:
 
     Attributes
     ----------
-    records : tuple of dict
+    records : tuple of Record
         One per take, in the order of the takes.
     n_kept : int
         How many were finished before.
@@ -137,7 +139,7 @@ def _remove(paths: Iterable[Path]) -> None:
             path.rmdir() if path.is_dir() else path.unlink()
 
 
-def read_manifest(path: Path | str) -> Record:
+def read_manifest(path: Path | str) -> Manifest:
     """Return the manifest of a batch, given the file or its folder.
 
     Raises
@@ -150,7 +152,7 @@ def read_manifest(path: Path | str) -> Record:
     manifest = read_json(file)
     if manifest is None or "takes" not in manifest:
         raise InputError(f"{file}: there is no manifest of a batch")
-    return manifest
+    return cast("Manifest", manifest)
 
 
 class _Gathered:
@@ -205,12 +207,12 @@ _COUNTS = ("markers", "limbs", "joints")
 _LINKS = {"picture": ".svg", "report": ".html", "project": ".skelgen"}
 
 
-def write_page(manifest: Record, path: Path) -> Path:
+def write_page(manifest: Manifest, path: Path) -> Path:
     """Write the page of a batch; it holds no times, so the same takes give the same page.
 
     Parameters
     ----------
-    manifest : dict
+    manifest : Manifest
         From `manifest_of`.
     path : Path
         The HTML file, in the folder of the batch.
@@ -268,7 +270,7 @@ def result_rows(result: BatchResult) -> tuple[ResultRow, ...]:
 
 def _row(record: Record) -> dict[str, object]:
     facts, name = record["facts"], record["name"]
-    row = {"name": name, "outcome": record["outcome"], "error": record["error"]}
+    row: dict[str, object] = {"name": name, "outcome": record["outcome"], "error": record["error"]}
     row |= {"notices": facts.get("notices", []), "counts": [facts.get(key, "–") for key in _COUNTS]}
     for kind, suffix in _LINKS.items():
         file = next((file for file in record["files"] if file.endswith(suffix)), None)

@@ -27,7 +27,7 @@ from skelgen.app.files import open_input
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
-from skelgen.app.subject import open_subject, run_with_subject
+from skelgen.app.subject import known_bodies, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
 from skelgen.files import open_regular, sha256_of
 from skelgen.model import PointCloud, Project
@@ -70,8 +70,9 @@ class Job:
         Options of the readers.
     formats : tuple of str
         Formats that are written beside the usual files.
-    subject : SubjectFile or None
-        Calibrated skeleton by which all takes are labelled and posed; None finds the skeleton of each take.
+    subjects : tuple of SubjectFile
+        Calibrated skeletons by which all takes are labelled and posed, one for each body that they show; none find the
+        skeleton of each take.
     version : str
         Version of skelgen that all workers must have: results of two would not be those of either.
     """
@@ -83,14 +84,15 @@ class Job:
     format_name: str | None = None
     reader_options: Mapping[str, Any] = field(default_factory=dict)
     formats: tuple[str, ...] = ()
-    subject: SubjectFile | None = None
+    subjects: tuple[SubjectFile, ...] = ()
     version: str = skelgen.__version__
 
     def as_mapping(self) -> dict[str, object]:
         """Return all of it as plain values, as the manifest names them."""
         data = dataclasses.asdict(self)
         options = {name: value for name, value in data.pop("options").items() if value != ()}
-        return data | {"wishes": options, "skeleton": data.pop("subject")}
+        subjects = data.pop("subjects")  # one stands by itself, as in batches of earlier versions
+        return data | {"wishes": options, "skeleton": subjects if len(subjects) > 1 else next(iter(subjects), None)}
 
     @property
     def fingerprint(self) -> str:
@@ -99,36 +101,38 @@ class Job:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def subject_file(path: Path | str) -> SubjectFile:
-    """Return the project file of a subject after checking that it holds a skeleton.
+def subject_files(paths: Sequence[Path | str]) -> tuple[SubjectFile, ...]:
+    """Return the project files of subjects after checking that they hold skeletons.
 
     Parameters
     ----------
-    path : Path or str
-        A project file, or the folder of a run.
+    paths : sequence of Path or str
+        Project files, or folders of runs; one for each body that the takes show.
 
     Raises
     ------
     InputError
-        If it holds no skeleton that could be applied.
+        If one holds no skeleton that could be applied.
     """
-    open_subject(path)
-    file = find_result(Path(path)).absolute()
-    return SubjectFile(str(file), sha256_of(file))
+    if paths:
+        known_bodies(paths)
+    files = [find_result(Path(path)).absolute() for path in paths]
+    return tuple(SubjectFile(str(file), sha256_of(file)) for file in files)
 
 
 @lru_cache(maxsize=1)
-def subject_in(file: SubjectFile) -> Project:
-    """Read the subject of a batch; a worker does so once.
+def subject_in(files: tuple[SubjectFile, ...]) -> Project:
+    """Read the subject of a batch, or its subjects as one; a worker does so once.
 
     Raises
     ------
     InputError
-        If it holds no skeleton, or is not the file with which the batch began.
+        If a file holds no skeleton, or is not the one with which the batch began.
     """
-    subject = open_subject(file.path)
-    if sha256_of(Path(file.path)) != file.sha256:
-        raise InputError(f"{file.path}: is not the skeleton with which the batch began; begin it anew")
+    subject = known_bodies([file.path for file in files])
+    for file in files:
+        if sha256_of(Path(file.path)) != file.sha256:
+            raise InputError(f"{file.path}: is not the skeleton with which the batch began; begin it anew")
     return subject
 
 
@@ -148,7 +152,7 @@ class Outcome:
 
     Attributes
     ----------
-    record : dict
+    record : Record
         Its record.
     kept : bool
         Whether it was finished before.
@@ -187,7 +191,8 @@ def work_on(entry: Entry, job: Job) -> Outcome:
             records.clear_unfinished(folder)
             return Outcome(finished, kept=True, peak=_peak())
         records.clear(folder)
-        record |= _done(entry, job) | {"outcome": records.DONE}
+        record["facts"], record["files"], record["run"] = _done(entry, job)
+        record["outcome"] = records.DONE
     except SkelgenError as error:
         obstacle = str(error) if _is_of_disk(error) else ""
         return _failed(record, folder, out_of_memory(error) or str(error), obstacle)
@@ -254,7 +259,7 @@ def _failed(record: records.Record, folder: Path, error: str, obstacle: str = ""
     return Outcome(failed, obstacle=obstacle, peak=_peak())
 
 
-def _source_facts(entry: Entry) -> records.Record:
+def _source_facts(entry: Entry) -> records.FileFacts:
     path = Path(entry.source)
     open_regular(path).close()  # a pipe could be read for ever
     try:
@@ -263,14 +268,14 @@ def _source_facts(entry: Entry) -> records.Record:
         raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
 
 
-def _done(entry: Entry, job: Job) -> records.Record:
+def _done(entry: Entry, job: Job) -> tuple[records.Facts, dict[str, records.FileFacts], records.Run]:
     """Run the stages and write the files; facts, files, and times."""
     project = open_input(entry.source, job.format_name, job.seed, **job.reader_options)
     settings = Settings(job.settings)
-    if job.subject is None:
-        project = run_stages(project, until_stage=job.until, settings=settings, options=job.options)
+    if job.subjects:
+        project = run_with_subject(project, subject_in(job.subjects), settings=settings)
     else:
-        project = run_with_subject(project, subject_in(job.subject), settings=settings)
+        project = run_stages(project, until_stage=job.until, settings=settings, options=job.options)
     seconds = {name: report.seconds for name, report in project.reports.items()}
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever
@@ -279,7 +284,7 @@ def _done(entry: Entry, job: Job) -> records.Record:
     outputs += [Output(".svg", "skeleton", _write_picture), *map(_output_of, job.formats)]
     files = write_outputs(project, entry.folder, entry.stem, outputs=outputs, monitor=collecting)
     facts = _facts(project, collecting.notices)
-    return {"facts": facts, "files": records.files_of(files), "run": {"stages": seconds, "host": socket.gethostname()}}
+    return facts, records.files_of(files), {"stages": seconds, "host": socket.gethostname()}
 
 
 def _output_of(name: str) -> Output:
@@ -294,11 +299,11 @@ def _write_picture(project: Project, path: Path) -> None:
     path.write_text(small_figure(project, 96.0), encoding="utf-8", errors="replace")
 
 
-def _facts(project: Project, notices: Sequence[str]) -> records.Record:
+def _facts(project: Project, notices: Sequence[str]) -> records.Facts:
     """What the page of the batch shows of a take."""
     take = project.take
     every = [*take.notices, *[line for report in project.reports.values() for line in report.notices], *notices]
-    facts: records.Record = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
+    facts: records.Facts = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
     if project.has("labels"):
         facts["markers"] = project.trajectories.n_markers
     if project.has("limbs"):

@@ -171,12 +171,12 @@ def _reporting(workers: list[_Worker]) -> list[_Worker]:
     """Wait for workers, and return those whose takes are over; one that is late is ended."""
     busy = {worker.connection: worker for worker in workers if worker.entry is not None}
     soonest = min((worker.deadline for worker in busy.values()), default=math.inf)
-    told = wait(list(busy), None if soonest == math.inf else max(soonest - time.monotonic(), 0.0)) if busy else []
+    answered = wait(list(busy), None if soonest == math.inf else max(soonest - time.monotonic(), 0.0)) if busy else []
     for connection, worker in busy.items():
-        if connection not in told and worker.deadline < time.monotonic():
+        if connection not in answered and worker.deadline < time.monotonic():
             worker.is_late = True
             worker.process.kill()  # the end of its connection will tell
-    return [busy[one] for one in told if busy[one].has_finished()]  # type: ignore[index]
+    return [busy[one] for one in answered if busy[one].has_finished()]  # type: ignore[index]
 
 
 def _given_up(entry: Entry, job: Job, why: str) -> Outcome:

@@ -118,7 +118,7 @@ class CameraImage:
         return cls(image) if view is None else cls(image, view.corners, is_board=True)
 
 
-def seen_by_cameras(captured: Captured | RoomCaptured, bodies: Mapping[int, FoundBody]) -> tuple[CameraImage, ...]:
+def camera_images_of(captured: Captured | RoomCaptured, bodies: Mapping[int, FoundBody]) -> tuple[CameraImage, ...]:
     """Return what each camera sees, with what was found in it.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from skelgen.app.capture_jobs.board_views import View, ViewCollection, is_new, is_steady
-from skelgen.app.capture_jobs.camera_images import CameraImage, seen_by_cameras
+from skelgen.app.capture_jobs.camera_images import CameraImage, camera_images_of
 from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,
@@ -183,7 +183,7 @@ class TargetCollector(_Collector, ABC, Generic[_Progress]):
                     self._feed.notice(sentence)  # but not of lost pairs, which cost nothing here
                 bodies = self._take(captured.points)
                 if self._feed.is_waiting:
-                    images, found = seen_by_cameras(captured, bodies), FoundInSpace.of(captured.points, bodies)
+                    images, found = camera_images_of(captured, bodies), FoundInSpace.of(captured.points, bodies)
                     last = TargetShot(images, found, opened.settings.rig, self._recent_progress)
                     self._feed.put(last)
                 monitor.advance(captured.pair.index + 1 if total else 0, total or 1)

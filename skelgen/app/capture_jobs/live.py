@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.app.capture import capture, read_capture_settings, source_of
-from skelgen.app.capture_jobs.camera_images import seen_by_cameras
+from skelgen.app.capture_jobs.camera_images import camera_images_of
 from skelgen.app.capture_jobs.messages import (
     ROOM,
     CaptureControl,
@@ -115,7 +115,7 @@ class LiveCapture:
         names, found = [body.name for body in settings.bodies], captured.bodies
         bodies = {group: found[name] for group, name in enumerate(names) if name in found}
         return LiveShot(
-            seen_by_cameras(captured, bodies),
+            camera_images_of(captured, bodies),
             FoundInSpace.of(captured.points, bodies),
             captured.angles,
             settings,

@@ -53,7 +53,7 @@ _UNKNOWN = (128, 128, 128, 110)
 def limb_colour(limb: int, *, dark: bool = False) -> str:
     """Return the colour of a limb as ``#rrggbb``, for a light or a dark page.
 
-    Colours of the first 16 limbs are told apart by people without one kind of cones as well; names, which every view
+    Colours of the first 16 limbs differ for people without one kind of cones as well; names, which every view
     shows on demand, are the second cue.
 
     Parameters

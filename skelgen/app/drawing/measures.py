@@ -153,13 +153,13 @@ def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, 
     rows = []
     for marker in order.tolist():
         values = _known(motion.residuals[:, marker])
-        mean, rms, largest = summary(values)
+        mean, rms, largest = spread_of(values)
         limb, name = int(limbs.limb_of_marker[marker]), trajectories.names[marker]
         rows.append(MarkerDeviation(marker, limb, name, mean, rms, largest, float(seen[marker])))
     return rows
 
 
-def summary(values: Floats) -> tuple[float, float, float]:
+def spread_of(values: Floats) -> tuple[float, float, float]:
     """Return mean, root mean square and largest of values; NaN three times where there are none."""
     if not len(values):
         return np.nan, np.nan, np.nan
@@ -242,6 +242,8 @@ class DeviationMatrix:
         Marker of each row and column, and its limb; -1 = none.
     names : tuple of str, length n
         Names of the markers.
+    limb_names : tuple of str, length n_limbs
+        What all limbs are called.
     values : ndarray, shape (n, n), mm
         NaN where two markers are never seen together, 0 on the diagonal.
     scale : LogScale
@@ -251,6 +253,7 @@ class DeviationMatrix:
     markers: Ints
     limbs: Ints
     names: tuple[str, ...]
+    limb_names: tuple[str, ...]
     values: Floats
     scale: LogScale
 
@@ -276,4 +279,5 @@ def find_deviation_matrix(project: Project) -> DeviationMatrix:
     values = project.limbs.distance_deviation[np.ix_(markers, markers)].copy()
     np.fill_diagonal(values, 0.0)
     names = tuple(project.trajectories.names[marker] for marker in markers.tolist())
-    return DeviationMatrix(markers, project.limbs.limb_of_marker[markers], names, values, LogScale.of(values))
+    limbs, called = project.limbs.limb_of_marker[markers], map(project.limbs.called, range(project.limbs.n_limbs))
+    return DeviationMatrix(markers, limbs, names, tuple(called), values, LogScale.of(values))

@@ -30,7 +30,7 @@ def write_report(project: Project, path: Path, monitor: Monitor = SILENT) -> Pat
     path : Path
         The HTML file; it appears whole or not at all.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
 
     Returns
     -------

@@ -56,7 +56,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     project : Project
         Any project, from a bare take to a fitted skeleton.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
     """
     libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
     content: Content = {
@@ -98,7 +98,9 @@ def view_content(project: Project) -> Content | None:
     """
     play = play_content(project)
     title = project.name or "take without a name"
-    return play and {"title": title, "sentence": _take_sentence(project), "colours": _colours(project), "play": play}
+    if play is None:
+        return None
+    return {"title": title, "sentence": _take_sentence(project), "colours": _colours(project), "play": play}
 
 
 def _colours(project: Project) -> list[tuple[int, str, str]]:
@@ -176,7 +178,7 @@ def _bodies(project: Project) -> str:
 
 def _fit_sentence(project: Project) -> str:
     motion = project.motion
-    mean, rms, largest = measures.summary(motion.residuals[~np.isnan(motion.residuals)])
+    mean, rms, largest = measures.spread_of(motion.residuals[~np.isnan(motion.residuals)])
     frame, marker = measures.worst_residual(motion)
     return (
         f"The rigid skeleton meets the measured markers within {millimetres(mean)} on average "
@@ -194,7 +196,7 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     if project.has("joints"):
         tiles.append((str(project.topology.n_joints), "joints"))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
-        mean, _, _ = measures.summary(project.motion.residuals[~np.isnan(project.motion.residuals)])
+        mean, _, _ = measures.spread_of(project.motion.residuals[~np.isnan(project.motion.residuals)])
         tiles.append((millimetres(mean), "mean residual"))
     if seconds := sum(report.seconds for report in project.reports.values()):
         tiles.append((duration(seconds), "computing time"))
@@ -309,9 +311,10 @@ def _deviations(project: Project) -> Content:
     for limb in measures.limb_order(project):
         own = [row for row in rows if row.limb == limb]
         values = project.motion.residuals[:, [row.marker for row in own]]
-        mean, rms, largest = measures.summary(values[~np.isnan(values)])
+        mean, rms, largest = measures.spread_of(values[~np.isnan(values)])
         whole = {"mean": digits(mean), "rms": digits(rms), "largest": digits(largest)}
-        groups.append({"limb": limb, "rows": [_deviation_row(project, row) for row in own], "whole": whole})
+        shown = [_deviation_row(project, row) for row in own]
+        groups.append({"limb": limb, "called": project.limbs.called(limb), "rows": shown, "whole": whole})
     return {
         "groups": groups,
         "bars": deviation_bars([row for row in rows if row.limb >= 0]),

@@ -18,7 +18,9 @@ from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
-from skelgen.kinematics import JointFit, TypeChoice, choose_joint_type, find_hierarchy
+from skelgen.kinematics import JointFit, TypeChoice, find_hierarchy
+from skelgen.kinematics.joints.fit import choose_type
+from skelgen.kinematics.joints.relative_poses import relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_TYPES, TargetJoint
@@ -168,11 +170,12 @@ def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -
 
 def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoice:
     start = None if request.start is None else np.ravel(request.start)
-    choice = choose_joint_type(poses, request.parent, request.child, own, wanted=request.kind or None, start=start)
+    measured = relative_poses(poses, request.parent, request.child, own)
+    choice = choose_type(measured, request.kind or None, start=start)
     if request.kind:
         return choice
     if choice.kind == "universal":
-        return choose_joint_type(poses, request.parent, request.child, own, wanted="ball", start=start)
+        return choose_type(measured, "ball", start=start)
     if choice.kind not in JOINT_TYPES:
         raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its type")
     return choice

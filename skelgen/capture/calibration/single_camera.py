@@ -23,6 +23,9 @@ from skelgen.model.rig import Camera
 LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
 """Lens models: which of k1 k2 p1 p2 k3 are estimated. Gaschler (2011) uses the first."""
 
+FOCAL_LENGTHS = (0.05, 1000.0)
+"""Least and largest focal length in widths of the image: lenses that see 170 degrees, and a twentieth of one."""
+
 AUTO = "auto"
 """The lens model that the views themselves ask for: the least Bayesian information criterion."""
 
@@ -84,11 +87,13 @@ def fit_camera(
     corners = [one.astype(np.float32) for one in points], [one.astype(np.float32).reshape(-1, 1, 2) for one in pixels]
     try:
         _, matrix, lens, turns, shifts = cv2.calibrateCamera(*corners, size, None, None, flags=flags)
-        fits = bool(np.isfinite(matrix).all() and np.isfinite(lens).all() and min(matrix[0, 0], matrix[1, 1]) > 0)
+        low, high = (part * max(size) for part in FOCAL_LENGTHS)
+        focal = matrix[0, 0], matrix[1, 1]
+        fits = bool(np.isfinite(matrix).all() and np.isfinite(lens).all() and low < min(focal) and max(focal) < high)
     except cv2.error:
         fits = False
     if not fits:
-        raise InputError(f"no camera explains {views}; see that its corners are counted right")
+        raise InputError(f"no camera explains {views}; see that its corners are counted right, and tilt the board more")
     poses = [transform_from(matrix_from_vector(np.ravel(t)), np.ravel(s)) for t, s in zip(turns, shifts, strict=True)]
     return Camera(*size, np.asarray(matrix, dtype=np.float64), np.ravel(lens)), np.stack(poses)
 

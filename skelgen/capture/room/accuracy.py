@@ -13,7 +13,7 @@ FEWEST = 2
 
 
 def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Return what calibration and noise make of points that all cameras see which can.
+    """Return the covariances of points by errors of the calibration and of balls, seen by all cameras that can.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def _without_motion(slopes: Floats, points: Floats) -> Floats:
 
 
 def room_grid(room: Floats, steps: int = 6) -> Floats:
-    """Return points that fill the middle of where something was, shape (steps^3, 3), mm.
+    """Return a grid of points in the middle of the volume in which points were, shape (steps^3, 3), mm.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ OUTLIER = 5.0
 """Standard deviations beyond which a ball is left out: of a million true ones one is."""
 
 LEVEL = 1e-9
-"""Added to the information of each wand, for those that fit nothing and run off to where no camera tells them apart."""
+"""Added to the information of each wand: wands that fit nothing would run away without it."""
 
 LEAST_EIGENVALUE = 1e-13
 """Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
@@ -127,7 +127,7 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
 
 
 def _with_enough(bundle: _B) -> _B:
-    """The bundle of the frames that show enough to be more than what they determine."""
+    """The bundle of the frames that show more numbers than they have unknowns."""
     shown = np.isfinite(bundle.seen[..., 0])
     is_enough = (2 * shown.sum(axis=(1, 2)) > bundle.n_own) & (shown.any(axis=2).sum(axis=1) >= bundle.fewest_cameras)
     return bundle.of(np.asarray(is_enough))

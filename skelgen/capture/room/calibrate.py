@@ -30,10 +30,10 @@ GOOD_SCALE, USABLE_SCALE = 0.0005, 0.005
 """Relative deviations of the distances between cameras."""
 
 ENOUGH_VIEWS, ENOUGH_OF_BOARD = 200, 15
-"""Of each camera: two seconds at 100 Hz in which the wand is where it has not been, and poses of a board."""
+"""Views of each camera that are enough: of a wand in new places, two seconds at 100 Hz; of a board."""
 
 MUCH_LEFT_OUT = 0.05
-"""Part of the balls or corners that fit nothing from which on that is told."""
+"""Part of the balls or corners that fit nothing above which a notice says so."""
 
 _B = TypeVar("_B", bound=RoomBundle)
 

@@ -24,8 +24,8 @@ MOST = 6
 """Neighbours of a marker."""
 
 LEAST_STD, LASTS = 1.0, 2.0
-"""mm; deviation of a distance at least, as skin is not stiff, and from which on what it is off stays so for longer and
-longer, so that frame after frame tells nothing new."""
+"""mm; least deviation of a distance, as skin is not stiff; and the deviation above which errors last for many frames,
+so that the next frame tells little that is new: its square counts 1 + (deviation / LASTS)^2 times."""
 
 
 class KeptDistances:

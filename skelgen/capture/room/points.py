@@ -18,10 +18,10 @@ UNSEEN = 0.3
 """Nats that a camera costs which sees no ball where the point is: bodies hide markers from half of the cameras."""
 
 EXPECTED, REACH = 4.0, 25.0
-"""Nats that it is worth to be where a marker was, carried on, and how near [mm] that is."""
+"""Nats for a point where a marker is expected, and how near [mm] it must be."""
 
 MAX_STD = 20.0
-"""mm; what is less certain tells nothing: two cameras that look at each other, and a point between them."""
+"""mm; points that are less certain are left out, such as one between two cameras that look at each other."""
 
 NONE_EXPECTED = np.empty((0, 3))
 

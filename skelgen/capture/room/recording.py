@@ -23,7 +23,7 @@ from skelgen.model.rig import Camera, CameraRig, RoomSettings
 from skelgen.progress import SILENT, Monitor, with_progress
 
 MANY_LOST = 0.001
-"""Part of a camera's images that are lost from which on that is told."""
+"""Part of a camera's images that are lost above which a notice says so."""
 
 _Seen = TypeVar("_Seen")
 

@@ -45,10 +45,10 @@ NEAR = 20.0
 """px from an epipolar line, with a lens that is not known."""
 
 SUSPICIOUS, MOST_LATE = 8.0, 20
-"""px that most points are off a camera whose lens is not known: more is not the lens; frames that it may be late."""
+"""px: where most points are farther off, an unknown lens is not the cause; and frames that a camera may be late."""
 
 FALSE, FALSE_BY = 8.0, 10.0
-"""px that a view is off if it is no wand, and the same as a multiple of what the middle one is."""
+"""px, and times the error of the median view, from which on a view shows no wand."""
 
 UNEVEN = 0.02
 """Of the wand's length: how far its middle ball may be from where it is said to be."""
@@ -192,11 +192,11 @@ def _check_middle(bundle: WandBundle, seen: Floats) -> None:
     rays = [undistort(eye, seen[both, index].reshape(-1, 2)) for index, eye in enumerate(bundle.cameras)]
     balls = _meeting(rays[0], rays[1], bundle.cameras[1].camera_from_world).reshape(int(both.sum()), -1, 3)
     gaps = np.linalg.norm(balls - balls[:, :1], axis=2)
-    part, said = float(np.nanmedian(gaps[:, 1] / gaps[:, 2])), float(bundle.distances[1] / bundle.distances[2])
-    if abs(part - said) > UNEVEN:
+    part, stated = float(np.nanmedian(gaps[:, 1] / gaps[:, 2])), float(bundle.distances[1] / bundle.distances[2])
+    if abs(part - stated) > UNEVEN:
         raise InputError(
             f"the middle ball of the wand is seen at {100 * part:.0f} % of its length, and said to be at "
-            f"{100 * said:.0f} %: measure the distances of its balls"
+            f"{100 * stated:.0f} %: measure the distances of its balls"
         )
 
 

@@ -103,7 +103,7 @@ class WandTaking:
     distances : sequence of float, mm
         Where the balls are along the wand.
     looker : Executor, optional
-        A thread that looks at the room now and then; without it only images are told of.
+        A thread that looks at the room now and then; without it only the images are checked.
     """
 
     def __init__(self, names: Sequence[str], distances: Sequence[float], looker: Executor | None = None) -> None:

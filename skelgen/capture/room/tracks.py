@@ -36,28 +36,28 @@ MOST_STD = 20.0
 """mm; a hidden marker that is less certain is carried no farther."""
 
 OLD = 3
-"""Frames in a row after which the way of a marker tells where it is next."""
+"""Frames in a row after which a marker's path predicts its next place."""
 
 CONTRADICTED = 4.0
-"""Standard deviations that a point of two cameras is off its marker's way if it is not the marker."""
+"""Standard deviations off its marker's path from which on a point of two cameras is not the marker."""
 
 CHANGES = 6.0
-"""Variances of a place in what three in a row are off an even way: 1 + 4 + 1."""
+"""Variance of the second difference of three places, in variances of a place: 1 + 4 + 1."""
 
 DOUBTED, LATEST = 2.5, 0.3
-"""Frames after which points are believed however far off they are; the part of the newest in what is known of a way."""
+"""Frames off the path after which points are believed all the same; weight of the newest frame in a path."""
 
 SURPRISES = 50
 """Frames over which it is learned how evenly markers move."""
 
 HANDED_ON = 3.0
-"""mm; deviation of a marker of one camera up to which it is handed on."""
+"""mm; a marker that one camera sees is handed on if its standard deviation is at most this."""
 
 PLACED_OFF = 2.0
 """Standard deviations that a placed marker may be off a distance of its limb."""
 
 SURE_CAMERAS = 3
-"""Cameras that make no ghost."""
+"""Rays of so many cameras do not meet by chance: their point is no ghost."""
 
 
 class PointTracks:
@@ -132,7 +132,8 @@ class PointTracks:
         """Return which points of two cameras are not where their markers must be, shape (n_points,).
 
         A ball that is two in one image, or another marker's, moves a point along the ray of the other camera, and there
-        is no third camera to tell. The way of the marker tells; how even ways are, those tell that more cameras see.
+        is no third camera to tell. The path of its marker decides;
+        how evenly markers move is learned from points that more cameras see.
 
         Parameters
         ----------

@@ -75,7 +75,7 @@ def _misfit(matrix: Floats, one: Floats, two: Floats) -> Floats:
 
 
 def _ways_round(evidence: Floats, shows: Bools) -> tuple[Bools, Bools]:
-    """Which balls are to be exchanged, and of which that is known, shapes (n_frames, n_cameras): clearest first."""
+    """Which balls are to be exchanged, and where that is certain, shapes (n_frames, n_cameras): clearest first."""
     n_frames, n_cameras = shows.shape
     is_turned, is_known = np.zeros_like(shows), np.zeros_like(shows)
     strength, frames = np.abs(evidence), np.arange(n_frames)

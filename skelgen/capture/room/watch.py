@@ -17,8 +17,8 @@ FEWEST_BALLS = 50
 """Balls of a camera, over all frames, without which it is not judged."""
 
 LEAST_FIT, EXPLAINED = 0.3, 0.25
-"""Parts of a camera's balls that fit points: below the one it is suspected, above the other something explains it, as
-chance brings three in a hundred."""
+"""Parts of a camera's balls that fit points: below the first it is suspected; a cause explains it
+if more than the second fit then, as chance makes three in a hundred fit."""
 
 NEAR = 3.0
 """px; how near a ball must be to where a point is expected."""
@@ -30,7 +30,7 @@ MOST_LATE = 20
 """Frames that a camera is tried to be late or early."""
 
 FARTHEST, BIN, WIDTH = 120.0, 6.0, 1280.0
-"""px; how far the images of a camera that was moved are looked for, in which steps, and in images how wide."""
+"""px; largest shift of a moved camera's images that is tried, its steps, and the width of images that both hold for."""
 
 _FLIPS = {
     "mirrored left to right": (-1.0, 1.0),

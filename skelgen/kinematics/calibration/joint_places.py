@@ -15,6 +15,9 @@ that an expert placed, none lies farther than 0.39."""
 TRUSTED_TURN = 0.05
 """rad; limbs that turn more than this about a second axis tell where their joint is."""
 
+FAR_OUT = 3.0
+"""Of D: joints farther than this are out of reach unless the limbs turn so much that their place is determined."""
+
 NEAR_MARKER = 0.15
 """Of D: standard deviation of a coordinate of a joint about the expected place."""
 
@@ -128,13 +131,14 @@ def out_of_reach(fit: ObservedChain) -> list[int]:
         part = np.clip((way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0), 0.0, 1.0)
         excess = np.linalg.norm(off - part[:, np.newaxis] * way, axis=1).mean() / joint.distance
         is_hinge = fit.articulation.types[joint.limb] == "hinge"
-        if excess > REACH and joint.turns[1] < TRUSTED_TURN and not is_hinge:
+        trusted = DETERMINED if excess > FAR_OUT else TRUSTED_TURN
+        if excess > REACH and joint.turns[1] < trusted and not is_hinge:
             found.append(joint.limb)
     return found
 
 
-def pulls_to_places(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
-    """Return what is expected to be 0, over its deviation, as sums of coordinates of `places`, and the tails.
+def place_residuals(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
+    """Return residuals from what is expected, over their deviations, as sums of coordinates of `places`; and tails.
 
     Parameters
     ----------
@@ -145,7 +149,7 @@ def pulls_to_places(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floa
 
     Returns
     -------
-    tuple of ndarray, shapes (n_pulls, 3 (n_markers + n_limbs - 1)), 1 / mm, and (n_pulls,)
+    tuple of ndarray, shapes (n_residuals, 3 (n_markers + n_limbs - 1)), 1 / mm, and (n_residuals,)
     """
     rows: list[Floats] = []
     tails: list[float] = []
@@ -164,16 +168,16 @@ def pulls_to_places(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floa
             wide = ALONG if axis == 0 and joint.has_one_axis else 1.0
             rows.append(row / (wide * NEAR_MARKER * joint.distance))
         if joint.has_one_axis:
-            rows += _pulls_to_middles(chain, joint)
+            rows += _middle_residuals(chain, joint)
             if parent and n_children[parent] == 1 and joint.turns[0] > ROW_TURN:
-                rows += _pulls_of_row(chain, joint)
+                rows += _row_residuals(chain, joint)
         tails += [joint.tail] * (len(rows) - n_before)
         weights += [joint.weight] * (len(rows) - n_before)
-    pulls = np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
-    return np.sqrt(weights)[:, np.newaxis] * pulls, np.array(tails)
+    slopes = np.array(rows).reshape(len(rows), 3 * (chain.n_markers + chain.n_limbs - 1))
+    return np.sqrt(weights)[:, np.newaxis] * slopes, np.array(tails)
 
 
-def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:
+def _middle_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
     """Along the axis a joint lies near the middles of its limbs' markers."""
     above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (chain.parents[joint.limb], joint.limb))
     to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
@@ -183,7 +187,7 @@ def _pulls_to_middles(chain: Chain, joint: JointPlace) -> list[Floats]:
     return [one / (OFF_MIDDLE * joint.distance) for one in (to_parent, to_child)]
 
 
-def _pulls_of_row(chain: Chain, joint: JointPlace) -> list[Floats]:
+def _row_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
     """Bones in a row run across the axis of the joint between them."""
     children, found = np.flatnonzero(chain.parents == joint.limb), []
     ends = [(joint.limb, joint.axes_in_parent[0], TO_JOINT_ABOVE)]

@@ -19,8 +19,11 @@ residuals show how markers of a limb slide against each other; together they sli
 a joint that motion places out of reach all frames together say as much as a third of one.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -39,23 +42,30 @@ from skelgen.kinematics.calibration.joint_places import (
     JointPlace,
     joint_places,
     out_of_reach,
+    place_residuals,
     places,
-    pulls_to_places,
 )
 from skelgen.kinematics.calibration.known_body import (
     TAIL,
     KnownBody,
     KnownLimb,
+    body_residuals,
     joints_of_body,
     joints_of_limbs,
     known_limbs,
-    pulls_to_body,
     with_joint_at,
+)
+from skelgen.kinematics.calibration.mirrored_halves import (
+    InwardPlace,
+    inward_places,
+    inward_residuals,
+    twin_residuals,
+    twins,
 )
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain
 from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.kinematics.inverse.poses import fit_poses
-from skelgen.model.arrays import Floats, spread_frames
+from skelgen.model.arrays import Floats, Ints, spread_frames
 
 ENOUGH_LIMBS = 6
 """Limbs of a body from which on it is one of an animal or a person: machines of fewer are what they measure."""
@@ -123,6 +133,7 @@ def with_joint_prior(
     *,
     others: bool = True,
     body: KnownBody | None = None,
+    segments: Mapping[int, str] | None = None,
 ) -> tuple[Calibration, float]:
     """Return the fit with joints where motion and what is known of any body together place them, and its growth.
 
@@ -140,6 +151,8 @@ def with_joint_prior(
         Whether the other joints are weighed as well.
     body : KnownBody, optional
         What is known of this one by the marker set that it wears.
+    segments : mapping of int to str, optional
+        Which segments of a person limbs are.
 
     Returns
     -------
@@ -152,24 +165,22 @@ def with_joint_prior(
     weight = last.noise**2 * (1 + shared) * correlated * some.n_frames / last.n_frames
     following = max(FOLLOWING * last.n_frames / ((1 + shared) * correlated), 1.0)
     limbs = known_limbs(last.chain, body) if body is not None and others else []
-    told = joints_of_limbs(last.chain, limbs)
+    of_build = joints_of_limbs(last.chain, limbs)
+    every = joint_places(some)
+    twin = twins(last.chain, every)
+    inward = inward_places(some, every, twin, segments or {})
     known = _Known(
         [
             replace(one, tail=NO_TAIL, weight=following, is_astray=True) if one.limb in astray else one
-            for one in joint_places(some)
-            if one.limb not in told and (others or one.limb in astray)
+            for one in every
+            if one.limb not in of_build and (others or one.limb in astray)
         ],
         limbs,
+        [one for one in inward if one.place.limb not in of_build],
+        twin if others else np.full(last.chain.n_limbs, -1),
     )
     guess = _along_hinges(joints_of_body(_drawn_back(some, known.joints), limbs), known)
-    state, damping = FittedChain.of(guess), FIRST_DAMPING
-    for _ in range(ROUNDS):
-        found = _improved(state, known, weight, damping)
-        if found is None:
-            break
-        state, damping, gain = found
-        if gain < LEAST_GAIN * weight:
-            break
+    state = _converged(_Weighed(FittedChain.of(guess), known, weight))
     chain, articulation = state.fit.chain, state.fit.articulation
     start = _turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
@@ -185,27 +196,31 @@ def with_joint_prior(
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known: of joints of any body, and of limbs of this one."""
+    """What is known: of joints of any body, of limbs of this one, of a person's joints, and limbs' mirror images."""
 
     joints: list[JointPlace]
     limbs: list[KnownLimb]
+    inward: list[InwardPlace]
+    twin: Ints
 
-    def pulls(self, chain: Chain) -> tuple[Floats, Floats, Floats]:
-        """Return how what should be 0 depends on `places`, what it is, and its tails."""
-        pulls, tails = pulls_to_places(chain, self.joints)
-        to_body, off = pulls_to_body(chain, self.limbs)
-        towards = np.concatenate([pulls @ places(chain).ravel(), off])
-        return np.concatenate([pulls, to_body]), towards, np.concatenate([tails, np.full(len(off), TAIL)])
+    def residuals(self, chain: Chain) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of the prior's residuals by `places`, the residuals in deviations, and their tails."""
+        slopes, tails = place_residuals(chain, self.joints)
+        more = body_residuals(chain, self.limbs), inward_residuals(chain, self.inward), twin_residuals(chain, self.twin)
+        towards = np.concatenate([slopes @ places(chain).ravel(), *(off for _, off in more)])
+        tails = np.concatenate([tails, np.full(len(towards) - len(tails), TAIL)])
+        return np.concatenate([slopes, *(rows for rows, _ in more)]), towards, tails
 
 
 def _with_information(fit: Calibration, known: _Known, growth: float) -> Calibration:
     """The fit with the information of its joints' expected places added."""
-    pulls, towards, tails = replace(known, joints=[replace(one, weight=1.0) for one in known.joints]).pulls(fit.chain)
+    alike = replace(known, joints=[replace(one, weight=1.0) for one in known.joints])
+    slopes, towards, tails = alike.residuals(fit.chain)
     follow, seem = _turns_of_frames(fit.chain)
-    pulls -= pulls @ follow @ seem
+    slopes -= slopes @ follow @ seem
     information = fit.information.copy()
-    kept = pulls.T / (1 + (towards / tails) ** 2)
-    information[: len(kept), : len(kept)] += growth * fit.noise**2 * kept @ pulls
+    kept = slopes.T / (1 + (towards / tails) ** 2)
+    information[: len(kept), : len(kept)] += growth * fit.noise**2 * kept @ slopes
     return replace(fit, known_information=information)
 
 
@@ -233,66 +248,106 @@ def _along_hinges(fit: ObservedChain, known: _Known) -> ObservedChain:
         move[chain.n_markers + limb] = in_parent
         move[np.concatenate([chain.limb_of_marker, chain.parents]) == limb] = -in_child
     flat = np.delete(moves, chain.n_markers, axis=1).reshape(len(hinges), -1)
-    pulls, towards, _ = known.pulls(chain)
+    # Lengths are not linear in such moves, and joints that are far off would move those beside them
+    slopes, towards, _ = replace(known, twin=np.full(chain.n_limbs, -1)).residuals(chain)
     held = np.diag([1 / (FARTHEST * size) for size in size_of.values()])  # where hardly anything is expected of them
     left = np.concatenate([-towards, np.zeros(len(hinges))])
-    shifts = np.linalg.lstsq(np.concatenate([pulls @ flat.T, held]), left, rcond=None)[0]
+    shifts = np.linalg.lstsq(np.concatenate([slopes @ flat.T, held]), left, rcond=None)[0]
     offsets, joints = np.split(shifts @ flat, [3 * chain.n_markers])
     return fit.stepped(offsets, joints, np.zeros(articulation.n_constants))
 
 
-def _improved(
-    state: FittedChain, known: _Known, weight: float, damping: float
-) -> tuple[FittedChain, float, float] | None:
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """A fit weighed against what is known; what does not depend on the damping of a step is computed once.
+
+    Attributes
+    ----------
+    fitted : FittedChain
+        The fit.
+    known : _Known
+        What is known.
+    weight : float, mm^2
+        What one squared standard deviation of that weighs beside squared residuals.
+    """
+
+    fitted: FittedChain
+    known: _Known
+    weight: float
+
+    @cached_property
+    def _residuals(self) -> tuple[Floats, Floats, Floats]:
+        return self.known.residuals(self.fitted.fit.chain)
+
+    @cached_property
+    def total(self) -> float:
+        """Squares of the residuals, and what is surprising about the joints."""
+        _, towards, tails = self._residuals
+        return self.fitted.squares + self.weight * _surprise(towards, tails)
+
+    @cached_property
+    def _equations(self) -> tuple[Floats, Floats]:
+        """Normal matrix and gradient of the constants."""
+        fit, chain = self.fitted.fit, self.fitted.fit.chain
+        n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
+        information = information_of(fit, STEP_FRAMES)
+        usual = float(np.diag(information)[:n_places].mean())
+        free = np.full(len(information), FREE_SHARE * usual)
+        free[n_places:] *= level_of_tilts(chain)
+        slopes, towards, tails = self._residuals
+        follow, seem = _turns_of_frames(chain)
+        slopes = slopes - slopes @ follow @ seem
+        kept = 1 / (1 + (towards / tails) ** 2)
+        # Directions that no frame determines are filtered out of the residuals' gradient: it is not exactly 0 there
+        gradient = information @ np.linalg.solve(information + np.diag(free), constant_gradient(fit))
+        gradient[:n_places] -= self.weight * (slopes.T @ (kept * towards))
+        matrix = information + np.diag(free)
+        matrix[:n_places, :n_places] += (
+            self.weight * (kept * slopes.T) @ slopes + HELD * level_of_tilts(chain) * usual * seem.T @ seem
+        )
+        return matrix, gradient
+
+    def stepped(self, damping: float) -> _Weighed:
+        """Take a damped step."""
+        fit, (matrix, gradient) = self.fitted.fit, self._equations
+        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
+        n_places = 3 * (fit.chain.n_markers + fit.chain.n_limbs - 1)
+        offsets, joints, tilts = np.split(step, [3 * fit.chain.n_markers, n_places])
+        return replace(self, fitted=FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS))
+
+
+def _converged(state: _Weighed) -> FittedChain:
+    """Step until the sum of residuals and of what is known falls no more."""
+    damping = FIRST_DAMPING
+    for _ in range(ROUNDS):
+        found = _improved(state, damping)
+        if found is None:
+            break
+        state, damping, gain = found
+        if gain < LEAST_GAIN * state.weight:
+            break
+    return state.fitted
+
+
+def _improved(state: _Weighed, damping: float) -> tuple[_Weighed, float, float] | None:
     """Take damped steps that lower the sum; also return the next damping, and by how much; None if none do.
 
     What motion leaves open is curved: a long step may overshoot, and the next from there corrects it.
     """
-    before = _total(state, known, weight)
     for _ in range(DAMPINGS):
         better = state
         for _ in range(CORRECTIONS):
-            better = _stepped(better, known, weight, damping)
-            gain = before - _total(better, known, weight)
+            better = better.stepped(damping)
+            gain = state.total - better.total
             if gain > 0:
                 return better, max(damping / 10, LEAST_DAMPING), gain
         damping *= 10
     return None
 
 
-def _stepped(state: FittedChain, known: _Known, weight: float, damping: float) -> FittedChain:
-    """Take a damped step."""
-    fit, chain = state.fit, state.fit.chain
-    n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-    information = information_of(fit, STEP_FRAMES)
-    usual = float(np.diag(information)[:n_places].mean())
-    free = np.full(len(information), FREE_SHARE * usual)
-    free[n_places:] *= level_of_tilts(chain)
-    pulls, towards, tails = known.pulls(chain)
-    follow, seem = _turns_of_frames(chain)
-    pulls -= pulls @ follow @ seem
-    kept = 1 / (1 + (towards / tails) ** 2)
-    # Directions that no frame determines are filtered out of the residuals' gradient: it is not exactly 0 there
-    gradient = information @ np.linalg.solve(information + np.diag(free), constant_gradient(fit))
-    gradient[:n_places] -= weight * (pulls.T @ (kept * towards))
-    matrix = information + np.diag(free)
-    matrix[:n_places, :n_places] += (
-        weight * (kept * pulls.T) @ pulls + HELD * level_of_tilts(chain) * usual * seem.T @ seem
-    )
-    step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
-    offsets, joints, tilts = np.split(step, [3 * chain.n_markers, n_places])
-    return FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS)
-
-
-def _total(state: FittedChain, known: _Known, weight: float) -> float:
-    """Squares of the residuals, and what is surprising about the joints."""
-    _, towards, tails = known.pulls(state.fit.chain)
-    return state.squares + weight * _surprise(towards, tails)
-
-
-def _surprise(pulled: Floats, tails: Floats) -> float:
+def _surprise(towards: Floats, tails: Floats) -> float:
     """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
-    return float((tails**2 * np.log1p((pulled / tails) ** 2)).sum())
+    return float((tails**2 * np.log1p((towards / tails) ** 2)).sum())
 
 
 def _turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:

@@ -150,7 +150,7 @@ def joints_of_limbs(chain: Chain, limbs: list[KnownLimb]) -> set[int]:
     return {limb if row < 0 else row - chain.n_markers + 1 for limb, row in rows}
 
 
-def pulls_to_body(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]:
+def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]:
     """Return what each point is off, in standard deviations, and how that depends on `places`.
 
     Parameters
@@ -162,7 +162,7 @@ def pulls_to_body(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]
 
     Returns
     -------
-    tuple of ndarray, shapes (n_pulls, 3 (n_markers + n_limbs - 1)) and (n_pulls,)
+    tuple of ndarray, shapes (n_residuals, 3 (n_markers + n_limbs - 1)) and (n_residuals,)
     """
     n_places = chain.n_markers + chain.n_limbs - 1
     rows, offs = [np.zeros((0, 3 * n_places))], [np.zeros(0)]
@@ -175,10 +175,10 @@ def pulls_to_body(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]
         free = (weights[:, np.newaxis, np.newaxis] * free).reshape(-1, 6)
         basis, sizes, _ = np.linalg.svd(free, full_matrices=False)
         basis = basis[:, sizes > 1e-6 * sizes[0]]
-        pull = np.zeros((len(points), 3, n_places + 1, 3))
+        slope = np.zeros((len(points), 3, n_places + 1, 3))
         for point, (row, weight) in enumerate(zip(one.rows, weights, strict=True)):
-            pull[point, :, row] = weight * np.eye(3)
-        flat = pull[:, :, :n_places].reshape(3 * len(points), -1)
+            slope[point, :, row] = weight * np.eye(3)
+        flat = slope[:, :, :n_places].reshape(3 * len(points), -1)
         rows.append(flat - basis @ (basis.T @ flat))
         offs.append((weights[:, np.newaxis] * off).ravel())
     return np.concatenate(rows), np.concatenate(offs)

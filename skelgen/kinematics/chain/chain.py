@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.chain import FREEDOMS, START, ChainTable, errors_of, markers_of, origins_of, turned_back
+from skelgen._kernels.chain import FREEDOMS, START, ChainTable, Measured, markers_of, origins_of, turned_back
 from skelgen._kernels.joint_models import PARENT
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.chain.articulation import FREEDOMS as FREEDOMS_OF_TYPE
@@ -152,7 +152,9 @@ def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
     """
-    return np.asarray(errors_of(*contiguous(positions, poses.markers(chain))))
+    errors: Floats = positions - poses.markers(chain)
+    errors[np.isnan(errors)] = 0.0
+    return errors
 
 
 def residuals_in_limbs(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
@@ -233,6 +235,11 @@ class ObservedChain:
     def table(self) -> ChainTable:
         """Chain and joints as kernels take them."""
         return chain_table(self.chain, self.articulation)
+
+    @property
+    def measured(self) -> Measured:
+        """Measured markers and weights as kernels take them."""
+        return rows(self.positions, 3), writable(self.weights).ravel()
 
     def at(self, frames: slice | Ints | Bools) -> ObservedChain:
         """Return some of the frames."""

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels.gradient import add_gradient
-from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames
+from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames, constants_in
+from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, residuals, rows, world_arms, writable
@@ -162,10 +163,11 @@ def total_information(observed: ObservedChain) -> Floats:
     """
     table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros((len(order), len(order)))
+    room = room_for(table)
     for part in observed.in_parts(CHUNK_FRAMES):
-        found = np.zeros_like(total)
-        add_frames(table, columns, rows(part.poses.rotations, 9), writable(part.weights).ravel(), found)
-        total[np.ix_(order, order)] += np.triu(found) + np.triu(found, 1).T
+        constants = constants_in(columns, room)
+        add_frames(table, constants, part.measured, rows(part.poses.rotations, 9), room)
+        total[np.ix_(order, order)] += np.triu(constants.total) + np.triu(constants.total, 1).T
     return total
 
 
@@ -185,7 +187,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
         found = np.zeros_like(total)
-        add_gradient(table, columns, pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
+        add_gradient(table, columns, part.measured, pose, found, room_for(table))
         total[order] += found
     return total
 

@@ -49,7 +49,7 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, mo
     motion : Motion
         Their poses in every frame.
     monitor : Monitor
-        Is told of progress; may cancel.
+        Receives progress; may cancel.
 
     Returns
     -------

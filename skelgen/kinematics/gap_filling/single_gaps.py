@@ -16,7 +16,7 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import seen_runs
 
-_EDGE_SECONDS = 0.08  # of motion beside a gap, from which its velocity is told
+_EDGE_SECONDS = 0.08  # of motion beside a gap, which give its velocity
 _FEWEST_EDGE = 4  # frames of it
 _MOST_TRIALS = 24  # stretches on which a way is tried
 _REACH_SECONDS, _REACH_LENGTHS = 10.0, 40  # around a gap that is looked at: long takes cost no more than short ones
@@ -133,7 +133,7 @@ class _Marker:
 
     @property
     def edge(self) -> int:
-        """Frames beside a gap from which the motion there is told."""
+        """Frames beside a gap which give the motion there."""
         return max(_FEWEST_EDGE, round(_EDGE_SECONDS * self.rate))
 
 

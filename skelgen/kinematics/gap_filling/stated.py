@@ -25,7 +25,7 @@ def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
     project : Project
         With a skeleton, or with corrections that state how gaps are filled: then these alone are.
     monitor : Monitor
-        Is told of progress, and which corrections are passed over; may cancel.
+        Receives progress, and a notice of each correction that is passed over; may cancel.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def with_stated(by_skeleton: Filled, stated: list[Correction], monitor: Monitor 
     stated : list of Correction
         Of the kind ``fill``; those whose markers are there no more are passed over.
     monitor : Monitor
-        Is told of these.
+        Receives a notice of each.
     """
     measured = by_skeleton.measured
     positions, source, std = by_skeleton.positions.copy(), by_skeleton.source.copy(), by_skeleton.std.copy()

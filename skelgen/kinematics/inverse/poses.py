@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels.pose_covariances import propagate_covariances
-from skelgen._kernels.posing import solve_frames
+from skelgen._kernels.posing import room_for, solve_frames
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, chain_table, rows, seen_weights, writable
 from skelgen.model.arrays import Floats
@@ -54,7 +54,8 @@ def fit_poses(
     fitted = ChainPoses(writable(start.root), writable(start.rotations))
     measured = rows(positions, 3), writable(seen_weights(positions, weights)).ravel()
     rotations = fitted.rotations.reshape(-1, 9)
-    solve_frames(chain_table(chain, articulation), *measured, fitted.root, rotations, max_steps)
+    table = chain_table(chain, articulation)
+    solve_frames(table, measured, (fitted.root, rotations), max_steps, room_for(table))
     return fitted
 
 
@@ -86,9 +87,10 @@ def pose_covariances(observed: ObservedChain, noise: float) -> PoseCovariances:
     """
     known = max(noise, LEAST_NOISE)
     levels = (known / UNKNOWN_TURN) ** 2, (known / UNKNOWN_SHIFT) ** 2
-    rotations, weights = rows(observed.poses.rotations, 9), writable(observed.weights).ravel()
+    rotations, measured = rows(observed.poses.rotations, 9), observed.measured
     origins, turns = np.empty(observed.poses.rotations.shape), np.empty(observed.poses.rotations.shape)
-    propagate_covariances(observed.table, rotations, weights, levels, origins.reshape(-1, 9), turns.reshape(-1, 9))
+    out = origins.reshape(-1, 9), turns.reshape(-1, 9)
+    propagate_covariances(observed.table, rotations, measured, levels, out, room_for(observed.table))
     return PoseCovariances(noise**2 * origins, noise**2 * turns)
 
 

@@ -308,7 +308,6 @@ def choose_joint_type(
     size: float | None = None,
     *,
     wanted: str | None = None,
-    start: Floats | None = None,
 ) -> TypeChoice:
     """Find the type of the joint between two bodies, and fit it.
 
@@ -318,8 +317,6 @@ def choose_joint_type(
         As for `fit_joint`.
     wanted : str, optional
         A type that is stated; it is fitted without question.
-    start : ndarray, shape (6,), mm, optional
-        As for `fit_joint_type`.
 
     Raises
     ------
@@ -334,12 +331,10 @@ def choose_joint_type(
     >>> choose_joint_type(poses, "left thigh", "left shank").kind
     'hinge'
     """
-    if wanted is not None:
-        _check_type(wanted)
-    return choose(relative_poses(poses, parent, child, covariances, size), wanted, start=start)
+    return choose_type(relative_poses(poses, parent, child, covariances, size), wanted)
 
 
-def choose(
+def choose_type(
     measured: RelativePoses,
     wanted: str | None = None,
     limits: TypeLimits | None = None,
@@ -356,6 +351,8 @@ def choose(
     start : ndarray, shape (6,), mm, optional
         As for `fit_joint_type`.
     """
+    if wanted is not None:
+        _check_type(wanted)
     rotations, covariances = _refined_rotations(measured)
     evidence = find_joint_type(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind

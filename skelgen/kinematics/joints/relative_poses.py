@@ -122,7 +122,7 @@ def relative_poses(
     own = _body_covariances(poses, covariances, noise_size(poses) if size is None else size)[:, [first, second]]
     frames = np.flatnonzero(seen)
     own = own[frames] if len(own) > 1 else own
-    related = joined(world[frames, first], world[frames, second], own[:, 0], own[:, 1], frames, poses.n_frames)
+    related = related_poses(world[frames, first], world[frames, second], own[:, 0], own[:, 1], frames, poses.n_frames)
     return replace(related, is_scaled=covariances is not None)
 
 
@@ -178,7 +178,7 @@ def noise_size(poses: Poses) -> float:
     return float(np.clip(shift / rotation * np.sqrt(6) / 2, *SIZES))  # six points: see `default_covariance`
 
 
-def joined(
+def related_poses(
     parent: Floats, child: Floats, parent_covariance: Floats, child_covariance: Floats, frames: Ints, n_frames: int
 ) -> RelativePoses:
     """Relate two series of poses.

@@ -80,6 +80,8 @@ class ClusterDeformation:
         chosen = np.flatnonzero(tissue.joints[self.flexions] == joint)
         spread = np.linalg.pinv(self.squares.mean(axis=0), hermitian=True)[np.ix_(chosen, chosen)]
         values, vectors = np.linalg.eigh(spread)
+        turned = values > len(values) * np.finfo(np.float64).eps * values.max(initial=0.0)  # else never turned
+        values, vectors = values[turned], vectors[:, turned]
         modes = (self.modes @ self.slopes.reshape(3 * len(self.own), len(self.flexions)))[:, chosen] @ vectors
         expected = np.tile(values, (len(modes), 1))
         return (expected * len(chosen)).ravel(), (modes**2 * len(chosen) / noise).ravel()

@@ -291,12 +291,53 @@ def soft_tissue_equations(
     local = in_basis(error[..., np.newaxis]).swapaxes(1, 2)
     gradient = (local @ constants - local @ by_pose @ follow)[:, 0]
     rigid, flexion = np.nonzero(follows[clusters.limbs])
-    flexions, column = tissue.flexions(chain, poses)[:, flexion], constants.shape[2] - n_rigid + rigid
-    columns = np.concatenate([reduced, reduced[:, :, column] * flexions[:, np.newaxis]], axis=2)
-    flat = columns.reshape(n_frames * n_rigid, -1)
-    total = np.concatenate([gradient.sum(axis=0), (gradient[:, column] * flexions).sum(axis=0)])
-    n_joints, n_constants = joints.shape[2], constants.shape[2]
-    return SoftTissueEquations(flat.T @ flat, total, clusters, n_joints, n_constants, rigid, flexion)
+    flexions, n_joints, n_constants = tissue.flexions(chain, poses), joints.shape[2], constants.shape[2]
+    of_tissue = gradient[:, n_constants - n_rigid + rigid] * flexions[:, flexion]
+    total = np.concatenate([gradient.sum(axis=0), of_tissue.sum(axis=0)])
+    matrix = _normal_matrix(reduced, flexions, clusters, rigid, flexion)
+    return SoftTissueEquations(matrix, total, clusters, n_joints, n_constants, rigid, flexion)
+
+
+def _normal_matrix(
+    constants: Floats, flexions: Floats, clusters: RigidDisplacements, rigid: Ints, flexion: Ints
+) -> Floats:
+    """Sum over frames of the products of all columns, those of soft tissue being rigid displacements times flexions.
+
+    Flexions are the same for all rows of a frame: the products of the constants' columns, which are few, are taken
+    once in each frame, and weighted by the flexions limb by limb.
+
+    Parameters
+    ----------
+    constants : ndarray, shape (n_frames, n_rigid, n_constants)
+        Columns of the constants, of which rigid displacements are the last.
+    flexions : ndarray, shape (n_frames, n_flexions)
+        In the frames.
+    clusters : RigidDisplacements
+        Rigid displacements.
+    rigid, flexion : ndarray of intp, shape (n_tissue,)
+        Rigid displacement, rising, and flexion of each column of soft tissue.
+    """
+    n_frames, n_rigid, n_constants = constants.shape
+    first = n_constants - n_rigid
+    matrix = np.empty((n_constants + len(rigid), n_constants + len(rigid)))
+    flat = constants.reshape(-1, n_constants)
+    matrix[:n_constants, :n_constants] = flat.T @ flat
+    products = constants.swapaxes(1, 2) @ constants[:, :, first:]
+    limbs, factors = clusters.limbs[rigid], flexions[:, flexion]
+    for limb in np.unique(limbs).tolist():
+        own, columns = np.flatnonzero(clusters.limbs == limb), np.flatnonzero(limbs == limb)
+        among, after = flexion[columns[rigid[columns] == own[0]]], slice(int(columns[0]), None)
+        by_limb = products[:, :, own[0] : own[-1] + 1]
+        weighted = by_limb[:, first + rigid[after]] * factors[:, after, np.newaxis]
+        rows = np.concatenate([by_limb, weighted], axis=1).reshape(n_frames, -1)
+        sums = (flexions[:, among].T @ rows).reshape(len(among), -1, len(own)).transpose(1, 2, 0)
+        sums = sums.reshape(len(sums), len(columns))
+        columns += n_constants
+        matrix[:n_constants, columns] = sums[:n_constants]
+        matrix[columns[0] :, columns] = sums[n_constants:]
+        matrix[columns, :n_constants] = sums[:n_constants].T
+        matrix[columns, columns[0] :] = sums[n_constants:].T
+    return matrix
 
 
 def _pose_slopes(chain: Chain, poses: ChainPoses) -> Floats:

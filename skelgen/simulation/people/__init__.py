@@ -5,10 +5,11 @@ What is known of them stands in readable tables, `tables/*.toml`, each with its 
 
 from skelgen.simulation.people.body import HEIGHTS, Person, person, usual_person
 from skelgen.simulation.people.motions import MOTIONS, SLOWEST, natural_motion
-from skelgen.simulation.people.skin import skin_motion
-from skelgen.simulation.people.tables import LABORATORY_SETS, MARKER_SETS, worn_markers
+from skelgen.simulation.people.soft_tissue import realistic_soft_tissue
+from skelgen.simulation.people.tables import EVERY_PLACE, LABORATORY_SETS, MARKER_SETS, worn_markers
 
 __all__ = [
+    "EVERY_PLACE",
     "HEIGHTS",
     "LABORATORY_SETS",
     "MARKER_SETS",
@@ -17,7 +18,7 @@ __all__ = [
     "Person",
     "natural_motion",
     "person",
-    "skin_motion",
+    "realistic_soft_tissue",
     "usual_person",
     "worn_markers",
 ]

@@ -12,7 +12,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized, unit
-from skelgen.simulation.people.tables import sliding_at, worn_markers
+from skelgen.simulation.people.tables import tissue_factor_at, worn_markers
 from skelgen.simulation.structures import SIDES, human
 
 HEIGHT = 1750.0
@@ -42,7 +42,7 @@ class Person:
         Those limbs that carry markers or lead to such: hands and toes that carry none are left out.
     limbs : ndarray of intp, shape (n_worn_limbs,)
         Place of each of these in `body`.
-    sliding : ndarray, shape (n_markers,)
+    tissue_factors : ndarray, shape (n_markers,)
         Factor on soft-tissue motion at each marker's place.
     plates : tuple of str, length n_markers
         What markers of one stiff plate share; empty for others.
@@ -53,12 +53,12 @@ class Person:
     body: Structure
     worn: Structure
     limbs: Ints
-    sliding: Floats
+    tissue_factors: Floats
     plates: tuple[str, ...]
     contacts: dict[str, Floats]
 
 
-def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
+def person(marker_set: str, height: float, rng: np.random.Generator, placed: float = 0.0) -> Person:
     """Make up a person who wears a marker set.
 
     Parameters
@@ -69,6 +69,8 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
         Body height; 0 for one that is drawn.
     rng : numpy.random.Generator
         Source of height, proportions and of what the markers miss their places by.
+    placed : float, mm
+        Least standard deviation of a coordinate by which they do.
 
     Raises
     ------
@@ -79,11 +81,11 @@ def person(marker_set: str, height: float, rng: np.random.Generator) -> Person:
     scales = _scales((height or drawn) / HEIGHT, rng)
     body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
-    missed = np.array([[one.misplaced] for one in markers]) * rng.normal(size=(len(markers), 3))
+    missed = np.array([[max(one.misplaced, placed)] for one in markers]) * rng.normal(size=(len(markers), 3))
     worn, kept, order = _dressed(body, marker_set, scales, missed)
-    sliding = np.array([sliding_at(markers[index].place) for index in order])
+    tissue_factors = np.array([tissue_factor_at(markers[index].place) for index in order])
     plates = tuple(markers[index].plate for index in order)
-    return Person(body, worn, np.array(kept, dtype=np.intp), sliding, plates, _contacts(scales))
+    return Person(body, worn, np.array(kept, dtype=np.intp), tissue_factors, plates, _contacts(scales))
 
 
 @cache

@@ -23,6 +23,9 @@ MARKER_SETS = (
 LABORATORY_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "opencap")
 """More of them, with markers whose places differ between laboratories."""
 
+EVERY_PLACE = "every place"
+"""Markers at all places at once, which nobody wears: how places lie to each other is learned from it."""
+
 _PALPATION, _LOOSE = 5.0, 25.0  # mm by which a marker misses its place, per coordinate
 
 _FOLDER = Path(__file__).parent / "tables"
@@ -60,8 +63,8 @@ class WornMarker:
 
 @cache
 def worn_markers(marker_set: str) -> tuple[WornMarker, ...]:
-    """Return the markers of a set in `MARKER_SETS` or `LABORATORY_SETS`, in its order."""
-    table = read_table("marker_sets" if marker_set in MARKER_SETS else "laboratory_sets")[marker_set]
+    """Return the markers of a set in `MARKER_SETS` or `LABORATORY_SETS`, in its order, or of `EVERY_PLACE`."""
+    table = _every_place() if marker_set == EVERY_PLACE else _table_of(marker_set)
     plate_of = {name: plate[0] for plate in table.get("plates", ()) for name in plate}
     loose = {name for text in table.get("loose", ()) for name, _ in _of_both_sides(text, "")}
     segments = {place: name for name, places in read_table("places").items() for place in places}
@@ -76,6 +79,23 @@ def worn_markers(marker_set: str) -> tuple[WornMarker, ...]:
         misplaced = _LOOSE if name in loose else _PALPATION
         found.append(WornMarker(name, limb, place, offset, plate_of.get(name, ""), misplaced))
     return tuple(found)
+
+
+def _table_of(marker_set: str) -> dict[str, Any]:
+    return dict(read_table("marker_sets" if marker_set in MARKER_SETS else "laboratory_sets")[marker_set])
+
+
+def _every_place() -> dict[str, Any]:
+    """A table of all places, as if they were a set; those that some set has its markers about are loose."""
+    middle = {"pelvis", "chest", "head"}
+    places = [
+        place if segment in middle and not offset[1] else f"@ {place}"
+        for segment, of_segment in read_table("places").items()
+        for place, offset in of_segment.items()
+    ]
+    tables = [_table_of(name) for name in (*MARKER_SETS, *LABORATORY_SETS)]
+    loose = {table["markers"][name] for table in tables for name in table.get("loose", ())}
+    return {"markers": {place: place for place in places}, "loose": sorted(loose & {*places})}
 
 
 def _of_both_sides(name: str, place: str) -> list[tuple[str, str]]:
@@ -117,6 +137,6 @@ def tissue_of(limb: str) -> SoftTissue:
     return SoftTissue(row["joint"], row["together"], row["frequency"], row["damping"], row["wander"])
 
 
-def sliding_at(place: str) -> float:
+def tissue_factor_at(place: str) -> float:
     """Return by which factor soft tissue moves a marker more at a place than elsewhere on its segment."""
     return float(read_table("soft_tissue")["places"].get(place, 1.0))

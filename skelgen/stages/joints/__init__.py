@@ -8,11 +8,12 @@ from skelgen.stages.joints.parameters import JointConstraints, JointParameters, 
 from skelgen.stages.joints.sensor_repair import slips_moved_back
 from skelgen.stages.joints.sensor_slips import find_sensor_slips
 from skelgen.stages.joints.spans import find_joint_spans
-from skelgen.stages.joints.stage import find_joints
+from skelgen.stages.joints.stage import JointSearch, find_joints
 
 __all__ = [
     "JointConstraints",
     "JointParameters",
+    "JointSearch",
     "find_joint_spans",
     "find_joints",
     "find_sensor_slips",

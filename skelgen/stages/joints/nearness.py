@@ -153,7 +153,8 @@ def neighbour_features(markers: Sequence[Floats]) -> Floats:
     """
     far, unsteady, product, middle = _nearest_markers(markers)
     known = np.isfinite(far)
-    ratio = np.log(np.maximum(np.where(known, middle, 1.0) / np.where(known, far, 1.0), TINY))
+    middle, farthest = (np.maximum(np.where(known, table, 1.0), TINY) for table in (middle, far))
+    ratio = np.log(middle / farthest)
     tables = _of_usual(far, 0.0), _of_usual(unsteady, SOFT), _of_usual(product, 0.0)
     apart = np.diag(np.full(len(far), np.inf))
     features = list(tables)

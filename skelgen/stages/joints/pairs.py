@@ -99,48 +99,51 @@ class JointGuess:
         return self.square + alpha * self.distance if np.isfinite(self.square) else np.nan
 
 
-def guess_joint(
-    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
-) -> JointGuess:
+@dataclass(frozen=True)
+class Guessing:
+    """How joints are guessed: the parameters of the stage, and the seed of the annealing jitter."""
+
+    parameters: JointParameters
+    seed: int
+
+
+def guess_joint(first: Segment, second: Segment, how: Guessing, typical: float, alpha: float) -> JointGuess:
     """Find the joint between two segments; the solver is the parameters' choice where both limbs have poses.
 
     Parameters
     ----------
     first, second : Segment
         Both limbs.
+    how : Guessing
+        Parameters and seed.
     typical : float, mm^2
         Variance of a marker's coordinate, for limbs whose own is not known.
     alpha : float, mm
         Weight of the mean distance in the joint cost, for limbs without poses.
-    parameters : JointParameters
-        How.
-    seed : int
-        Seed of the annealing jitter.
     """
-    if parameters.solver == "conjugate-gradient":
-        return classic_joint(first, second, typical, alpha, parameters, seed)
+    if how.parameters.solver == "conjugate-gradient":
+        return classic_joint(first, second, how, typical, alpha)
     if first.shape.has_pose or second.shape.has_pose:
         return _with_distances(_closed_form(first, second, typical), first, second)
-    return drawn_joint(first, second, typical, alpha, parameters, seed)
+    return drawn_joint(first, second, how, typical, alpha)
 
 
-def drawn_joint(
-    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
-) -> JointGuess:
+def drawn_joint(first: Segment, second: Segment, how: Guessing, typical: float, alpha: float) -> JointGuess:
     """Find the joint between two segments by the joint cost of all their points, which draws it towards them.
 
     Parameters
     ----------
-    first, second, typical, alpha, parameters, seed
+    first, second, how, typical, alpha
         As for `guess_joint`.
     """
+    parameters = how.parameters
     points = np.concatenate([first.points, second.points], axis=1)
     centres = np.stack([_centroid(first.points), _centroid(second.points)])
     usable = np.asarray(~np.isnan(centres[:, :, 0]).any(axis=0))
     if usable.sum() < MIN_COMMON:
         return JointGuess(np.full((len(points), 3), np.nan), np.inf)
     start = np.asarray(centres[:, usable].mean(axis=0))
-    found = minimise(joint_cost(points[usable], alpha), start, parameters, seed)
+    found = minimise(joint_cost(points[usable], alpha), start, parameters, how.seed)
     refined = local_optimum(found.point, points[usable], parameters.max_residual, parameters.max_fallback)
     _, spread = mean_distances(*contiguous(refined, points[usable]))
     guess = _of_frames(refined, usable, float((spread**2).mean()), points.shape[1], typical)
@@ -150,17 +153,16 @@ def drawn_joint(
 def classic_joint(
     first: Segment,
     second: Segment,
+    how: Guessing,
     typical: float,
     alpha: float,
-    parameters: JointParameters,
-    seed: int,
     radii: Floats | None = None,
 ) -> JointGuess:
     """Find the joint between two segments by their markers alone, as the thesis does.
 
     Parameters
     ----------
-    first, second, typical, alpha, parameters, seed
+    first, second, how, typical, alpha
         As for `guess_joint`.
     radii : ndarray, shape (n_markers,), mm, optional
         Mean distances to the markers of both limbs, found from other frames, that make the start.
@@ -168,8 +170,8 @@ def classic_joint(
     usable = first.is_seen & second.is_seen
     if usable.sum() < MIN_COMMON:
         return JointGuess(np.full((len(usable), 3), np.nan), np.inf)
-    noise = max(typical, LEAST_DESCENT_VARIANCE)
-    solver = JointSolver(parameters, parameters.max_residual, parameters.max_fallback, noise, seed)
+    noise, parameters = max(typical, LEAST_DESCENT_VARIANCE), how.parameters
+    solver = JointSolver(parameters, parameters.max_residual, parameters.max_fallback, noise, how.seed)
     found = solver.solve(first.markers[usable], second.markers[usable], alpha, radii)
     guess = _of_frames(found.positions, usable, found.variance, len(found.distances), typical)
     return _with_distances(replace(guess, n_iterations=found.n_iterations), first, second)

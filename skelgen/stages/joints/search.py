@@ -3,7 +3,6 @@
 import multiprocessing
 from collections.abc import Mapping
 from itertools import combinations, pairwise
-from typing import Any
 
 import numpy as np
 
@@ -14,8 +13,8 @@ from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.nearness import APART
-from skelgen.stages.joints.pairs import JointGuess, classic_joint, drawn_joint, guess_joint
-from skelgen.stages.joints.parameters import JointParameters, Pair
+from skelgen.stages.joints.pairs import Guessing, JointGuess, classic_joint, drawn_joint, guess_joint
+from skelgen.stages.joints.parameters import Pair
 from skelgen.stages.joints.segments import (
     BLOCK_FRAMES,
     ENOUGH_FRAMES,
@@ -28,8 +27,14 @@ from skelgen.stages.joints.segments import (
 NEAREST = 4
 """Limbs without a pose that are tried as neighbours of one without: each pair takes a descent."""
 
+AGAIN = 30
+"""Likeliest neighbours of a limb whose joints are guessed again when its first joint gives it poses."""
+
 WORTH_PROCESSES = 200
 """Descents cost some 5 ms each, starting workers about a second: below so many pairs without poses, one does."""
+
+NOT_YET = JointGuess(np.zeros((0, 3)), np.inf)
+"""Stands for the guess of two limbs without poses until it is made."""
 
 
 class PairSearch:
@@ -41,12 +46,10 @@ class PairSearch:
         All limbs.
     frames : ndarray of intp
         Sampled frames at which pairs are tried.
-    parameters : JointParameters
-        How.
-    seed : int
-        Seed of the annealing jitter.
+    how : Guessing
+        Parameters and seed.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     odds : ndarray, shape (n_limbs, n_limbs), optional
         Log odds that limbs are neighbours: two without poses are tried if one is among the likeliest of the other,
         and none between bodies, where they are `APART`.
@@ -56,33 +59,39 @@ class PairSearch:
         self,
         segments: list[Segment],
         frames: Ints,
-        parameters: JointParameters,
-        seed: int,
+        how: Guessing,
         monitor: Monitor,
         odds: Floats | None = None,
     ) -> None:
         self._segments, self._frames, self._odds = list(segments), frames, odds
         self._sampled = [segment.at(frames) for segment in segments]
-        self._parameters, self._seed, self._monitor = parameters, seed, monitor
+        self._how, self._parameters, self._monitor = how, how.parameters, monitor
         self._typical = typical_variance(segments)
         self._guesses: dict[Pair, JointGuess] = {}
+        self._put_off: set[Pair] = set()
 
     def guesses(self) -> dict[Pair, JointGuess]:
-        """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again."""
+        """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again.
+
+        Two limbs without poses give none to each other, and a descent takes a hundred times a closed form: they are
+        guessed at last, if they have no poses even then.
+        """
         pairs = [pair for pair in combinations(range(len(self._segments)), 2) if self._is_near(pair)]
         if self._parameters.solver != "closed-form":
             self._guess(pairs)
             return self._guesses
-        self._guess([pair for pair in pairs if self._is_worth_a_descent(pair)])
+        self._guess_or_put_off([pair for pair in pairs if self._is_worth_a_descent(pair)])
         joined: set[int] = set()
         while (choice := self._surest_joint_to_small_limb(joined)) is not None:
             small, pair = choice
             joined.add(small)
             first, second = (self._segments[limb] for limb in pair)
-            whole = guess_joint(first, second, self._typical, self._parameters.alpha, self._parameters, self._seed)
+            whole = guess_joint(first, second, self._how, self._typical, self._parameters.alpha)
             self._segments[small] = self._segments[small].with_joint(whole.positions, self._frames)
             self._sampled[small] = self._segments[small].at(self._frames)
-            self._guess([other for other in pairs if small in other and other != pair])
+            others = (other for other in pairs if small in other and other != pair)
+            self._guess_or_put_off([other for other in others if self._rank(other) < AGAIN])
+        self._guess([pair for pair in self._guesses if pair in self._put_off])
         return self._guesses
 
     def _is_near(self, pair: Pair) -> bool:
@@ -100,10 +109,21 @@ class PairSearch:
         one, other = pair
         return int((self._odds[[one, other]] > self._odds[one, other]).sum(axis=1).min())
 
+    def _guess_or_put_off(self, pairs: list[Pair]) -> None:
+        """Guess the joints of some pairs, but for those of which neither limb has poses."""
+        for pair in pairs:
+            self._guesses.setdefault(pair, NOT_YET)
+        lacking = {pair for pair in pairs if all(self._segments[limb].lacks_poses for limb in pair)}
+        self._put_off.difference_update(pairs)
+        self._put_off.update(
+            pair for pair in lacking if not any(one.shape.has_pose for one in self._common_frames(pair))
+        )
+        self._guess([pair for pair in pairs if pair not in self._put_off])
+
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""
         work = [self._common_frames(pair) for pair in pairs]
-        given = self._typical, self._parameters.alpha, self._parameters, self._seed
+        given = self._how, self._typical, self._parameters.alpha
         by_descent = self._parameters.solver == "conjugate-gradient"
         if sum(by_descent or not (one.shape.has_pose or two.shape.has_pose) for one, two in work) < WORTH_PROCESSES:
             found = (guess_joint(first, second, *given) for first, second in work)
@@ -141,18 +161,17 @@ class PairSearch:
         return None if best is None else best[1:]
 
 
-def _guess_for_parent(*given: Any) -> JointGuess:
+def _guess_for_parent(first: Segment, second: Segment, how: Guessing, typical: float, alpha: float) -> JointGuess:
     if multiprocessing.current_process().name.startswith("LokyProcess"):  # which would outlive a parent that is killed
         end_with_parent()
-    return guess_joint(*given)
+    return guess_joint(first, second, how, typical, alpha)
 
 
 def place_joints(
     segments: list[Segment],
     frames: Ints,
     parents: Ints,
-    parameters: JointParameters,
-    seed: int,
+    how: Guessing,
     monitor: Monitor,
     guesses: Mapping[Pair, JointGuess] | None = None,
 ) -> tuple[dict[int, JointGuess], list[Segment]]:
@@ -169,12 +188,10 @@ def place_joints(
         Frames from which shapes of limbs that gain a joint are estimated.
     parents : ndarray of intp, shape (n_limbs,)
         The tree, -1 for roots.
-    parameters : JointParameters
-        How.
-    seed : int
-        Seed of the annealing jitter.
+    how : Guessing
+        Parameters and seed.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     guesses : mapping of pair to JointGuess, optional
         Joints found from sampled frames, whose mean distances make the start of conjugate gradients.
 
@@ -194,13 +211,13 @@ def place_joints(
         child = waiting.pop(0)
         pair = (int(parents[child]), child)
         first, second = segments[pair[0]], segments[pair[1]]
-        given = typical, parameters.alpha_final, parameters, seed
-        if parameters.solver == "conjugate-gradient" and guesses:
+        given = how, typical, how.parameters.alpha_final
+        if how.parameters.solver == "conjugate-gradient" and guesses:
             kept[child] = classic_joint(first, second, *given, _radii(guesses, pair, first.n_markers))
         else:
             kept[child] = guess_joint(first, second, *given)
         if kept[child].distance > reach:
-            kept[child] = drawn_joint(first, second, typical, parameters.alpha, parameters, seed)
+            kept[child] = drawn_joint(first, second, how, typical, how.parameters.alpha)
         for limb in pair:
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
@@ -219,8 +236,7 @@ def place_in_blocks(
     positions: Floats,
     limbs: Limbs,
     parents: Ints,
-    parameters: JointParameters,
-    seed: int,
+    how: Guessing,
     monitor: Monitor,
     guesses: Mapping[Pair, JointGuess] | None = None,
 ) -> Floats:
@@ -234,12 +250,10 @@ def place_in_blocks(
         Which marker is on which limb.
     parents : ndarray of intp, shape (n_limbs,)
         The tree, -1 for roots.
-    parameters : JointParameters
-        How.
-    seed : int
-        Seed of the annealing jitter.
+    how : Guessing
+        Parameters and seed.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     guesses : mapping of pair to JointGuess, optional
         Joints found from sampled frames, whose mean distances make the start of conjugate gradients.
 
@@ -253,9 +267,9 @@ def place_in_blocks(
     ends = np.linspace(0, n_frames, -(-n_frames // BLOCK_FRAMES) + 1).astype(np.intp)
     for first, last in pairwise(ends.tolist()):
         block = positions[first:last]
-        frames = sample_frames(len(block), parameters)
+        frames = sample_frames(len(block), how.parameters)
         segments = make_segments([block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)], frames)
-        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT, guesses)
+        kept, _ = place_joints(segments, frames, parents, how, SILENT, guesses)
         raw[first:last] = side_by_side(kept, parents, len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False

@@ -50,8 +50,8 @@ class SensorSlip:
     frame: int
     size: float
 
-    def told_of(self, name: str) -> str:
-        """Return what is told of the body of this name."""
+    def sentence(self, name: str) -> str:
+        """Return what a notice says of the body of this name."""
         return (
             f"the sensor of {name} slips at frame {self.frame}: its joints jump by {self.size:.1f} mm in its frame; "
             "from there on it is moved back to where it was"

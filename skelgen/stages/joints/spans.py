@@ -26,7 +26,7 @@ BLOCK_SECONDS, BLOCK_FRAMES = 0.25, 10
 BLOCKS = 4
 
 LEAST_BLOCKS = 6
-"""Spans that are shorter are not told."""
+"""Spans that are shorter are not reported."""
 
 TOLERANCE = 3.0
 """Times the usual gap of the tree's joints in a window: up to there it is noise."""
@@ -56,7 +56,7 @@ ARM, FIXED = 200.0, 4.0
 """Limbs are fixed to each other where points so far around them, in mm, move so little: times the gap of the joint."""
 
 WHOLE = 0.9
-"""Part of the take: joints outside the tree that hold longer close loops, which is told elsewhere."""
+"""Part of the take: joints outside the tree that hold longer close loops, of which another notice tells."""
 
 ROUNDS = 4
 LAGS = (0.25, 0.5, 0.75)

@@ -4,19 +4,25 @@ A joint is a point that keeps its distance to the markers of two limbs (Schönau
 tried on sampled frames; the cheapest joints span the tree; those that are kept are placed in all frames.
 """
 
+from dataclasses import replace
+from functools import cached_property
+
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Topology, Trajectories
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs
 from skelgen.stages.joints.edge_certainty import with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
-from skelgen.stages.joints.parameters import JointConstraints, JointParameters
+from skelgen.stages.joints.pairs import Guessing, JointGuess
+from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
-from skelgen.stages.joints.segments import make_segments, markers_of_limbs, sample_frames
+from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.tree import (
+    Tree,
     find_tree,
     loop_joints,
     stuck_joint_notices,
@@ -50,49 +56,92 @@ def find_joints(
     seed : int
         Seed of the annealing jitter, where that is asked for.
     monitor : Monitor
-        Told of progress and of notices.
+        Receives progress and notices.
 
     Raises
     ------
     InputError
         If no marker belongs to a limb, or the constraints cannot be met.
     """
-    parameters = parameters or JointParameters()
-    monitor.begin("joints")
-    if not limbs.n_limbs:
-        raise InputError(f"{trajectories.name or 'the take'}: no marker belongs to a limb, so there are no joints")
-    stated = (constraints or JointConstraints()).with_parameters(parameters, trajectories.names, limbs)
-    markers = markers_of_limbs(trajectories.positions, limbs, int(parameters.samples))
-    n_frames, frames = len(markers[0]), sample_frames(len(markers[0]), parameters)
-    segments = make_segments(markers, frames)
-    body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
-    odds = neighbour_odds(segments, frames, body_of_limb)
-    guesses = PairSearch(segments, frames, parameters, seed, monitor, odds).guesses()
-    costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
-    radius = usual_radius(segments, frames) if parameters.separate else None
-    tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
-    joints, segments = place_joints(segments, frames, tree.parents, parameters, seed, monitor, guesses)
-    raw = side_by_side(joints, tree.parents, n_frames)
-    if n_frames < trajectories.n_frames:
-        raw = place_in_blocks(trajectories.positions, limbs, tree.parents, parameters, seed, monitor, guesses)
-    in_order = [joints[child] for child in joint_children(tree.parents)]
-    topology = Topology(
+    return JointSearch(trajectories, limbs, parameters, seed).find(constraints, monitor)
+
+
+class JointSearch:
+    """The search for the joints and the tree of a take: again with other constraints, pairs are not tried anew.
+
+    Parameters
+    ----------
+    trajectories, limbs, parameters, seed
+        As for `find_joints`.
+    """
+
+    def __init__(
+        self, trajectories: Trajectories, limbs: Limbs, parameters: JointParameters | None = None, seed: int = 0
+    ) -> None:
+        self._trajectories, self._limbs = trajectories, limbs
+        self._parameters = parameters or JointParameters()
+        self._how = Guessing(self._parameters, seed)
+        self._tried: dict[bytes, tuple[Floats, dict[Pair, JointGuess]]] = {}
+
+    @cached_property
+    def _segments(self) -> tuple[list[Segment], Ints]:
+        """All limbs, and the frames at which pairs are tried."""
+        markers = markers_of_limbs(self._trajectories.positions, self._limbs, int(self._parameters.samples))
+        frames = sample_frames(len(markers[0]), self._parameters)
+        return make_segments(markers, frames), frames
+
+    def _guesses(self, body_of_limb: Ints, monitor: Monitor) -> tuple[Floats, dict[Pair, JointGuess]]:
+        """Log odds that limbs are neighbours, and the joints of all pairs."""
+        key = body_of_limb.tobytes()
+        if key not in self._tried:
+            segments, frames = self._segments
+            odds = neighbour_odds(segments, frames, body_of_limb)
+            self._tried = {key: (odds, PairSearch(segments, frames, self._how, monitor, odds).guesses())}
+        return self._tried[key]
+
+    def find(self, constraints: JointConstraints | None = None, monitor: Monitor = SILENT) -> Topology:
+        """Find joints and topology.
+
+        Parameters
+        ----------
+        constraints, monitor
+            As for `find_joints`, which says what is raised.
+        """
+        trajectories, limbs, parameters, how = self._trajectories, self._limbs, self._parameters, self._how
+        monitor.begin("joints")
+        if not limbs.n_limbs:
+            raise InputError(f"{trajectories.name or 'the take'}: no marker belongs to a limb, so there are no joints")
+        stated = (constraints or JointConstraints()).with_parameters(parameters, trajectories.names, limbs)
+        segments, frames = self._segments
+        body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
+        odds, guesses = self._guesses(body_of_limb, monitor)
+        costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
+        radius = usual_radius(segments, frames) if parameters.separate else None
+        tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
+        joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
+        n_frames = len(segments[0].points)
+        raw = side_by_side(joints, tree.parents, n_frames)
+        if n_frames < trajectories.n_frames:
+            raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
+        topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)
+        topology = with_certainty(replace(topology, loops=loop_joints(tree.parents, costs)), costs.turns, stated)
+        notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
+        notices += undetermined_limb_notices(placed)
+        if parameters.solver == "conjugate-gradient":
+            notices += stuck_joint_notices(joints, tree.parents)
+        for notice in notices:
+            monitor.notice(notice)
+        return topology
+
+
+def _with_joints(tree: Tree, joints: list[JointGuess], raw: Floats, parameters: JointParameters) -> Topology:
+    """The tree with its joints from the roots outward, and their raw positions [mm], (n_frames, n_joints, 3)."""
+    return Topology(
         parents=tree.parents,
         joint_costs=tree.costs,
         raw_joint_positions=raw,
-        n_iterations=np.array([joint.n_iterations for joint in in_order], dtype=np.intp),
-        values=np.array([joint.cost(parameters.alpha_final) for joint in in_order]),
+        n_iterations=np.array([joint.n_iterations for joint in joints], dtype=np.intp),
+        values=np.array([joint.cost(parameters.alpha_final) for joint in joints]),
         alpha=parameters.alpha,
-        loops=loop_joints(tree.parents, costs),
         final_alpha=parameters.alpha_final,
     )
-    topology = with_certainty(topology, costs.turns, stated)
-    for notice in (
-        *tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb)))),
-        *undetermined_limb_notices(segments),
-    ):
-        monitor.notice(notice)
-    if parameters.solver == "conjugate-gradient":
-        for notice in stuck_joint_notices(joints, tree.parents):
-            monitor.notice(notice)
-    return topology

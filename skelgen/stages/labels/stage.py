@@ -250,7 +250,7 @@ def _exchanged(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
 
 
 def _on_limbs(task: LabelTask, pieces: TrackletPoints, found: Ints) -> Ints:
-    """Marker of each point, merged limb by limb; which limbs there are is told by the markers found so far."""
+    """Marker of each point, merged limb by limb; the markers found so far say which limbs there are."""
     known = main_groups(found[pieces.points], pieces.tracklet_of_point)
     return _grouped(task, pieces, merge_on_limbs(task.cloud.points, pieces, task.rate, task.spacing, known))
 

@@ -2,7 +2,7 @@
 
 Joined limbs have a place where they stay together, and some marker of one stays near some marker of the other, at a
 distance that hardly changes. Two bodies have no such place. Markers are joined to a tree, each step as short and as
-steady as it can be; every step parts the markers in two, and how likely these are two bodies is told by the pair of
+steady as it can be; every step parts the markers in two, and how likely these are two bodies depends on the pair of
 markers across that stays nearest, and the pair that stays near and steady, beside the other steps of the tree. How
 much each of this says is learned.
 """
@@ -24,7 +24,7 @@ LEAST_COMMON = 8
 """Frames that must show both markers."""
 
 LEAST_MARKERS = 5
-"""Markers of a body that is parted here; smaller things are told from joints, which the next stage looks for."""
+"""Markers of a body that is parted here; smaller things are found from joints, which the next stage looks for."""
 
 STEADY = 0.1
 """Of the usual step of the tree: steadier pairs are all alike when the tree is made."""

@@ -102,7 +102,7 @@ def pair_features(positions: Floats) -> Floats:
 
 
 def _between(deviation: Floats, away: Floats) -> list[Floats]:
-    """How differently other markers move against two, how many are steadier with both, and how many nearer to both."""
+    """Of each pair: how unlike others move against the two, how many are steadier with both, and how many nearer."""
     unlike, steadier, nearer = np.zeros((3, *deviation.shape))
     for marker, (row, gap) in enumerate(zip(deviation, away, strict=True)):
         others = np.arange(len(row)) != marker

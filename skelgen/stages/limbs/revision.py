@@ -11,10 +11,10 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import Deviations, PairSums
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.worn_sets import set_odds
+from skelgen.stages.limbs.worn_places import worn_odds
 
 SOFT = 0.05
-"""Of how neighbouring limbs move against each other: limbs that bend less are plates, which need no second look."""
+"""Of how neighbouring limbs move against each other: limbs that bend less are plates, which stay as they are."""
 
 ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual for a pair."""
@@ -42,7 +42,7 @@ MOST_CHANGES = 100
 
 
 def is_soft(groups: Ints, deviations: Deviations) -> bool:
-    """Whether there are limbs enough, and these bend as far as to make pairs of markers worth a second look.
+    """Whether there are enough limbs, and they bend so far that pairs of markers tell more than rigid bodies.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, *, 
     """
     odds = np.clip(log_odds(positions), -SUREST, SUREST)
     if with_sets:
-        odds += set_odds(positions, odds)
+        odds += worn_odds(positions, odds)
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:

@@ -57,7 +57,7 @@ def find_limbs(
     seed : int
         Seed of the jittered samples and of k-means++.
     monitor : Monitor
-        Told of progress and of notices.
+        Receives progress and notices.
 
     Returns
     -------
@@ -76,12 +76,7 @@ def find_limbs(
     frames = pair_distances.sample_frames(trajectories.n_frames, parameters, seed)
     every = pair_distances.distance_deviations(trajectories.positions, frames)
     usable = _usable(every.plain, named)
-    if len(usable) < 2:
-        raise InputError(
-            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
-        )
-    if n_limbs is not None and not 1 <= n_limbs <= len(usable):
-        raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
+    _check_numbers(trajectories.name, len(usable), n_limbs)
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     body_of_marker, sure = _bodies(trajectories.positions, usable, named, parameters, n_limbs)
@@ -94,18 +89,23 @@ def find_limbs(
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
     on_limb = np.flatnonzero(limb_of_marker >= 0)
     limb_of_marker[on_limb] = _numbered_by_first(limb_of_marker[on_limb])
+    notices = [_about_bodies(body_of_marker[usable], sure)] if len(sure) > 1 else []
+    for notice in (*notices, *limb_notices(trajectories, limb_of_marker, frames)):
+        monitor.notice(notice)
     body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
     body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
     kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
-    if len(sure) > 1:
-        monitor.notice(_about_bodies(body_of_marker[usable], sure))
-    for notice in limb_notices(trajectories, limb_of_marker, frames):
-        monitor.notice(notice)
     membership = _memberships(trajectories.positions[frames], limb_of_marker, body_of_limb, named)
     monitor.advance(1, 1)
-    return Limbs(
-        limb_of_marker, every.plain, membership=membership, body_of_limb=body_of_limb, body_probability=sure[kept]
-    )
+    return Limbs(limb_of_marker, every.plain, (), membership, body_of_limb, sure[kept])
+
+
+def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
+    """Refuse a take with too few markers for a limb, or for as many limbs as are stated."""
+    if n_usable < 2:
+        raise InputError(f"{name or 'the take'}: no two markers are seen together; there is no limb to find")
+    if n_limbs is not None and not 1 <= n_limbs <= n_usable:
+        raise InputError(f"{n_limbs} limbs cannot be made of {n_usable} markers")
 
 
 def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, named: MarkerConstraints) -> Floats:

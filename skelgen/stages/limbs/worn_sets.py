@@ -1,4 +1,4 @@
-"""Which marker set a person wears, told by the distances of markers alone, and what that says of pairs of markers.
+"""Which marker set a person wears, by the distances of markers alone, and what that says of pairs of markers.
 
 Where soft tissue hides a joint, as of a wrist that carries two markers and a hand that carries two more, motion does
 not tell limbs apart. But people wear the sets of their field, and a set has a shape: the usual distance of each two of
@@ -43,7 +43,7 @@ OUTLINE = tuple(np.linspace(0.05, 0.95, 12))
 OUTLINE_SPREAD = 0.15, 0.5
 """Standard deviations of these, and of those of how much the distances vary."""
 
-SEED_WEIGHT = 2.0
+START_WEIGHT = 2.0
 """How much the distances to one pair of markers count beside the outlines, at the beginning of a search."""
 
 SEARCHES, ROUNDS = 12, 10
@@ -66,6 +66,14 @@ CONTRADICTED = -1.0
 
 AGREED, NOT_AGREED = 0.8, 0.65
 """Part of the set's pairs that are not contradicted: from the first on it is believed, below the second not at all."""
+
+STRANGE, TOO_STRANGE = 2.3, 2.8
+"""Misfit up to which a set is believed that motion bears out, and from which it is not: people take postures that no
+natural motion of the simulation has. With joint angles of twice the usual size 1.8 to 2.7; animals 2.8 and more."""
+
+BORNE_OUT, NOT_BORNE_OUT = 0.85, 0.75
+"""Part of the pairs of such a set that are not contradicted: of people whose own set was left out of the table, .77 to
+.87 of the pairs are right up to .79, and .96 and more from .85 on."""
 
 STRENGTH = 6.0
 """Log odds that a set which is believed gives a pair of markers."""
@@ -128,31 +136,57 @@ class Match:
     misfit: float
 
 
-def set_odds(positions: Floats, by_motion: Floats) -> Floats:
-    """Return the log odds that two markers share a limb by the set that is worn, shape (n_markers, n_markers).
-
-    They are 0 where no set says anything.
+def belief_in_set(match: Match, worn: WornSet, by_motion: Floats) -> float:
+    """Return how far to believe that a set is worn, 0 to 1.
 
     Parameters
     ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Sampled frames; NaN where unseen.
+    match : Match
+        How markers fit it.
+    worn : WornSet
+        The set.
     by_motion : ndarray, shape (n_markers, n_markers)
-        Log odds by what each pair does.
+        Log odds that two markers share a limb by what each pair does.
     """
-    odds = np.zeros(by_motion.shape)
-    found = nearest_set(positions)
-    if found is None:
-        return odds
-    match, worn = found
-    segments, pairs = worn.segments[match.of_set], np.ix_(match.markers, match.markers)
-    together = segments[:, np.newaxis] == segments
-    others = together & ~np.eye(len(segments), dtype=np.bool_)
-    agreed = float((by_motion[pairs][others] > CONTRADICTED).mean()) if others.any() else 0.0
-    borne_out = np.maximum(_part(agreed, AGREED, NOT_AGREED), _part(match.misfit, BEYOND_DOUBT, DOUBTFUL))
-    belief = _part(match.misfit, WORN, NOT_WORN) * borne_out
-    fits = _part(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
-    odds[pairs] = belief * np.where(together, STRENGTH, -STRENGTH) * np.minimum(fits[:, np.newaxis], fits)
+    agreed = agreement(match, worn, by_motion)
+    borne_out = np.maximum(part_of(agreed, AGREED, NOT_AGREED), part_of(match.misfit, BEYOND_DOUBT, DOUBTFUL))
+    usual = part_of(match.misfit, WORN, NOT_WORN) * borne_out
+    strange = part_of(match.misfit, STRANGE, TOO_STRANGE) * part_of(agreed, BORNE_OUT, NOT_BORNE_OUT)
+    return float(np.maximum(usual, strange))
+
+
+def agreement(match: Match, worn: WornSet, by_motion: Floats) -> float:
+    """Return the part of the pairs on one segment of a set that do not move as two limbs.
+
+    Parameters
+    ----------
+    match, worn, by_motion
+        As for `belief_in_set`.
+    """
+    together = worn.segments[match.of_set][:, np.newaxis] == worn.segments[match.of_set]
+    others = together & ~np.eye(len(together), dtype=np.bool_)
+    moving = by_motion[np.ix_(match.markers, match.markers)][others]  # 0: never seen together
+    return float(((moving > CONTRADICTED) & (moving != 0)).mean()) if others.any() else 0.0
+
+
+def pair_odds(match: Match, worn: WornSet, n_markers: int, strength: float) -> Floats:
+    """Return the log odds that two markers share a limb by a set that is worn, shape (n_markers, n_markers).
+
+    Parameters
+    ----------
+    match : Match
+        How markers fit it.
+    worn : WornSet
+        The set.
+    n_markers : int
+        Of the take.
+    strength : float
+        Log odds of a pair that fits.
+    """
+    odds, segments = np.zeros((n_markers, n_markers)), worn.segments[match.of_set]
+    fits = part_of(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
+    signs = np.where(segments[:, np.newaxis] == segments, strength, -strength)
+    odds[np.ix_(match.markers, match.markers)] = signs * np.minimum(fits[:, np.newaxis], fits)
     np.fill_diagonal(odds, 0.0)
     return odds
 
@@ -165,17 +199,28 @@ def nearest_set(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
+    return next(iter(fitting_sets(positions)), None)
+
+
+def fitting_sets(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
+    """Return all sets of about as many markers and how markers fit them, the best first.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _nearest_set(shown.tobytes(), shown.shape)
+    return _fitting_sets(shown.tobytes(), shown.shape)
 
 
 @lru_cache(maxsize=4)
-def _nearest_set(shown: bytes, n: tuple[int, ...]) -> tuple[Match, WornSet] | None:
+def _fitting_sets(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
     """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
     shape = shape_of(np.frombuffer(shown).reshape(n))
     sizes = [(worn, n[1] / len(worn.segments)) for worn in worn_sets()]
     found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
-    return min(found, key=lambda one: one[0].misfit, default=None)
+    return tuple(sorted(found, key=lambda one: one[0].misfit))
 
 
 def markers_of_set(positions: Floats) -> tuple[str, tuple[str, ...], bool] | None:
@@ -261,7 +306,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     best, visited = None, set()
     for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(seed, outlines.shape[1])
-        start = outlines + SEED_WEIGHT * _misfits(shape, worn, np.array([marker]), np.array([of_set]))
+        start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()
         start[marker, of_set] = 0.0
         markers, taken = linear_sum_assignment(start)
@@ -270,7 +315,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
             if matched in visited:  # another search went on from here, or this one stands still
                 break
             visited.add(matched)
-            misfits = _misfits(shape, worn, markers, taken)
+            misfits = misfits_of(shape, worn, markers, taken)
             fit = float(misfits[markers, taken].mean())
             if best is None or fit < best[0]:
                 best = fit, markers, taken, misfits[markers, taken]
@@ -280,8 +325,18 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
 
 
-def _misfits(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
-    """Mean square of how far distances to matched markers are off, if a marker of the take is one of the set."""
+def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+    """Return the mean square of how far distances are off if a marker of the take is one of the set, (n, n_of_set).
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    worn : WornSet
+        The set.
+    markers, of_set : ndarray of intp, shape (n_matched,)
+        Markers to which distances are compared.
+    """
     total = _squares(shape.distances, worn.mean.distances, worn.spread.distances, markers, of_set)
     total += MOTION_WEIGHT * _squares(shape.motions, worn.mean.motions, worn.spread.motions, markers, of_set)
     np.minimum(total, LARGEST, out=total)
@@ -309,6 +364,14 @@ def _outline_misfits(one: Shape, other: Shape) -> Floats:
     return total
 
 
-def _part(value: Floats | float, all_of: float, nothing: float) -> Floats:
-    """1 up to one value, 0 from another one on."""
+def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:
+    """Return 1 up to one value, 0 from another one on.
+
+    Parameters
+    ----------
+    value : ndarray or float
+        What is judged.
+    all_of, nothing : float
+        These values.
+    """
     return np.clip((nothing - np.asarray(value)) / (nothing - all_of), 0.0, 1.0)

@@ -1,7 +1,7 @@
 """Names of limbs by what the markers on them are called and the sets that people wear, or by shape and motion."""
 
 from skelgen.stages.names.by_markers import name_bones, name_limbs, segments_of_markers
-from skelgen.stages.names.by_shape import WornShape, contradicts_sides, names_by_shape
+from skelgen.stages.names.by_shape import WornShape, contradicts_sides, names_by_shape, segments_by_shape
 from skelgen.stages.names.marker_sets import (
     MARKER_SET_CHOICES,
     PARENTS,
@@ -25,5 +25,6 @@ __all__ = [
     "names_by_shape",
     "plain_name",
     "recognised_set",
+    "segments_by_shape",
     "segments_of_markers",
 ]

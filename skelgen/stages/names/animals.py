@@ -28,6 +28,7 @@ _POSTURE = 0.4  # cosines between trunk and legs, and what lacks to 1 between th
 _MOST_MISFIT = 6.0
 _FRONT, _MOST_FRONT = 3.0, 2.0  # log odds for a sign of 1, and the most that one says
 _WAY = 0.3  # of another sign
+_MOST_ENDS = 12  # of an animal's tree: legs, head, tail, ears and single markers
 _FINGERS = 5
 _PHALANGES = (2, 4)  # of a finger: least and most limbs
 _LEAST_PARALLEL = 0.5  # cosine of fingers with their mean direction
@@ -67,6 +68,8 @@ class _Leg:
 def find_quadruped(tree: MovingTree) -> Shape | None:
     """Return the four-legged animal that a tree is, or None if it is none."""
     best, least = None, _MOST_MISFIT
+    if len(tree.ends) > _MOST_ENDS:  # every four of them are tried
+        return None
     for four in combinations(tree.ends, 4):
         for other in four[1:]:
             hind = (four[0], other)

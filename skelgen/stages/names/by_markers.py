@@ -7,7 +7,7 @@ import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain, count
 from pathlib import Path
 
@@ -153,6 +153,7 @@ def _readings(name: str) -> list[_Reading]:
     return readings
 
 
+@lru_cache(maxsize=4096)
 def _reading(style: str, side: str, rest: str, must_be_whole: bool = False) -> _Reading:
     after_number = rest.lstrip("0123456789")
     begun = (word for word in _words() if rest.startswith(word) or after_number.startswith(word))
@@ -187,10 +188,10 @@ def _segments_of(markers: Sequence[str], worn: MarkerSet | None) -> dict[str, tu
 def _votes(on_limb: Sequence[str], segments: Mapping[str, tuple[str, float]]) -> Counter[str]:
     """Weight of each segment that has at least half of what a limb's markers say; none if most of them say nothing."""
     votes: Counter[str] = Counter()
-    told = [segments[name] for name in on_limb if name in segments]
-    for segment, weight in told:
+    stated = [segments[name] for name in on_limb if name in segments]
+    for segment, weight in stated:
         votes[segment] += weight  # type: ignore[assignment]
-    if len(told) < _LEAST_SHARE * len(on_limb):
+    if len(stated) < _LEAST_SHARE * len(on_limb):
         return Counter()
     if len(votes) > 1:  # fingers on one limb are a hand
         votes = sum((Counter({_with_hand(name): weight}) for name, weight in votes.items()), Counter())

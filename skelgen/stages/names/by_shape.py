@@ -8,22 +8,23 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
 from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
 from skelgen.stages.names.facing import side_evidence
 from skelgen.stages.names.likely_segments import OfSet
-from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together
+from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together, tree_of_chain
 from skelgen.stages.names.person import find_person
 
 SURE = 3.0
-"""Log odds from which sides are told: nineteen of twenty would be right if signs were independent."""
+"""Log odds from which sides are decided: nineteen of twenty would be right if signs were independent."""
 
 _LEAST_OTHERS = 2.5
 """Log odds of all signs but the knees, which have to agree with them."""
 
 _LIKE_SET, _WHOLE_SET = 4.0, 16.0
-"""Log odds of a limb to be what it is in a set whose shape its markers have: in a like one, and where all are there."""
+"""Log odds of a limb's segment by a set whose shape its markers have: a similar one, and one that is worn whole."""
 
 _CHAIN, _PERSON = "a chain", "a person"
 _STATED = 99.0
@@ -87,8 +88,8 @@ def names_by_shape(
     """
     if motion not in _FOUND:
         worn = find_worn()
-        said = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
-        _FOUND[motion] = said, _shapes(moving_trees(skeleton, motion), worn)
+        notices = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
+        _FOUND[motion] = notices, _shapes(moving_trees(skeleton, motion), worn)
     named: dict[int, tuple[float, str]] = {}
     sentences, shapes = [*_FOUND[motion][0]], _FOUND[motion][1]
     for tree, what, shape in shapes:
@@ -99,7 +100,7 @@ def names_by_shape(
 
 
 def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tuple[MovingTree, str, Shape]]:
-    """What trees are, in words, and their shapes; those that alone are nothing may be pieces of one person."""
+    """What trees are, in words, and their shapes; trees that are nothing by themselves may be pieces of one person."""
     found, rest, others = [], [], list(trees)
     for one in worn:
         of_set = [tree for tree in others if sum(limb in one.called for limb in tree.limbs) * 2 > len(tree.limbs)]
@@ -119,6 +120,19 @@ def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tupl
         shape = _person(whole, is_whole=False)
         found += [(whole, _PERSON, shape)] if shape else []
     return found
+
+
+def segments_by_shape(fit: ObservedChain) -> dict[int, str]:
+    """Return the segments of the person that a fitted chain is by shape; none if it is none.
+
+    Parameters
+    ----------
+    fit : ObservedChain
+        In frames spread over the take; every limb has markers.
+    """
+    tree = tree_of_chain(fit)
+    person = None if tree is None else find_person(tree)
+    return {} if person is None else dict(person.segments)
 
 
 def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:

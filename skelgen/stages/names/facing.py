@@ -79,7 +79,7 @@ def _reaching(arm: Chain, forward: Floats) -> float:
 
 
 def going(hips: Floats, forward: Floats, rate: float) -> float:
-    """Return how much of a way is forward, 1 if all; 0 of who stays.
+    """Return how much of a way is forward, 1 if all; 0 of somebody who stays.
 
     Parameters
     ----------

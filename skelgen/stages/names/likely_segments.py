@@ -144,10 +144,10 @@ def likely_segments(tree: MovingTree, worn: Mapping[int, OfSet] | None = None, t
     return Likely(tuple(labels.tolist()), score / max(n_limbs * (n_limbs - 1) / 2, 1))
 
 
-def _odds_by_set(label: tuple[str, int], said: OfSet | None) -> float:
+def _odds_by_set(label: tuple[str, int], of_set: OfSet | None) -> float:
     """Log odds of a label by a marker set; a stiff arm is called a forearm."""
     segment = CHAINS[0][1] if label[0] == STIFF_ARM else label[0]
-    return said.odds if said is not None and (segment, label[1]) == (said.segment, said.side) else 0.0
+    return of_set.odds if of_set is not None and (segment, label[1]) == (of_set.segment, of_set.side) else 0.0
 
 
 def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[float, Ints]:

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats, spread_frames
 
@@ -169,6 +170,25 @@ def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
         if all(markers[limb].shape[1] for limb in limbs):
             trees.append(MovingTree(limbs, joints, poses[..., :3, :3], markers, rate))
     return trees
+
+
+def tree_of_chain(fit: ObservedChain) -> MovingTree | None:
+    """Return the tree of a fitted chain, limbs by their places in it; None if a limb carries no markers.
+
+    Parameters
+    ----------
+    fit : ObservedChain
+        In frames spread over the take.
+    """
+    some = fit.at(spread_frames(fit.n_frames, _FRAMES))
+    chain, placed, origins = some.chain, some.poses.markers(some.chain), some.poses.origins(some.chain)
+    limbs = tuple(range(chain.n_limbs))
+    markers = {limb: placed[:, chain.limb_of_marker == limb] for limb in limbs}
+    edges = [(int(chain.parents[limb]), limb) for limb in limbs[1:]]
+    joints = {pair: origins[:, edge[1]] for edge in edges for pair in (edge, edge[::-1])}
+    if not all(one.shape[1] for one in markers.values()):
+        return None
+    return MovingTree(limbs, joints, some.poses.rotations, markers, 1.0)
 
 
 def _placed(poses: Floats, offsets: Floats) -> Floats:

@@ -132,8 +132,10 @@ def misfits(positions: Floats, cycle: Cycle, model: RigidModel) -> tuple[Floats,
 
 def best_spans(evidence: Evidence) -> list[tuple[int, int]]:
     """First and last frame of every span in which the labels are best exchanged."""
-    gains = (evidence.distances - PRIOR_COST).tolist()
-    entries, exits = (evidence.entries - SWITCH_COST).tolist(), (evidence.exits - SWITCH_COST).tolist()
+    gain, entry, leave = evidence.distances - PRIOR_COST, evidence.entries - SWITCH_COST, evidence.exits - SWITCH_COST
+    if not _any_pays(gain, entry, leave):
+        return []
+    gains, entries, exits = gain.tolist(), entry.tolist(), leave.tolist()
     normal, swapped = 0.0, -SWITCH_COST + gains[0]
     ended, begun = [False], [True]
     for gain, entry, leave in zip(gains[1:], entries[1:], exits[1:], strict=True):
@@ -141,6 +143,14 @@ def best_spans(evidence: Evidence) -> list[tuple[int, int]]:
         begun.append(normal + entry > swapped)
         normal, swapped = max(normal, swapped + leave), max(swapped, normal + entry) + gain
     return _traced_back(ended, begun, swapped > normal)
+
+
+def _any_pays(gain: Floats, entry: Floats, leave: Floats) -> bool:
+    """Whether a span exists that gains more than its begin and its end cost; in most takes there is none."""
+    upto = np.cumsum(gain)
+    begun, ended = entry - (upto - gain), upto + np.append(leave[1:], 0.0)
+    begun[0] = -SWITCH_COST
+    return bool((ended + np.maximum.accumulate(begun) > 0).any())
 
 
 def _traced_back(ended: list[bool], begun: list[bool], inside: bool) -> list[tuple[int, int]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen._kernels import marker_steps as kernels
 from skelgen._kernels.marker_steps import LINE_FRAMES
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, quantile_of
 from skelgen.model.arrays import Floats, Ints
 
 N_MATES = 5
@@ -38,8 +38,8 @@ LEAST_DEVIATION = 0.05
 MOST_CANDIDATES = 20
 """Frames that are examined for each marker; if there are more, none stands out."""
 
-COMMON = 99.9
-"""Percentile of a measure over the take, which a slip must exceed."""
+COMMON = 0.999
+"""Part of the frames of the take in which a measure is below what a slip must exceed."""
 
 ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 2.5, 1.3
 """How many times the step between lines, and that of the single frame, must exceed that."""
@@ -126,8 +126,8 @@ class PlaceOnLimb:
             How much each mate's distance tells of the step.
         """
         expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
-        parts = (self.sudden, self.at_once, *self.later)
-        return np.array([_weighted(part[frame : frame + 1], weights)[0] for part in parts]) / expected
+        parts = np.array([part[frame] for part in (self.sudden, self.at_once, *self.later)])
+        return _weighted(parts, weights) / expected
 
     def variations(self, weights: Floats) -> float:
         """The step in standard deviations of what distances vary between later and earlier means."""
@@ -160,11 +160,13 @@ def jump_frames(own: Floats, factor: float) -> list[int]:
     usual = max(float(np.median(known)) / MEDIAN_LENGTH, LEAST_DEVIATION)
     high = np.flatnonzero(size > factor * usual)
     frames: list[int] = []
+    taken: set[int] = set()
     for frame in high[np.argsort(-size[high], kind="stable")][: LINE_FRAMES * MOST_CANDIDATES].tolist():
         if len(frames) == MOST_CANDIDATES:
             break
-        if all(abs(frame - other) > LINE_FRAMES for other in frames):
+        if frame not in taken:
             frames.append(frame)
+            taken.update(range(frame - LINE_FRAMES, frame + LINE_FRAMES + 1))
     return frames
 
 
@@ -193,7 +195,7 @@ def significance(measures: Floats, weights: Floats, frame: int, window: int, abo
     value = float(sums[frame])
     rest = np.abs(np.concatenate([sums[: max(frame - window, 0)], sums[frame + window :]]))
     rest = rest[~np.isnan(rest)]
-    if not len(rest) or np.isnan(value) or value < above * np.percentile(rest, COMMON):
+    if not len(rest) or np.isnan(value) or value < above * quantile_of(rest, COMMON):
         return 0.0
     usual = SIGMA_OF_MEDIAN * float(np.median(rest))
     return value / max(usual, LEAST_DEVIATION * float(np.linalg.norm(weights)))
@@ -229,9 +231,10 @@ def leaps(steps: Floats, paces: Callable[[], Floats], least: float, window: int)
     for frame in peaks:
         near = slice(max(frame - LINE_FRAMES, 0), frame + LINE_FRAMES + 1)
         best = max(frame - 1, 0) + int(sharp[max(frame - 1, 0) : frame + 2].argmax())
-        above, at_once = _above_common(size, size[frame], near), _above_common(sharp, sharp[best], near)
-        stays = not (_is_undone(steps, frame, frame, window) or _is_undone(kinks, best, frame, LINE_FRAMES))
-        if above > ABOVE_COMMON and at_once > ABOVE_COMMON_AT_ONCE and stays:
+        above = _above_common(size, size[frame], near)
+        if above <= ABOVE_COMMON or _above_common(sharp, sharp[best], near) <= ABOVE_COMMON_AT_ONCE:
+            continue
+        if not (_is_undone(steps, frame, frame, window) or _is_undone(kinks, best, frame, LINE_FRAMES)):
             found.append((best, above))
     return found
 
@@ -253,7 +256,7 @@ def _highest(size: Floats) -> Floats:
 def _above_common(size: Floats, value: float, near: slice) -> float:
     rest = np.concatenate([size[: near.start], size[near.stop :]])
     rest = rest[rest > 0]
-    return value / max(float(np.percentile(rest, COMMON)) if len(rest) else 0.0, SMALLEST)
+    return value / max(quantile_of(rest, COMMON) if len(rest) else 0.0, SMALLEST)
 
 
 def _is_undone(steps: Floats, frame: int, middle: int, window: int) -> bool:

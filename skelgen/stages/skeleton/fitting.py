@@ -4,6 +4,7 @@ A fit with free joints of some frames tells the types of the joints. With joints
 are fitted together, outliers left out; soft tissue and closed loops are fitted where the take or the user has them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,15 +14,16 @@ from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
 from skelgen.kinematics.calibration.joint_places import out_of_reach
 from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
-from skelgen.kinematics.calibration.known_body import KnownBody
+from skelgen.kinematics.calibration.known_body import KnownBody, joints_of_limbs, known_limbs
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.limbs import worn_body
+from skelgen.stages.names import segments_by_shape
 from skelgen.stages.skeleton import joints as body_joints
 from skelgen.stages.skeleton.assembly import Body, assemble
 from skelgen.stages.skeleton.loops import FOUND, ClosedLoops, closed_body
@@ -72,6 +74,8 @@ class FittedBody:
         Loops that were closed.
     tissue : SoftTissue, optional
         How markers slide on the limbs, if they do.
+    astray : tuple of int
+        Limbs below joints that motion alone places out of reach: they lie where they are expected.
     """
 
     body: Body
@@ -88,6 +92,7 @@ class FittedBody:
     noise: float
     loops: ClosedLoops | None = None
     tissue: SoftTissue | None = None
+    astray: tuple[int, ...] = ()
 
     @property
     def constrained(self) -> ConstrainedChain:
@@ -110,22 +115,11 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
     are_poses : bool
         Whether the markers stand for bodies with orientation.
     """
-    fitter = _Fitter(body, parameters, are_poses)
     # Evenly spread frames among those that show at least as many markers as half of all frames do
     count = (~np.isnan(body.positions[:, :, 0])).sum(axis=1)
     good = np.flatnonzero(count >= max(np.median(count), 1))
     chain, reference = assemble(body, parameters, evenly_spread(good, parameters.samples))
-    found, seen = fitter.first(chain)
-    lasts = False
-    if parameters.fit == "whole-chain":
-        found = fitter.whole(found)
-        lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
-        astray = out_of_reach(found.last) if lasts else []
-        found = fitter.without_slides(_with_joint_prior(found, astray, others=False) if astray else found)
-        if lasts:
-            worn = worn_body(body.positions, body.limb_of_marker) if parameters.known_build else None
-            found = _with_joint_prior(found, astray, worn=worn)
-        found = fitter.closed(found, loops)
+    found, seen, lasts = _fitted_chain(body, parameters, chain, loops, are_poses)
     last, types, poses = found.last, found.types, found.poses
     # What is known of joints places hinges along their axes, too, and its information says how well
     freedom = np.zeros(len(types) + 1) if lasts else body_joints.axis_freedom(types, last.noise)
@@ -141,8 +135,9 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         closed = closed.with_errors(errors, last, last.noise * np.sqrt(found.correlated))
     shared = evenly_spread(found.used, ROTATION_FRAMES)
     covariances = errors.turns(poses[shared], found.inliers[shared])
+    everywhere = observed(chain, last.articulation, poses, found.inliers)
     unseen = np.asarray(~seen.all(axis=1))
-    deviations = body_joints.joint_deviations(last, chain, poses, found.inliers, unseen, found.correlated, lasts)
+    deviations = body_joints.joint_deviations(last, everywhere, unseen, found.correlated, lasts)
     chain, poses, rotation = _with_reference_axes(chain, poses, reference)
     above = rotation[np.maximum(chain.parents, 0)]
     return FittedBody(
@@ -160,6 +155,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         noise=last.noise,
         loops=None if closed is None else closed.turned(rotation),
         tissue=None if found.tissue is None else found.tissue.turned(chain, rotation),
+        astray=found.astray,
     )
 
 
@@ -185,6 +181,8 @@ class _Fit:
         Loops that were closed.
     tissue : SoftTissue, optional
         The slides.
+    astray : tuple of int
+        Limbs below joints that motion alone places out of reach: they lie where they are expected.
     """
 
     last: Calibration
@@ -195,6 +193,29 @@ class _Fit:
     correlated: float
     loops: ClosedLoops | None = None
     tissue: SoftTissue | None = None
+    astray: tuple[int, ...] = ()
+
+
+def _fitted_chain(
+    body: Body, parameters: SkeletonParameters, chain: Chain, loops: Ints, are_poses: bool
+) -> tuple[_Fit, Bools, bool]:
+    """Fit a chain from assembled limbs; also return which rotations are fixed, and whether residuals last."""
+    fitter = _Fitter(body, parameters, are_poses)
+    found, seen = fitter.first(chain)
+    if parameters.fit != "whole-chain":
+        return found, seen, False
+    found = fitter.whole(found)
+    lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
+    astray = out_of_reach(found.last) if lasts else []
+    found = fitter.without_slides(_with_joint_prior(found, astray, others=False) if astray else found)
+    if lasts:
+        worn = worn_body(body.positions, body.limb_of_marker) if parameters.known_build else None
+        segments = segments_by_shape(found.last) if parameters.known_build else {}
+        found = _with_joint_prior(found, astray, worn=worn, segments=segments)
+        chain = found.last.chain
+        told = joints_of_limbs(chain, known_limbs(chain, worn)) if worn is not None else set()
+        found = replace(found, astray=tuple(limb for limb in astray if limb not in told))
+    return fitter.closed(found, loops), seen, lasts
 
 
 class _Fitter:
@@ -285,9 +306,16 @@ class _Fitter:
         return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
 
 
-def _with_joint_prior(found: _Fit, astray: list[int], *, others: bool = True, worn: KnownBody | None = None) -> _Fit:
+def _with_joint_prior(
+    found: _Fit,
+    astray: list[int],
+    *,
+    others: bool = True,
+    worn: KnownBody | None = None,
+    segments: Mapping[int, str] | None = None,
+) -> _Fit:
     """Weigh what motion says of joints against what is known of any body, of all or of those that lie out of reach."""
-    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn)
+    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn, segments=segments)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses, correlated=growth)
 

@@ -10,7 +10,7 @@ from skelgen.kinematics.calibration.calibrate import Calibration, FittedChain
 from skelgen.kinematics.calibration.limb_errors import HingeShifts, LimbErrors, limb_errors
 from skelgen.kinematics.calibration.uncertainty import frame_covariances, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, residuals_in_limbs
+from skelgen.kinematics.chain.chain import Chain, ObservedChain, observed, residuals, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
@@ -300,7 +300,7 @@ def correlation_time(fit: Calibration, positions: Floats) -> float:
 
 
 def joint_deviations(
-    last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats, unseen: Bools, correlated: float, along: bool
+    last: Calibration, everywhere: ObservedChain, unseen: Bools, correlated: float, along: bool
 ) -> Floats:
     """Return standard deviations [mm] of joints along the world's axes, of hinges across theirs, by frame and limb.
 
@@ -312,12 +312,8 @@ def joint_deviations(
     ----------
     last : Calibration
         The fit of the constants.
-    chain : Chain
-        Its chain, hinges moved along their axes.
-    poses : ChainPoses
-        All frames.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers.
+    everywhere : ObservedChain
+        Its chain in all frames, hinges moved along their axes.
     unseen : ndarray of bool, shape (n_frames,)
         Frames that show too little of a limb.
     correlated : float
@@ -331,27 +327,25 @@ def joint_deviations(
     """
     even = spread_frames(len(unseen), EXACT_FRAMES)
     frames = np.unique(np.concatenate([even, np.flatnonzero(unseen)[:EXACT_FRAMES]]))
-    articulation, some = last.articulation, poses[frames]
-    axes = articulation.hinge_axes(chain.parents, some.rotations) * (not along)
-    covariances = pose_covariances(observed(chain, articulation, some, positions[frames]), last.noise).origins
-    shared = correlated * _shared(last, chain, poses, positions)
-    held = contiguous(covariances, some.rotations, chain.parents, shared, axes)
+    some, parents = everywhere.at(frames), everywhere.chain.parents
+    axes = some.articulation.hinge_axes(parents, some.poses.rotations) * (not along)
+    covariances = pose_covariances(some, last.noise).origins
+    shared = correlated * _shared(last, everywhere)
+    held = contiguous(covariances, some.poses.rotations, parents, shared, axes)
     variances = variances_across(*held)
     deviations = np.sqrt(np.maximum(variances, 0.0))
-    if len(frames) == len(positions):
+    if len(frames) == len(unseen):
         return np.asarray(deviations)
-    places = np.arange(len(positions))
+    places = np.arange(len(unseen))
     after = np.minimum(np.searchsorted(frames, places), len(frames) - 1)
     before = np.maximum(after - 1, 0)
     nearer = np.where(np.abs(frames[before] - places) < np.abs(frames[after] - places), before, after)
     return np.asarray(deviations[nearer])
 
 
-def _shared(last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
+def _shared(last: Calibration, everywhere: ObservedChain) -> Floats:
     """Covariances of the skeleton's part in the parents' axes, shape (n_limbs, 3, 3), mm^2."""
-    frames = spread_frames(len(positions), SHARED_FRAMES)
-    some = poses[frames]
-    root = inverse_root(last.information)
-    found = frame_covariances(observed(chain, last.articulation, some, positions[frames]), root, last.noise)
-    turn = some.rotations[:, np.maximum(chain.parents, 0)]
+    some = everywhere.at(spread_frames(everywhere.n_frames, SHARED_FRAMES))
+    found = frame_covariances(some, inverse_root(last.information), last.noise)
+    turn = some.poses.rotations[:, np.maximum(some.chain.parents, 0)]
     return np.asarray((turn.swapaxes(2, 3) @ found.constant_share @ turn).mean(axis=0))

@@ -105,7 +105,7 @@ def play_back(
     parameters : SkeletonParameters
         How.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     """
     trajectories = take.trajectories
     n_frames = trajectories.n_frames

@@ -5,7 +5,7 @@ Limbs are aligned over all frames and averaged, joined from the root, and posed 
 errors that add up from limb to limb (Gaschler 2011, 5.3).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.calibration.limb_errors import deviations
 from skelgen.kinematics.inverse.motion import MotionAngles
-from skelgen.kinematics.joints.observability import observed_joints
+from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
@@ -48,7 +48,7 @@ def fit_skeleton(
     parameters : SkeletonParameters, optional
         How.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     are_poses : bool
         Whether the markers stand for bodies with orientation: however many, they give six numbers in each frame.
 
@@ -74,18 +74,16 @@ def fit_skeleton(
     skeleton = _make_skeleton(fitted, limbs, some.topology)
     motion = _make_motion(fitted, some.trajectories, skeleton)
     observed = observed_joints(skeleton, motion)
-    pairs = zip(skeleton.joints, observed, strict=True)
-    skeleton = replace(skeleton, joints=tuple(replace(joint, open_directions=seen.n_open) for joint, seen in pairs))
-    n_outliers = np.zeros(trajectories.n_markers, dtype=np.intp)
-    for one in fitted:
-        n_outliers[one.body.markers] += one.outliers.sum(axis=0)
+    astray = {int(one.body.limbs[limb]) for one in fitted for limb in one.astray}
+    skeleton = _with_open_directions(skeleton, observed, astray)
+    n_outliers = _counted_outliers(fitted, trajectories.n_markers)
     if len(frames) < trajectories.n_frames:
         played = play_back(fitted, skeleton, take, frames, parameters, monitor)
         motion, n_outliers = played.motion, played.n_outliers
     if parameters.frames_per_second:
         motion = replace(motion, rate=parameters.frames_per_second)
-    notices = [*_unseen_notices(motion), *_outlier_notices(n_outliers, trajectories)]
-    notices += [notice for one in fitted if one.loops for notice in loop_notices(one.loops, one.body.limbs)]
+    notices = (*_unseen_notices(motion), *_outlier_notices(n_outliers, trajectories), *_loop_notices(fitted))
+    notices += tuple(_astray_notices(skeleton, astray))
     for notice in (*notices, *(joint.notice for joint in observed if joint.sentence)):
         monitor.notice(notice)
     return skeleton, motion
@@ -111,6 +109,40 @@ def _fitted(
         fitted.append(fit_body(body, parameters, np.array(own, dtype=np.intp).reshape(-1, 2), are_poses))
         monitor.advance(index + 1, len(bodies))
     return fitted
+
+
+def _counted_outliers(fitted: list[FittedBody], n_markers: int) -> Ints:
+    """Number of frames in which each marker is left out."""
+    n_outliers = np.zeros(n_markers, dtype=np.intp)
+    for one in fitted:
+        n_outliers[one.body.markers] += one.outliers.sum(axis=0)
+    return n_outliers
+
+
+def _loop_notices(fitted: list[FittedBody]) -> Iterator[str]:
+    """Say of each loop how it was closed."""
+    for one in fitted:
+        if one.loops:
+            yield from loop_notices(one.loops, one.body.limbs)
+
+
+def _with_open_directions(skeleton: Skeleton, observed: Sequence[Observed], astray: set[int]) -> Skeleton:
+    """Say in how many directions motion leaves joints open; nothing but what is expected places those gone astray."""
+    joints = [
+        replace(joint, open_directions=max(seen.n_open, 1 + (joint.kind == "hinge") if joint.child in astray else 0))
+        for joint, seen in zip(skeleton.joints, observed, strict=True)
+    ]
+    return replace(skeleton, joints=tuple(joints))
+
+
+def _astray_notices(skeleton: Skeleton, astray: set[int]) -> Iterator[str]:
+    """Say which joints lie where they are expected, below the limbs given."""
+    for joint in skeleton.joints:
+        if joint.child in astray:
+            yield (
+                f"the joint between limb {joint.parent} and {joint.child} lies where joints of such limbs are "
+                "expected: motion alone places it out of their reach"
+            )
 
 
 def _unseen_notices(motion: Motion) -> Iterator[str]:

@@ -56,9 +56,9 @@ class PlaceTest:
     Attributes
     ----------
     shifts : ndarray, shape (n_markers, 3), mm
-        Mean place in the new take minus that in the calibrated one, in the limb's frame; NaN where not to be told.
+        Mean place in the new take minus that in the calibrated one, in the limb's frame; NaN where unknown.
     p_values : ndarray, shape (n_markers,)
-        Probability of as large a difference by chance; 1 where not to be told.
+        Probability of as large a difference by chance; 1 where unknown.
     """
 
     shifts: Floats
@@ -76,7 +76,7 @@ class PlaceTest:
 
     @property
     def distances(self) -> Floats:
-        """Lengths of the shifts [mm], 0 where not to be told."""
+        """Lengths of the shifts [mm], 0 where unknown."""
         return np.asarray(np.nan_to_num(np.linalg.norm(self.shifts, axis=1)))
 
 

@@ -88,7 +88,7 @@ def fit_subject(
     posing : SkeletonParameters, optional
         What is an outlier.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
 
     Raises
     ------

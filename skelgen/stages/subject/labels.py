@@ -88,7 +88,7 @@ def label_by_subject(
     parameters : LabelParameters, optional
         How points without names are followed.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
 
     Raises
     ------

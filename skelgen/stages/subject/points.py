@@ -63,7 +63,7 @@ def tracked_points(
     parameters : LabelParameters
         How points without names are followed.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
     """
     if isinstance(take, PointCloud):
         frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)

@@ -85,7 +85,7 @@ def pose_subject(
     parameters : SkeletonParameters, optional
         Their `rotation`, `flatness`, `outlier_limit` and `robust`.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
     """
     parameters = parameters or SkeletonParameters()
     n_frames = len(positions)

@@ -10,6 +10,7 @@ from skelgen.capture.calibration.bundle_adjustment import Bundle
 from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import InputError, ParameterError
+from skelgen.geometry.rotations import matrix_from_vector
 
 
 def drawn_board(board: Board, side: int = 30) -> np.ndarray:
@@ -55,6 +56,14 @@ def test_a_lens_of_no_known_name_is_refused(seen_pairs, board):
     views = [left for left, _ in seen_pairs(4, noise=0.1)]
     with pytest.raises(ParameterError, match="auto, radial, tangential, full"):
         calibrated(views, board, "fisheye")
+
+
+def test_views_without_perspective_are_refused(board):
+    """OpenCV explains them by focal lengths of 1e9 px."""
+    turns = matrix_from_vector(np.random.default_rng(0).normal(0, 0.4, (6, 3)))
+    corners = (board.points @ turns.swapaxes(1, 2))[..., :2] + [320.0, 240.0]
+    with pytest.raises(InputError, match="no camera explains these views of the board"):
+        guess_camera(corners, board, (640, 480))
 
 
 def test_two_views_are_too_few(seen_pairs, board):

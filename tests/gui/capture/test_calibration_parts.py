@@ -90,7 +90,7 @@ def test_the_search_for_a_joint_begins_where_it_is_stated(qtbot, requests):
 
 def test_frames_and_prediction_stand_behind_advanced(qtbot, shown):
     joints, live = shown(JointForm()), shown(LiveChoice())
-    assert joints.use_frames.isHidden() or not joints.use_frames.isVisible()
+    assert not joints.use_frames.isVisible()
     joints.advanced.expander.click()
     assert joints.use_frames.isVisible()
     assert not live.options.predicts_joints

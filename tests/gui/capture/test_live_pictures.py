@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QApplication
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.live_pictures import LivePictures
@@ -29,6 +30,16 @@ def bright(view):
     return sum(colour.saturation() > 100 and colour.value() > 100 for colour in colours)
 
 
+class PaintedPictures(QObject):
+    """Counts how often pictures are painted."""
+
+    count = 0
+
+    def eventFilter(self, watched, event):  # noqa: N802 - Qt calls it so
+        self.count += isinstance(watched, Pictures) and event.type() == QEvent.Type.Paint
+        return False
+
+
 def test_pictures_show_what_was_found(qapp, captured):
     settings, frames = captured
     with LivePictures([body.name for body in settings.bodies]) as pictures:
@@ -48,15 +59,16 @@ def test_a_window_that_was_closed_stays_closed(qapp, captured):
 
 
 def test_the_command_shows_pictures_unless_it_is_told_not_to(qapp, captured, tmp_path, monkeypatch, capsys):
-    path, shown = tmp_path / "settings.xml", []
+    path, watcher = tmp_path / "settings.xml", PaintedPictures()
     write_settings(captured[0], path)
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
-    monkeypatch.setattr(Pictures, "show_pair", lambda self, left, right: shown.append((left, right)))
+    qapp.installEventFilter(watcher)
     source = ["--source", "simulated:arm?frames=2"]
     assert main(["motion-capture", "-sn", str(path), *source]) == 0
-    assert not shown
+    assert not watcher.count
     assert main(["motion-capture", "-s", str(path), *source]) == 0
-    assert shown
+    assert watcher.count
+    qapp.removeEventFilter(watcher)
     assert not any(isinstance(widget, Pictures) and widget.isVisible() for widget in QApplication.topLevelWidgets())
     assert "note" not in capsys.readouterr().err
 

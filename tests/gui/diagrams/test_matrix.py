@@ -36,7 +36,7 @@ def test_hover_names_the_pair_and_its_value(view, matrix, walked):
     project = walked[0]
     value = project.limbs.distance_deviation[matrix.markers[row], matrix.markers[column]]
     told = view.tip_at(view.cell_place(row, column))
-    assert f"{matrix.names[row]} (limb {matrix.limbs[row]}) – {matrix.names[column]}" in told
+    assert f"{matrix.names[row]} ({project.limbs.called(matrix.limbs[row])}) – {matrix.names[column]}" in told
     assert told.endswith(f" {value:.3g}\N{NO-BREAK SPACE}mm")
 
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
-from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.jobs import Jobs, StatusLine
 
 from skelgen.errors import InputError
 
@@ -92,3 +92,13 @@ def test_jobs_that_nobody_holds_any_more_end_after_their_work(qtbot):
         qtbot.waitUntil(lambda jobs=jobs: not jobs.is_busy, timeout=WAIT)
         del jobs
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+
+
+def test_a_step_that_is_called_like_its_job_is_said_once(jobs, qtbot):
+    line = StatusLine(jobs)
+    qtbot.addWidget(line)
+    jobs.begun.emit("Capturing")
+    jobs.progressed.emit("Capturing", 0.0)
+    assert line.currentMessage() == "Capturing"
+    jobs.progressed.emit("Loading", 0.0)
+    assert line.currentMessage() == "Capturing · Loading"

@@ -1,4 +1,4 @@
-"""Lines and points in one call look as if they were drawn one by one."""
+"""Lines and points in one call look as if they were drawn one by one; names cover none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QLineF, QPointF
 from PySide6.QtGui import QColor, QImage, QPainter, QPen
-from skelgen_gui.widgets.painting import draw_lines, draw_points
+from skelgen_gui.widgets.painting import draw_lines, draw_names, draw_points
 
 
 def painted(paint):
@@ -46,3 +46,14 @@ def test_nothing_is_drawn_of_nothing(qtbot):
         draw_points(painter, np.zeros((0, 2)))
 
     assert painted(paint) == painted(lambda painter: None)
+
+
+def test_names_at_one_place_do_not_cover_each_other(qtbot):
+    def rows_of(image, colour):
+        return {y for y in range(image.height()) for x in range(image.width()) if image.pixelColor(x, y) == colour}
+
+    red, blue = QColor("red"), QColor("blue")
+    place = QPointF(10.0, 30.0)
+    image = painted(lambda painter: draw_names(painter, [("upper arm", place, red), ("lower arm", place, blue)]))
+    assert rows_of(image, red) and rows_of(image, blue)
+    assert max(rows_of(image, red)) < min(rows_of(image, blue))

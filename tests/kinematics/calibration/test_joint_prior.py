@@ -41,9 +41,10 @@ def test_a_joint_that_slides_place_out_of_reach_is_drawn_back():
     take = Trajectories(positions, [f"m{marker}" for marker in range(8)], 50.0)
     limbs = Limbs(np.repeat([0, 1], 4), np.zeros((8, 8)))
     topology = find_joints(take, limbs, constraints=JointConstraints(parents=np.array([-1, 0])))
-    _, motion = fit_skeleton(take, limbs, topology)
+    skeleton, motion = fit_skeleton(take, limbs, topology)
     error = np.linalg.norm(motion.joint_positions[:, 0] - lumbar, axis=1)
     assert np.median(error) < 250.0  # more than 700 mm by the data alone
+    assert not skeleton.joints[0].is_determined  # its place is what was expected
 
 
 @pytest.mark.parametrize("name", ["human", "rods", "quadruped"])
@@ -62,6 +63,19 @@ def test_nearest_marker_and_distances_of_two_limbs():
     assert joint.nearest == (1, 2) and not joint.turns.any() and not joint.has_one_axis
     assert joint.distance == pytest.approx(200.0)
     assert out_of_reach(fit) == [1]
+
+
+@pytest.mark.parametrize(("turn", "is_trusted"), [(0.1, False), (0.4, True)])
+def test_a_joint_far_out_is_trusted_only_where_turns_determine_it(turn, is_trusted):
+    """The joint is 600 mm aside of markers that are 100 mm apart; 0.1 rad about a second axis may be skin."""
+    marked, aside = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]]), np.array([0, 0, 600.0])
+    chain = Chain(np.array([-1, 0]), np.repeat([0, 1], 4), np.stack([0 * aside, aside]),
+                  np.concatenate([marked, marked + np.array([0, 100, 0]) - aside]))  # fmt: skip
+    time = np.linspace(0, 20, 50)
+    turns = matrix_from_vector(np.stack([turn * np.sin(1.7 * time), 0 * time, 0.8 * np.sin(time)], axis=1))
+    poses = ChainPoses(np.zeros((50, 3)), np.stack([np.tile(np.eye(3), (50, 1, 1)), turns], axis=1))
+    fit = observed(chain, Articulation.free(2), poses, poses.markers(chain))
+    assert out_of_reach(fit) == ([] if is_trusted else [1])
 
 
 def test_a_hinge_far_along_its_axis_comes_back_between_its_limbs():
@@ -127,3 +141,24 @@ def test_a_joint_out_of_reach_is_drawn_back_and_hinges_elsewhere_stay():
     found, _ = with_joint_prior(last, 10.0, [2], others=False)
     assert out_of_reach(found) == []
     assert found.chain.joints[1] == pytest.approx(joints[1], abs=1.0)
+
+
+def test_a_hinge_between_both_halves_stays_where_a_joint_of_one_is_far_off():
+    """A shoulder is 300 mm from the mirror image of the other; what is known contradicts the data and is dropped."""
+    marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
+    parents = np.array([-1, 0, 0, 0, 1, 2])
+    joints = np.array([[0.0, 0, 0], [0, 200, 0], [0, -500, 0], [0, 0, 150], [0, 0, -250], [0, 0, -250]])
+    offsets = np.array([[0.0, 0, 0], [0, 0, -100], [0, 300, -100], [0, 0, 120], [0, 0, -100], [0, 0, -100]])
+    chain = Chain(parents, np.repeat(np.arange(6), 4), joints, (marked + offsets[:, np.newaxis]).reshape(-1, 3))
+    time = np.linspace(0, 20, 60)
+    turns = np.tile(np.eye(3), (60, 6, 1, 1))
+    for limb in (1, 2, 4, 5):
+        turns[:, limb] = matrix_from_vector(0.15 * np.sin(np.outer(time, [1.0, 1.3 + limb, 1.7])))
+    turns[:, 3] = matrix_from_vector(np.stack([0 * time, 0.6 * np.sin(time), 0 * time], axis=1))
+    poses = ChainPoses(np.zeros((60, 3)), turns)
+    axes = np.tile([0.0, 1, 0], (6, 1))
+    held = Articulation(("ball", "ball", "ball", "hinge", "ball", "ball"), axes, axes, np.zeros(6))
+    fit = observed(chain, held, poses, poses.markers(chain) + np.random.default_rng(0).normal(0, 1, (60, 24, 3)))
+    last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
+    found, _ = with_joint_prior(last, 1e5)
+    assert np.linalg.norm(found.chain.joints[3] - joints[3]) < 30.0

@@ -7,10 +7,10 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.joint_places import places
 from skelgen.kinematics.calibration.known_body import (
     KnownBody,
+    body_residuals,
     joints_of_body,
     joints_of_limbs,
     known_limbs,
-    pulls_to_body,
 )
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
@@ -36,10 +36,10 @@ def case():
 
 def test_a_chain_of_that_build_is_not_surprising(case):
     chain, body, _ = case
-    np.testing.assert_allclose(pulls_to_body(chain, known_limbs(chain, body))[1], 0, atol=1e-9)
+    np.testing.assert_allclose(body_residuals(chain, known_limbs(chain, body))[1], 0, atol=1e-9)
 
 
-def test_pulls_are_the_slopes_of_half_the_squares(case):
+def test_rows_are_the_slopes_of_half_the_squares(case):
     chain, body, _ = case
     rng = np.random.default_rng(1)
     off = chain.moved(chain.joints + 30 * rng.normal(size=(3, 3)), chain.offsets + 5 * rng.normal(size=(10, 3)))
@@ -47,12 +47,12 @@ def test_pulls_are_the_slopes_of_half_the_squares(case):
 
     def half_squares(step):
         moved = (places(off).ravel() + step).reshape(-1, 3)
-        return (pulls_to_body(off.moved(np.vstack([off.joints[:1], moved[10:]]), moved[:10]), limbs)[1] ** 2).sum() / 2
+        return (body_residuals(off.moved(np.vstack([off.joints[:1], moved[10:]]), moved[:10]), limbs)[1] ** 2).sum() / 2
 
-    pulls, towards = pulls_to_body(off, limbs)
-    unit = np.eye(pulls.shape[1]) * STEP
+    rows, towards = body_residuals(off, limbs)
+    unit = np.eye(rows.shape[1]) * STEP
     slopes = [(half_squares(one) - half_squares(-one)) / (2 * STEP) for one in unit]
-    np.testing.assert_allclose(pulls.T @ towards, slopes, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(rows.T @ towards, slopes, rtol=1e-4, atol=1e-6)
 
 
 def test_joints_go_to_where_limbs_whose_markers_fix_them_expect_them(case):

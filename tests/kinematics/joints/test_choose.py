@@ -7,7 +7,7 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.kinematics import TypeLimits, choose_joint_type, fit_joint
-from skelgen.kinematics.joints.fit import choose
+from skelgen.kinematics.joints.fit import choose_type
 from skelgen.kinematics.joints.relative_poses import relative_poses
 
 KINDS = ("ball", "hinge", "universal", "rigid")
@@ -45,7 +45,7 @@ def test_the_users_kind_is_obeyed(tracked_joint, wanted):
 def test_a_stricter_limit_makes_a_sloppy_hinge_something_else(tracked_joint):
     case = tracked_joint("universal", noise=0.1)
     sloppy = TypeLimits(wobble_share=3.0)
-    assert choose(relative_poses(case.poses, 0, 1), limits=sloppy).kind == "hinge"
+    assert choose_type(relative_poses(case.poses, 0, 1), limits=sloppy).kind == "hinge"
     assert choose_joint_type(case.poses, 0, 1).kind == "universal"
 
 

@@ -12,6 +12,7 @@ from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks, reduced_information
+from skelgen.kinematics.soft_tissue.cluster_deformation import ClusterDeformation, ObservedDeformations
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import _solved, soft_tissue_at_rest, soft_tissue_equations
 
@@ -73,6 +74,16 @@ def test_white_noise_shows_no_displacements(true_chain, seed):
 def test_exact_markers_show_no_displacements(true_chain):
     case = true_chain("rods", n_frames=60)
     assert fit_soft_tissue(calibrate(case.chain, case.poses, case.positions)) is None
+
+
+def test_a_joint_that_never_turned_tells_nothing(true_chain):
+    case = true_chain("rods", n_frames=20)
+    tissue = soft_tissue_at_rest(case.chain, case.poses)
+    flexions = np.arange(len(tissue.joints))
+    squares, moments = np.zeros((3, len(flexions), len(flexions))), np.ones((9, len(flexions)))
+    still = ClusterDeformation(np.arange(3), flexions, squares, moments, np.eye(9)[6:])
+    with np.errstate(all="raise"):
+        assert not ObservedDeformations((still,), 1.0).likely_variances(tissue).any()
 
 
 def test_tissue_that_only_wanders_shows_no_displacements_to_speak_of(true_chain):

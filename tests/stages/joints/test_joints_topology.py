@@ -11,7 +11,7 @@ import pytest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model import Limbs, Topology, Trajectories
-from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.joints import JointConstraints, JointParameters, JointSearch, find_joints
 
 TISSUE = {"noise": 0.5, "soft_tissue": 3.0}
 PLATE = np.array([[60.0, 0.0, 0.0], [-30.0, 50.0, 0.0], [-30.0, -50.0, 10.0], [0.0, 0.0, 60.0]])  # mm
@@ -265,3 +265,15 @@ def test_limb_that_is_never_seen_is_a_tree_of_its_own(simulated, true_limbs, not
     topology = find_joints(dataclasses.replace(case.take, positions=positions), true_limbs(case), monitor=notices)
     assert sorted(topology.roots.tolist())[-1] == 2
     assert "never seen together" in " ".join(notices.sentences)
+
+
+def test_a_search_asked_again_with_other_constraints_finds_what_a_new_one_does(simulated, true_limbs):
+    case = simulated("human", 1, n_frames=200, **TISSUE)
+    limbs = true_limbs(case)
+    search = JointSearch(case.take, limbs)
+    first, last = search.find(), find_joints(case.take, limbs).edges[-1].tolist()
+    parted = JointConstraints(parted=(tuple(last),))
+    again, new = search.find(parted), find_joints(case.take, limbs, constraints=parted)
+    assert edges(again) != edges(first)
+    np.testing.assert_array_equal(again.parents, new.parents)
+    np.testing.assert_array_equal(again.raw_joint_positions, new.raw_joint_positions)

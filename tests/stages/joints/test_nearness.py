@@ -61,6 +61,14 @@ def test_limb_that_is_hardly_seen_has_finite_odds(lost):
     assert np.isfinite(table(Trajectories(positions, take.names, take.rate), limbs)).all()
 
 
+def test_limbs_whose_markers_lie_on_each_other_have_finite_odds():
+    take, limbs = hanging_arms()
+    lying = take.positions.copy()
+    lying[:, -1] = lying[:, 0]
+    with np.errstate(all="raise"):
+        assert np.isfinite(table(Trajectories(lying, take.names, take.rate), limbs)).all()
+
+
 def test_limb_of_one_marker_is_no_root():
     costs = np.full((4, 4), 9.0)
     costs[0, 1:] = costs[1:, 0] = 1.0

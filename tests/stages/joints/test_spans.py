@@ -143,4 +143,4 @@ def test_takes_of_a_body_that_is_known_are_searched_too():
     again = skelgen.apply_subject(simulated.take, known)
     (span,) = again.topology.spans
     assert abs(span.first_frame - first) <= FEW_FRAMES and abs(span.last_frame - last) <= FEW_FRAMES
-    assert span.told_of(again.limbs.names) in again.reports["joints"].notices
+    assert span.sentence(again.limbs.names) in again.reports["joints"].notices

@@ -1,4 +1,4 @@
-"""Marker sets are told by the distances of markers alone."""
+"""Marker sets, and places of markers where no known set is worn, are told by the distances of markers alone."""
 
 import numpy as np
 
@@ -6,29 +6,62 @@ from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.worn_sets import set_odds
+from skelgen.stages.limbs.worn_places import PART_OF_PLACES, nearest_places, worn_odds
+from skelgen.stages.limbs.worn_sets import NOT_WORN, STRENGTH, best_match, nearest_set, shape_of, worn_sets
 
 
 def test_a_set_that_is_worn_tells_which_markers_share_a_limb() -> None:
     case = simulate("human", seed=3, motion="walk", marker_set="plug-in-gait", n_frames=100, soft_tissue="realistic")
     shuffled = np.random.default_rng(0).permutation(case.take.n_markers)
     positions = np.asarray(case.take.positions)[:, shuffled]
-    odds = set_odds(positions, log_odds(positions))
+    odds = worn_odds(positions, log_odds(positions))
     limb = case.truth.limb_of_marker[shuffled]
     pairs = np.triu_indices(len(limb), 1)
     assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
 
 
-def test_animals_trees_and_plates_of_three_are_no_set() -> None:
-    for structure in ("quadruped", "tree:10", "human"):
+def test_a_set_is_believed_in_strange_postures_where_motion_bears_it_out() -> None:
+    case = simulate(
+        "human", marker_set="cast", motion_range=2.0, n_frames=100, soft_tissue="realistic", noise=0.3, seed=3
+    )
+    positions, limb = np.asarray(case.take.positions), np.asarray(case.truth.limb_of_marker)
+    found = nearest_set(positions)
+    assert found is not None and found[0].misfit > NOT_WORN
+    odds = worn_odds(positions, log_odds(positions))
+    together = (limb[:, np.newaxis] == limb) & ~np.eye(len(limb), dtype=np.bool_)
+    assert together[odds > 1].all() and (odds > 1).sum() > together.sum() / 2
+    assert not together[odds < -1].any()
+
+
+def test_places_are_found_from_a_set_that_is_not_worn() -> None:
+    case = simulate(
+        "human", seed=104, motion="jump", marker_set="optitrack-biomech-57", n_frames=200, soft_tissue="realistic"
+    )
+    positions = np.asarray(case.take.positions)
+    shape, other = shape_of(positions), next(worn for worn in worn_sets() if worn.name == "cgm2-5")
+    match, places = nearest_places(shape, [(best_match(shape, other), other)], log_odds(positions))
+    found, limb = places.segments[match.of_set], case.truth.limb_of_marker[match.markers]
+    pairs = np.triu_indices(len(limb), 1)
+    alike = (found[:, np.newaxis] == found)[pairs] == (limb[:, np.newaxis] == limb)[pairs]
+    assert alike.mean() > 0.98
+    assert match.misfit < 1.0
+
+
+def test_animals_and_trees_wear_nothing() -> None:
+    for structure in ("quadruped", "tree:10"):
         positions = np.asarray(simulate(structure, n_frames=100, soft_tissue=3.0).take.positions)
-        assert not set_odds(positions, log_odds(positions)).any()
+        assert not worn_odds(positions, log_odds(positions)).any()
+
+
+def test_plates_of_three_on_a_person_are_no_set_and_their_places_say_little() -> None:
+    positions = np.asarray(simulate("human", n_frames=100, soft_tissue=3.0).take.positions)
+    assert np.abs(worn_odds(positions, log_odds(positions))).max() <= PART_OF_PLACES * STRENGTH
 
 
 def test_markers_that_are_never_seen_together_say_nothing() -> None:
     positions = np.full((20, 30, 3), np.nan)
     positions[np.arange(20), np.arange(20)] = 0.0
-    assert not set_odds(positions, np.zeros((30, 30))).any()
+    assert not worn_odds(positions, np.zeros((30, 30))).any()
 
 
 def test_hands_of_two_markers_are_found_without_names() -> None:

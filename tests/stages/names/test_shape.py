@@ -10,6 +10,8 @@ from skelgen.simulation import simulate
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.structures import human as human_structure
 from skelgen.stages.names import contradicts_sides, names_by_shape
+from skelgen.stages.names.animals import find_quadruped
+from skelgen.stages.names.moving_tree import MovingTree
 
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -125,3 +127,11 @@ def test_a_chain_has_links_in_order():
 def test_a_tree_that_looks_like_nothing_has_numbers():
     simulated = simulate("tree:8", n_frames=150, seed=1)
     assert skelgen.reconstruct(hidden(simulated.take)).limbs.names[0] == "limb0"
+
+
+def test_a_tree_of_very_many_ends_is_no_animal_and_is_not_tried_for_long():
+    two = np.zeros((2, 3))
+    pairs = [(0, 1), *((trunk, end) for trunk in (0, 1) for end in range(2 + 60 * trunk, 62 + 60 * trunk))]
+    joints = {pair[::step]: two for pair in pairs for step in (1, -1)}
+    tree = MovingTree(tuple(range(122)), joints, np.zeros((2, 122, 3, 3)), dict.fromkeys(range(122), two[:, None]), 1.0)
+    assert find_quadruped(tree) is None  # of eight million fours of ends

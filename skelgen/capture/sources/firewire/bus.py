@@ -90,9 +90,9 @@ def common_mode(modes: Sequence[Modes], names: Sequence[str], size: str, rate: f
     chosen = {key: [each for each in rates if abs(each - rate) <= _SAME_RATE * each] for key, rates in common.items()}
     fitting = {key: rates for key, rates in (chosen if rate else common).items() if rates}
     if not fitting:
-        wish = " ".join(part for part in (size, f"at {rate:g} Hz" if rate else "") if part)
+        asked = " ".join(part for part in (size, f"at {rate:g} Hz" if rate else "") if part)
         offers = "; ".join(f"{name} has {_listed(offer)}" for name, offer in zip(names, modes, strict=True))
-        raise CaptureError(f"the cameras share no grey image size {wish}".rstrip() + f": {offers}")
+        raise CaptureError(f"the cameras share no grey image size {asked}".rstrip() + f": {offers}")
     best = max(fitting, key=lambda key: key[0] * key[1])
     return best, _USUAL_RATE if not rate and _USUAL_RATE in fitting[best] else fitting[best][-1]
 

@@ -4,8 +4,8 @@ While two tracklets are seen together, the deviation of their distance tells whe
 tenth of a second if the body moves. Tracklets are parted into limbs by the sum of these odds (greedy edge contraction;
 Keuper et al. 2015, *Efficient decomposition of image and mesh graphs by lifted multicuts*). On each limb the most
 probable markers of all its tracklets are sought at once (`skelgen._kernels.tracklet_labels`), so that three of a
-limb's five markers that come back together are told by the distances between them, where one by one each could be any.
-A limb that was not seen for a moment is found again by its shape.
+limb's five markers that come back together are recognised by the distances between them, where one by one each could be
+any. A limb that was not seen for a moment is found again by its shape.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ GROWTH = 2.0
 LEAST_POSES = 20
 """Poses that a fit needs, and a marker in it."""
 
-JOINT_SAMPLES = 50
-"""Poses at which pairs of limbs are tried."""
+JOINT_SAMPLES = 60
+"""Poses at which pairs of limbs are tried: so many that poses alone tell a joint, without spheres about each limb."""
 
 UNKNOWN_STEPS = 10
 """Frames of motion that may lie between a pose composed limb by limb and the fitted one."""

@@ -9,7 +9,7 @@ whole takes).
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation
+from skelgen.geometry.orientation import rotation_by_quaternion
 from skelgen.model.arrays import Floats, Ints
 
 RECENT, PAST = 24, 96
@@ -330,7 +330,7 @@ def _placed(
     known = np.where(share > 0, poses, 0.0)
     centre, now = (share * known).sum(axis=1), (share * positions).sum(axis=1)
     source, target = known - centre[:, np.newaxis], positions - now[:, np.newaxis]
-    rotation = nearest_rotation((share * target).swapaxes(1, 2) @ source)
+    rotation = rotation_by_quaternion((share * target).swapaxes(1, 2) @ source)
     placed = (rotation @ (places - centre)[..., np.newaxis])[..., 0] + now
     left = target - source @ rotation.swapaxes(1, 2)
     misfit = (share * left**2).sum(axis=(1, 2))

@@ -1,7 +1,7 @@
-"""Figures of Schönauer (2007) and O'Brien et al. (2000) beside ours: ``python tests/benchmarks/seeds.py``.
+"""Figures of Schönauer (2007) and O'Brien et al. (2000) beside ours: ``python tests/benchmarks/origins.py``.
 
-``python tests/benchmarks/seeds.py joints whole --seeds 3`` measures some of the tables with fewer seeds. The takes are
-simulated after the thesis, 5.1: 400 frames of the body of 31 markers, 450 frames of three rods.
+``python tests/benchmarks/origins.py joints whole --seeds 3`` measures some of the tables with fewer seeds. The takes
+are simulated after the thesis, 5.1: 400 frames of the body of 31 markers, 450 frames of three rods.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ import numpy as np
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.articulated import LimbModel, Structure
 from skelgen.simulation.motion import smooth_curves
+from skelgen.simulation.people.body import Person
 from skelgen.simulation.people.tables import SoftTissue, tissue_of
 
 MEASURED_AT = np.deg2rad(60.0)
@@ -31,15 +32,13 @@ _WANDERING = (0.1, 0.5)  # Hz: breathing, belts
 _CURVES = 0.42  # root mean square of smooth curves within -1 .. 1
 
 
-def skin_motion(
+def realistic_soft_tissue(
     structure: Structure,
     world_from_limb: Floats,
     angles: list[Floats],
     rate: float,
     rng: np.random.Generator,
-    *,
-    sliding: Floats | None = None,
-    plates: tuple[str, ...] = (),
+    person: Person | None = None,
 ) -> Floats:
     """Return the displacement of each marker by soft tissue [mm], in the world, shape (n_frames, n_markers, 3).
 
@@ -55,14 +54,11 @@ def skin_motion(
         Frame rate.
     rng : numpy.random.Generator
         Source of amplitudes and directions.
-    sliding : ndarray, shape (n_markers,), optional
-        Factor at each marker's place; 1 if left out.
-    plates : tuple of str, length n_markers, optional
-        What markers of one stiff plate share; empty for others.
+    person : Person, optional
+        Who wears the markers: how far each slides, and which sit on one stiff plate. All slide alike if left out.
     """
     n_frames, n_markers = len(world_from_limb), structure.n_markers
-    factors = np.ones(n_markers) if sliding is None else sliding
-    plates = plates or ("",) * n_markers
+    factors, plates = (person.tissue_factors, person.plates) if person else (np.ones(n_markers), ("",) * n_markers)
     between = np.exp(_BETWEEN_PEOPLE * rng.normal())
     displaced = np.zeros((n_frames, n_markers, 3))
     for limb, model in enumerate(structure.limbs):

@@ -1,0 +1,157 @@
+"""Where on the body markers are stuck, told by their distances alone, where no set that is known is worn.
+
+Every laboratory changes a set: a marker more, a cluster elsewhere. Its markers still lie at places that are usual, and
+usual distances of all places to each other are learned as those of sets are (``tables/worn_places.npz``, made by
+tests/benchmarks/learn_sets.py, from people in any posture, whose markers miss their places as those of different
+examiners do: Della Croce et al., Gait & Posture 21 (2005) 226-237). Markers are taken for places so that all distances
+fit best, beginning with the sets that fit best. A place that is taken on one side is likely taken on the other.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.simulation.people import EVERY_PLACE, worn_markers
+from skelgen.stages.limbs.worn_sets import (
+    BEYOND_DOUBT,
+    DOUBTFUL,
+    MOTION_WEIGHT,
+    STRENGTH,
+    WITHOUT_PARTNER,
+    Match,
+    Shape,
+    WornSet,
+    agreement,
+    belief_in_set,
+    fitting_sets,
+    misfits_of,
+    pair_odds,
+    part_of,
+    shape_of,
+)
+
+STARTS, ROUNDS = 3, 12
+"""Sets from which a search begins, and rounds of each."""
+
+WIDE = 0.5
+"""How much it counts against a place that its distances are wide: such a place fits anything."""
+
+ONE_SIDED = 0.2
+"""What a place costs whose mirror image is free."""
+
+ENOUGH_MARKERS = 30
+"""Distances of fewer do not tell places apart: simulated people in sets of 25 that are not known are mistaken."""
+
+MOTION_COUNTS = 0.5
+"""Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
+
+PART_OF_PLACES, OF_PARTING = 1 / 3, 0.5
+"""What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
+markers: these are easily mistaken for neighbours beyond a joint."""
+
+AT_PLACES, NOT_AT_PLACES = 1.0, 1.3
+"""Misfit up to which places are believed, and from which they are not at all: people's is .3 to 1.2, animals' 1.4."""
+
+PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT = 0.88, 0.8
+"""Part of the pairs on one segment that motion does not contradict: animals and wrong places have .5 to .79."""
+
+
+@cache
+def worn_places() -> WornSet:
+    """Return the shape of all places at once."""
+    with np.load(Path(__file__).with_name("tables") / "worn_places.npz") as table:
+        mean, spread = (Shape(*table[name].astype(np.float64)) for name in ("mean", "spread"))
+        return WornSet(EVERY_PLACE, mean, spread, table["segments"].astype(np.intp), tuple(table["markers"].tolist()))
+
+
+def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
+    """Return the log odds that two markers share a limb by what is worn, shape (n_markers, n_markers).
+
+    A set that fits beyond doubt speaks alone; beside another one places have a part of the word, as far as they fit.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        Log odds by what each pair does.
+    """
+    found = fitting_sets(positions)
+    if not found:
+        return np.zeros(by_motion.shape)
+    (match, worn), n_markers = found[0], len(by_motion)
+    odds = belief_in_set(match, worn, by_motion) * pair_odds(match, worn, n_markers, STRENGTH)
+    doubt = 1.0 - float(part_of(match.misfit, BEYOND_DOUBT, DOUBTFUL))
+    if doubt == 0.0 or n_markers < ENOUGH_MARKERS:
+        return odds
+    match, worn = nearest_places(shape_of(positions), found[:STARTS], by_motion)
+    is_borne_out = part_of(agreement(match, worn, by_motion), PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT)
+    share = PART_OF_PLACES * doubt * float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out)
+    by_places = pair_odds(match, worn, n_markers, STRENGTH)
+    by_places[by_places < 0] *= OF_PARTING
+    return np.asarray((1.0 - share) * odds + share * by_places)
+
+
+def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
+    """Take markers for places so that their distances fit best, and those on one segment move as one limb.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    sets : sequence of tuple of Match and WornSet
+        Sets from which the search begins, and how the take fits them.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        Log odds that two markers share a limb by what each pair does.
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    places = worn_places()
+    wide = 2.0 * np.log(places.spread.distances) + 2.0 * MOTION_WEIGHT * np.log(places.spread.motions)
+    wide = WIDE * np.nan_to_num(wide - np.nanmedian(wide))
+    mirrored, alike = _mirror_images(places), places.segments[:, np.newaxis] == places.segments
+    best, visited = None, set()
+    for match, worn in sets:
+        markers, taken = match.markers, _places_of(worn, places)[match.of_set]
+        for _ in range(ROUNDS):
+            matched = markers.tobytes() + taken.tobytes()
+            if matched in visited:  # another search went on from here, or this one stands still
+                break
+            visited.add(matched)
+            misfits = _misfits(shape, places, markers, taken)
+            costs = misfits + wide[:, taken].sum(axis=1) / max(len(taken) - 1, 1)
+            costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike[taken] / max(len(taken) - 1, 1)
+            costs += ONE_SIDED * ~np.isin(mirrored, taken)
+            cost = float(costs[markers, taken].mean())
+            if best is None or cost < best[0]:
+                best = cost, markers, taken, misfits[markers, taken]
+            markers, taken = linear_sum_assignment(costs)
+    assert best is not None
+    _, markers, taken, misfits = best
+    left_over = WITHOUT_PARTNER * (1.0 - len(markers) / len(shape.distances))
+    return Match(markers, taken, misfits, float(misfits.mean()) + left_over), places
+
+
+def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Floats:
+    """How far distances to matched markers are off, for bodies of the same size."""
+    differences = shape.distances[np.ix_(markers, markers)] - places.mean.distances[np.ix_(taken, taken)]
+    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
+    size = float(np.median(known)) if len(known) else 0.0
+    return misfits_of(Shape(shape.distances - size, shape.motions), places, markers, taken)
+
+
+def _mirror_images(places: WornSet) -> Ints:
+    """The place that mirrors each; those in the middle mirror themselves."""
+    other = {"L ": "R ", "R ": "L "}
+    return np.array([places.markers.index(other.get(name[:2], name[:2]) + name[2:]) for name in places.markers])
+
+
+def _places_of(worn: WornSet, places: WornSet) -> Ints:
+    """The places of a set's markers, shape (n_markers,)."""
+    number = {name: index for index, name in enumerate(places.markers)}
+    place_at = {(one.limb, *one.offset): number.get(one.name, -1) for one in worn_markers(EVERY_PLACE)}
+    of_marker = {one.name: place_at[(one.limb, *one.offset)] for one in worn_markers(worn.name)}
+    return np.array([of_marker[name] for name in worn.markers])
