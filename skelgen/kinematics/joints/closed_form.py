@@ -42,7 +42,7 @@ RELATIVE_RIDGE = 1e-7
 
 FEWEST_ON_SPHERE = 5
 MAX_STEPS = 20
-STEP_TOLERANCE = 1e-9
+STEP_TOLERANCE = 1e-6
 """mm."""
 
 RIDGE = 1e-9
@@ -155,42 +155,53 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
     SphereFit or None
         None if fewer than `FEWEST_ON_SPHERE` frames show the body and a point.
     """
-    local = np.einsum("fji,fnj->fni", body[:, :3, :3], points - body[:, np.newaxis, :3, 3])
+    local = np.einsum("fji,fnj->nfi", body[:, :3, :3], points - body[:, np.newaxis, :3, 3])
     seen = ~np.isnan(local[:, :, 0])
-    which = np.broadcast_to(np.arange(points.shape[1]), seen.shape)[seen]
-    data = local[seen]
-    if len(data) < FEWEST_ON_SPHERE * points.shape[1] or len(np.unique(which)) < points.shape[1]:
+    count = seen.sum(axis=1)
+    data = np.ascontiguousarray(local[seen].T)  # a row for each coordinate, point by point
+    if data.shape[1] < FEWEST_ON_SPHERE * points.shape[1] or not count.all():
         return None
-    shifted = data - near
-    right = _centred((shifted**2).sum(axis=1, keepdims=True), which)[:, 0]
-    centre = near + _near_zero(2 * _centred(shifted, which), right)
+    shifted = data - near[:, np.newaxis]
+    centre = near + _near_zero(_centred(np.vstack([2 * shifted, (shifted**2).sum(axis=0)]), count))
     for _ in range(MAX_STEPS):
-        offset = data - centre
-        distance = np.maximum(np.linalg.norm(offset, axis=1), np.finfo(np.float64).tiny)
-        residual = _centred(distance[:, np.newaxis], which)[:, 0]
-        step = -_near_zero(-_centred(offset / distance[:, np.newaxis], which), residual)
-        centre = centre + step
+        step = _near_zero(_centred(_directions_and_distances(data, centre), count))
+        centre = centre - step
         if np.abs(step).max() < STEP_TOLERANCE:
             break
-    distance = np.linalg.norm(data - centre, axis=1)
-    count = np.bincount(which)
-    radii = np.bincount(which, distance) / count
-    variances = np.bincount(which, (distance - radii[which]) ** 2) / count
+    distance = _directions_and_distances(data, centre)[3:]
+    radii = _means(distance, count)[0]
+    variances = _means(_centred(distance, count) ** 2, count)[0]
     return SphereFit(centre, radii, float(variances.mean()))
 
 
-def _centred(values: Floats, which: Ints) -> Floats:
-    """Values minus the mean over their own point: eliminates one constant per point."""
-    count = np.bincount(which)[:, np.newaxis]
-    means = np.stack([np.bincount(which, column) for column in values.T], axis=1) / count
-    return np.asarray(values - means[which])
+def _directions_and_distances(points: Floats, centre: Floats) -> Floats:
+    """Directions of points from a centre to them, reversed, and their distances from it [mm], shape (4, n)."""
+    offset = centre[:, np.newaxis] - points
+    distance = np.maximum(np.sqrt(np.einsum("in,in->n", offset, offset)), np.finfo(np.float64).tiny)
+    return np.vstack([offset / distance, distance])
 
 
-def _near_zero(matrix: Floats, right: Floats) -> Floats:
-    """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge."""
-    normal = matrix.T @ matrix
-    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
-    return np.asarray(np.linalg.solve(normal + ridge * np.eye(3), matrix.T @ right))
+def _means(rows: Floats, count: Ints) -> Floats:
+    """Means of rows over each point, shape (n_rows, n_points); the points' values are side by side."""
+    return np.asarray(np.add.reduceat(rows, np.cumsum(count) - count, axis=1) / count)
+
+
+def _centred(rows: Floats, count: Ints) -> Floats:
+    """Rows minus the mean over their own point: eliminates one constant per point."""
+    return np.asarray(rows - np.repeat(_means(rows, count), count, axis=1))
+
+
+def _near_zero(rows: Floats) -> Floats:
+    """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (4, n)
+        Columns of the matrix, and the right-hand side.
+    """
+    products = rows @ rows.T
+    ridge = RIDGE * np.trace(products[:3, :3]) + np.finfo(np.float64).tiny
+    return np.asarray(np.linalg.solve(products[:3, :3] + ridge * np.eye(3), products[:3, 3]))
 
 
 def nearest_hinge(rotations: Floats) -> HingeRotation:

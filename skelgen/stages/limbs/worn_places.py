@@ -18,17 +18,18 @@ from skelgen.simulation.people import EVERY_PLACE, worn_markers
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
     DOUBTFUL,
+    MARKER_DOES_NOT,
+    MARKER_FITS,
     MOTION_WEIGHT,
     STRENGTH,
     WITHOUT_PARTNER,
+    Comparison,
     Match,
     Shape,
     WornSet,
     agreement,
     belief_in_set,
     fitting_sets,
-    misfits_of,
-    pair_odds,
     part_of,
     shape_of,
 )
@@ -95,6 +96,28 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     return np.asarray((1.0 - share) * odds + share * by_places)
 
 
+def pair_odds(match: Match, worn: WornSet, n_markers: int, strength: float) -> Floats:
+    """Return the log odds that two markers share a limb by a set that is worn, shape (n_markers, n_markers).
+
+    Parameters
+    ----------
+    match : Match
+        How markers fit it.
+    worn : WornSet
+        The set.
+    n_markers : int
+        Of the take.
+    strength : float
+        Log odds of a pair that fits.
+    """
+    odds, segments = np.zeros((n_markers, n_markers)), worn.segments[match.of_set]
+    fits = part_of(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
+    signs = np.where(segments[:, np.newaxis] == segments, strength, -strength)
+    odds[np.ix_(match.markers, match.markers)] = signs * np.minimum(fits[:, np.newaxis], fits)
+    np.fill_diagonal(odds, 0.0)
+    return odds
+
+
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
     """Take markers for places so that their distances fit best, and those on one segment move as one limb.
 
@@ -140,7 +163,7 @@ def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Float
     differences = shape.distances[np.ix_(markers, markers)] - places.mean.distances[np.ix_(taken, taken)]
     known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
     size = float(np.median(known)) if len(known) else 0.0
-    return misfits_of(Shape(shape.distances - size, shape.motions), places, markers, taken)
+    return Comparison(Shape(shape.distances - size, shape.motions), places).misfits(markers, taken)
 
 
 def _mirror_images(places: WornSet) -> Ints:

@@ -9,7 +9,7 @@ log odds that two markers share a limb, which add to what the pair itself says.
 """
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +92,11 @@ class Shape:
     distances: Floats
     motions: Floats
 
+    @cached_property
+    def outlines(self) -> tuple[Floats, Floats]:
+        """Quantiles of the distances and of the motions of each marker, shapes (n_markers, n_quantiles)."""
+        return _quantiles(self.distances), _quantiles(self.motions)
+
 
 @dataclass(frozen=True, eq=False)
 class WornSet:
@@ -167,28 +172,6 @@ def agreement(match: Match, worn: WornSet, by_motion: Floats) -> float:
     others = together & ~np.eye(len(together), dtype=np.bool_)
     moving = by_motion[np.ix_(match.markers, match.markers)][others]  # 0: never seen together
     return float(((moving > CONTRADICTED) & (moving != 0)).mean()) if others.any() else 0.0
-
-
-def pair_odds(match: Match, worn: WornSet, n_markers: int, strength: float) -> Floats:
-    """Return the log odds that two markers share a limb by a set that is worn, shape (n_markers, n_markers).
-
-    Parameters
-    ----------
-    match : Match
-        How markers fit it.
-    worn : WornSet
-        The set.
-    n_markers : int
-        Of the take.
-    strength : float
-        Log odds of a pair that fits.
-    """
-    odds, segments = np.zeros((n_markers, n_markers)), worn.segments[match.of_set]
-    fits = part_of(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
-    signs = np.where(segments[:, np.newaxis] == segments, strength, -strength)
-    odds[np.ix_(match.markers, match.markers)] = signs * np.minimum(fits[:, np.newaxis], fits)
-    np.fill_diagonal(odds, 0.0)
-    return odds
 
 
 def nearest_set(positions: Floats) -> tuple[Match, WornSet] | None:
@@ -302,11 +285,11 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    outlines = _outline_misfits(shape, worn.mean)
+    outlines, comparison = _outline_misfits(shape, worn.mean), Comparison(shape, worn)
     best, visited = None, set()
     for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(seed, outlines.shape[1])
-        start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
+        start = outlines + START_WEIGHT * comparison.misfits(np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()
         start[marker, of_set] = 0.0
         markers, taken = linear_sum_assignment(start)
@@ -315,7 +298,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
             if matched in visited:  # another search went on from here, or this one stands still
                 break
             visited.add(matched)
-            misfits = misfits_of(shape, worn, markers, taken)
+            misfits = comparison.misfits(markers, taken)
             fit = float(misfits[markers, taken].mean())
             if best is None or fit < best[0]:
                 best = fit, markers, taken, misfits[markers, taken]
@@ -325,8 +308,8 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
 
 
-def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
-    """Return the mean square of how far distances are off if a marker of the take is one of the set, (n, n_of_set).
+class Comparison:
+    """Distances of a take beside those of a set: what each marker is taken for is compared once, however often asked.
 
     Parameters
     ----------
@@ -334,34 +317,64 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floa
         Of the take.
     worn : WornSet
         The set.
-    markers, of_set : ndarray of intp, shape (n_matched,)
-        Markers to which distances are compared.
     """
-    total = _squares(shape.distances, worn.mean.distances, worn.spread.distances, markers, of_set)
-    total += MOTION_WEIGHT * _squares(shape.motions, worn.mean.motions, worn.spread.motions, markers, of_set)
-    np.minimum(total, LARGEST, out=total)
-    total[np.isnan(total)] = UNKNOWN
-    every = np.arange(len(markers))
-    total[:, of_set, every] = LARGEST  # where another marker is it is not
-    total[markers, :, every] = 0.0  # and a marker says nothing of where it is itself
-    return np.asarray(total.sum(axis=2) / max(len(markers) - 1, 1))
 
+    def __init__(self, shape: Shape, worn: WornSet) -> None:
+        self._shape, self._worn = shape, worn
+        self._compared: dict[tuple[int, int], Floats] = {}
 
-def _squares(values: Floats, means: Floats, spreads: Floats, markers: Ints, of_set: Ints) -> Floats:
-    off = values[:, np.newaxis, markers] - means[:, of_set]
-    off /= spreads[:, of_set]
-    return np.square(off, out=off)
+    def misfits(self, markers: Ints, of_set: Ints) -> Floats:
+        """Return the mean square of how far distances are off if a marker is one of the set, (n_markers, n_of_set).
+
+        Parameters
+        ----------
+        markers, of_set : ndarray of intp, shape (n_matched,)
+            Markers to which distances are compared, and what they are taken for.
+        """
+        pairs = list(zip(markers.tolist(), of_set.tolist(), strict=True))
+        new = [pair for pair in pairs if pair not in self._compared]
+        if new:
+            self._compared.update(zip(new, self._squares(*np.array(new).T), strict=True))
+        total = np.zeros((len(self._shape.distances), len(self._worn.segments)))
+        for pair in pairs:
+            total += self._compared[pair]
+        return total / max(len(pairs) - 1, 1)
+
+    def _squares(self, markers: Ints, of_set: Ints) -> Floats:
+        """Squares of how far the distances to some markers are off, shape (n_compared, n_markers, n_of_set)."""
+        mean, spread = self._worn.mean, self._worn.spread
+        total = self._shape.distances[markers, :, np.newaxis] - mean.distances[of_set, np.newaxis]
+        total /= spread.distances[of_set, np.newaxis]
+        motions = self._shape.motions[markers, :, np.newaxis] - mean.motions[of_set, np.newaxis]
+        motions /= spread.motions[of_set, np.newaxis]
+        np.square(total, out=total)
+        total += MOTION_WEIGHT * np.square(motions, out=motions)
+        np.minimum(total, LARGEST, out=total)
+        total[np.isnan(total)] = UNKNOWN
+        every = np.arange(len(markers))
+        total[every, :, of_set] = LARGEST  # where another marker is it is not
+        total[every, markers] = 0.0  # and a marker says nothing of where it is itself
+        return total
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
     """How unlike the distances to all others are, for each marker of one and each of the other."""
     total = np.zeros((len(one.distances), len(other.distances)))
-    pairs = ((one.distances, other.distances), (one.motions, other.motions))
-    for (values, means), spread, weight in zip(pairs, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True):
-        rows = [np.where(np.isnan(table).all(axis=1, keepdims=True), 0.0, table) for table in (values, means)]
-        outlines = [np.nanquantile(table, OUTLINE, axis=1).T for table in rows]
-        total += weight * ((outlines[0][:, np.newaxis] - outlines[1]) ** 2).mean(axis=2) / spread**2
+    pairs = zip(one.outlines, other.outlines, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True)
+    for values, means, spread, weight in pairs:
+        total += weight * ((values[:, np.newaxis] - means) ** 2).mean(axis=2) / spread**2
     return total
+
+
+def _quantiles(table: Floats) -> Floats:
+    """The quantiles `OUTLINE` of what is known in each row, of rows without anything zeros, shape (n, n_quantiles)."""
+    count = (~np.isnan(table)).sum(axis=1, keepdims=True)
+    rows = np.sort(np.where(count > 0, table, 0.0), axis=1)  # NaN last
+    place = np.array(OUTLINE) * np.maximum(count - 1, 0)
+    below = place.astype(np.intp)
+    low = np.take_along_axis(rows, below, axis=1)
+    high = np.take_along_axis(rows, np.minimum(below + 1, np.maximum(count - 1, 0)), axis=1)
+    return np.asarray(low + (high - low) * (place - below))
 
 
 def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:

@@ -7,7 +7,19 @@ from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.worn_places import PART_OF_PLACES, nearest_places, worn_odds
-from skelgen.stages.limbs.worn_sets import NOT_WORN, STRENGTH, best_match, nearest_set, shape_of, worn_sets
+from skelgen.stages.limbs.worn_sets import (
+    LARGEST,
+    MOTION_WEIGHT,
+    NOT_WORN,
+    OUTLINE,
+    STRENGTH,
+    UNKNOWN,
+    Comparison,
+    best_match,
+    nearest_set,
+    shape_of,
+    worn_sets,
+)
 
 
 def test_a_set_that_is_worn_tells_which_markers_share_a_limb() -> None:
@@ -74,3 +86,30 @@ def test_hands_of_two_markers_are_found_without_names() -> None:
     with_set, without = (find_limbs(take, LimbParameters(marker_set=one)).limb_of_marker for one in ("auto", "none"))
     assert not set(with_set[hand]) & set(with_set[forearm])
     assert set(without[hand]) & set(without[forearm])
+
+
+def test_what_a_marker_is_taken_for_is_compared_as_defined_however_often_asked() -> None:
+    rng, worn = np.random.default_rng(0), worn_sets()[0]
+    shape = shape_of(rng.normal(0.0, 500.0, (20, 6, 3)))
+    comparison, mean, spread = Comparison(shape, worn), worn.mean, worn.spread
+    for markers, of_set in (([1, 4], [3, 7]), ([1, 4, 5], [3, 8, 9]), ([1, 4], [3, 7])):
+        expected = np.zeros((6, len(worn.segments)))
+        for marker, place in zip(markers, of_set, strict=True):
+            off = (shape.distances[:, [marker]] - mean.distances[place]) / spread.distances[place]
+            moving = (shape.motions[:, [marker]] - mean.motions[place]) / spread.motions[place]
+            one = np.nan_to_num(np.minimum(off**2 + MOTION_WEIGHT * moving**2, LARGEST), nan=UNKNOWN)
+            one[:, place] = LARGEST
+            one[marker] = 0.0
+            expected += one
+        found = comparison.misfits(np.array(markers), np.array(of_set))
+        np.testing.assert_allclose(found, expected / (len(markers) - 1), rtol=1e-12)
+
+
+def test_outlines_are_quantiles_of_what_is_known() -> None:
+    positions = np.random.default_rng(1).normal(0.0, 500.0, (20, 7, 3))
+    positions[:, 2] = np.nan
+    shape = shape_of(positions)
+    seen = np.delete(np.arange(7), 2)
+    expected = np.nanquantile(shape.distances[seen], OUTLINE, axis=1).T
+    np.testing.assert_allclose(shape.outlines[0][seen], expected, atol=1e-12)
+    assert not shape.outlines[0][2].any()
