@@ -24,6 +24,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen._kernels.code_files import cache_class
 from skelgen.errors import KernelError, SkelgenError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -163,7 +164,7 @@ def _kept_on_disk(function: Callable[..., Any], compile_with: Callable[[Callable
     compiled = compile_with(function)
     if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
         try:
-            compiled._cache = _cache_class()(function)
+            compiled._cache = cache_class(sources_digest)(function)
         except RuntimeError as error:
             raise KernelError(
                 f"compiled kernels can be kept neither in {Path(__file__).parent} nor in your cache folder; "
@@ -210,23 +211,6 @@ def _introduce() -> None:
 
     cast(Any, event).register("numba:compile", Listener())  # which numba gives no types
     typeof_impl.register(Kernel)(lambda kernel, context: types.Dispatcher(kernel.compiled))
-
-
-@cache
-def _cache_class() -> Any:
-    """Keep machine code in the folder that the user names, else in the package's, else in the user's cache folder."""
-    from numba.core import caching  # noqa: PLC0415 - half a second
-
-    class AllSources:
-        """What is kept is good as long as no file of kernels changes: they use each other's constants."""
-
-        def get_source_stamp(self) -> str:
-            return sources_digest()
-
-    folders = (caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, caching.UserWideCacheLocator)
-    locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
-    implementation = type("Implementation", (caching.CompileResultCacheImpl,), {"_locator_classes": locators})
-    return type("Cache", (caching.FunctionCache,), {"_impl_class": implementation})
 
 
 @cache

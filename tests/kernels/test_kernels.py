@@ -43,7 +43,8 @@ def package(tmp_path):
     (copy / "_kernels").mkdir(parents=True)
     (copy / "__init__.py").touch()
     shutil.copy(source / "errors.py", copy)
-    shutil.copy(source / "_kernels" / "__init__.py", copy / "_kernels")
+    for name in ("__init__.py", "code_files.py"):
+        shutil.copy(source / "_kernels" / name, copy / "_kernels")
     (copy / "_kernels" / "constants.py").write_text(CONSTANTS.format(2.0))
     (copy / "_kernels" / "subject.py").write_text(SUBJECT)
     return copy
@@ -68,17 +69,49 @@ def test_kernels_are_compiled_once_and_again_when_a_constant_elsewhere_changes(p
 
 
 @needs_compiler
+def test_machine_code_of_other_sources_is_not_used_whatever_a_killed_process_left(package):
+    folder = package / "_kernels" / "__pycache__"
+    assert run(package) == "6.0 scaled"
+    (older,) = folder.glob("*.nbc")
+    content = older.read_bytes()
+    (package / "_kernels" / "constants.py").write_text(CONSTANTS.format(5.0))
+    assert run(package) == "15.0 scaled"
+    (newer,) = folder.glob("*.nbc")  # what no source can use any more is taken away
+    assert newer.name != older.name
+    older.write_bytes(content)
+    newer.unlink()
+    assert run(package) == "15.0 scaled"
+
+
+@needs_compiler
+def test_machine_code_for_other_arguments_is_not_used_under_a_wrong_name(package):
+    of_numbers, of_whole = RUN, RUN.replace("3.0", "3")
+    assert (run(package, of_numbers), run(package, of_whole)) == ("6.0 scaled", "6.0 scaled")
+    one, other = (package / "_kernels" / "__pycache__").glob("*.nbc")
+    one.write_bytes(other.read_bytes())
+    assert sorted([run(package, of_numbers), run(package, of_whole)]) == ["6.0", "6.0 scaled"]
+
+
+@needs_compiler
+def test_damaged_machine_code_is_compiled_anew(package):
+    assert run(package) == "6.0 scaled"
+    (kept,) = (package / "_kernels" / "__pycache__").glob("*.nbc")
+    kept.write_bytes(kept.read_bytes()[:100])
+    assert run(package) == "6.0 scaled"
+
+
+@needs_compiler
 def test_machine_code_goes_to_the_users_cache_where_the_package_cannot_be_written_to(package):
     (package / "_kernels" / "__pycache__").write_text("a file where the folder would be")
     assert run(package) == "6.0 scaled"
     assert run(package) == "6.0"
-    assert list((package.parent / "cache").rglob("*.nbi"))
+    assert list((package.parent / "cache").rglob("*.nbc"))
 
 
 @needs_compiler
 def test_machine_code_goes_where_the_user_wants_it(package, tmp_path):
     assert run(package, NUMBA_CACHE_DIR=str(tmp_path / "wanted")) == "6.0 scaled"
-    assert list((tmp_path / "wanted").rglob("*.nbi"))
+    assert list((tmp_path / "wanted").rglob("*.nbc"))
 
 
 @needs_compiler
@@ -90,7 +123,7 @@ def test_no_folder_to_write_to_is_an_error_in_words(package):
 
 def test_without_the_compiler_kernels_run_as_plain_python(package):
     assert run(package, NUMBA_DISABLE_JIT="1") == "6.0"
-    assert not list(package.parent.rglob("*.nbi"))
+    assert not list(package.parent.rglob("*.nbc"))
 
 
 def test_a_broken_numba_is_an_error_in_words(package):
