@@ -108,10 +108,10 @@ def test_what_stands_before_the_root_is_passed_in_no_time(settings, tmp_path, be
     settings_behind, other = tmp_path / "behind.xml", tmp_path / "other.xml"
     settings_behind.write_text(f"{before * 20}<capture{root}")
     other.write_text(before * 40 + "<SkelFit/>")
-    start = time.perf_counter()
+    start = time.process_time()
     assert is_stereo(settings_behind) is not before.endswith("<?")
     assert not is_stereo(other)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @pytest.mark.parametrize(
