@@ -18,7 +18,7 @@ from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.stage import check_labels, label_markers
+from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
@@ -41,6 +41,7 @@ __all__ = [
     "label_markers",
     "labelling_of_cloud",
     "labelling_of_markers",
+    "refit_labels",
     "stated_positions",
     "typical_spacing",
 ]

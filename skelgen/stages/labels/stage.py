@@ -135,6 +135,45 @@ def check_labels(
     return repaired, label_quality.labelling_of_markers(repaired, take, repair.findings)
 
 
+def refit_labels(
+    cloud: PointCloud, tracks: Ints, marker_of_point: Ints, parameters: LabelParameters, monitor: Monitor = SILENT
+) -> Ints:
+    """Label points by a skeleton that is fitted to labels of their own take; the labels as they were, if that is worse.
+
+    A skeleton of another take says roughly which marker a point is. Where markers are when this body does what it does
+    here, only this take tells.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    tracks : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point by the labels so far, -1 for none.
+    parameters : LabelParameters
+        How to label.
+    monitor : Monitor
+        Receives progress, and may cancel.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point by the same numbers, -1 for none.
+    """
+    rate, _ = frame_rate(cloud, parameters)
+    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, None, 0)
+    before = marker_of_point.astype(np.int32)
+    found = _refined(task, tracks.astype(np.int32), before, monitor)
+    together = point_labels.counts_together(before, found)[1:, 1:]
+    rows, columns = linear_sum_assignment(together, maximize=True)
+    same = np.full(together.shape[1] + 1, -1, dtype=np.intp)
+    same[columns] = np.where(together[rows, columns] > 0, rows, -1)
+    after = same[found]
+    evidence, chance = _evidence(task, before)
+    return after if _evidence(task, after)[0] > evidence + chance else marker_of_point
+
+
 def _labelled(
     cloud: PointCloud,
     parameters: LabelParameters,

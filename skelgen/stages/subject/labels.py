@@ -4,6 +4,8 @@ Proposals are made: the names, where the take has some that the skeleton knows, 
 through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
 The one that explains most positions is kept. The skeleton is then posed in all frames, and points that no marker has
 are given to markers whose place they are at.
+A take without names is then labelled once more by a skeleton that is fitted to it: skin moves otherwise and joints turn
+farther than in the calibrated take, which may have been short.
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
@@ -17,7 +19,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, typical_spacing
+from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, refit_labels, typical_spacing
 from skelgen.stages.subject.points import PlacedTrack, TrackedPoints, place_tracks, tracked_points
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject
 
@@ -96,7 +98,8 @@ def label_by_subject(
         If the skeleton explains too little of the take: it shows another body, or other markers.
     """
     monitor.begin("labels by the subject's skeleton")
-    points = tracked_points(take, parameters or LabelParameters(), monitor)
+    parameters = parameters or LabelParameters()
+    points = tracked_points(take, parameters, monitor)
     gates = GATE * PoseFilter(skeleton).deviation
     marker_of_point, by_name = _proposed(points, skeleton, names, gates, monitor)
     placed, poses = _reassigned_and_posed(points, marker_of_point, skeleton, gates, monitor)
@@ -108,6 +111,10 @@ def label_by_subject(
             f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
             "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
         )
+    if not points.names:
+        refit = refit_labels(points.cloud, points.tracks, placed, parameters, monitor)
+        if refit is not placed:
+            placed, poses = refit, pose_subject(skeleton, points.positions(refit, len(names)), monitor=monitor)
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
     moved, new = place_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
     result = placed.copy()
