@@ -93,23 +93,18 @@ FOLLOWING = 3.0
 """Variance of errors of a joint that motion places out of reach, in units of that of the residuals; they follow the
 motion and do not average out over frames."""
 
-PRIOR_STEPS = 10
-"""Steps of the poses after each step of the constants: a limb of one marker follows a joint slowly."""
-
 MOST, MOST_OF_BUILD = 2.0, 5.0
 """Times the squares of the residuals without what is known; more, and it is the data that contradict it. Of a body
 whose build is known it is more: where limbs have two markers, these follow wrong joints as well as right ones."""
 
-ROUNDS = 30
-CORRECTIONS = 3
-"""Steps within which the sum must fall."""
+ROUNDS = 40
+REMEMBERED = 8
+"""Steps that tell how the sum is curved."""
 
-DAMPINGS = 6
-"""Dampings (Levenberg and Marquardt), each ten times the one before, that are tried for a step."""
+LEAST_DAMPING, FIRST_DAMPING, MOST_DAMPING = 1e-9, 1e-6, 1.0
+"""Dampings (Levenberg and Marquardt), each ten times the one before."""
 
-LEAST_DAMPING, FIRST_DAMPING = 1e-9, 1e-6
-
-LEAST_GAIN = 0.02
+LEAST_GAIN = 0.001
 """Rounds stop when the sum falls by less than this part of the weight."""
 
 
@@ -286,8 +281,8 @@ class _Weighed:
         return self.fitted.squares + self.weight * _surprise(towards, tails)
 
     @cached_property
-    def _equations(self) -> tuple[Floats, Floats]:
-        """Normal matrix and gradient of the constants."""
+    def _equations(self) -> tuple[Floats, Floats, Floats]:
+        """Normal matrix and gradient of the constants, and the least prior on the matrix' diagonal."""
         fit, chain = self.fitted.fit, self.fitted.fit.chain
         n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
         information = information_of(fit, STEP_FRAMES)
@@ -305,44 +300,65 @@ class _Weighed:
         matrix[:n_places, :n_places] += (
             self.weight * (kept * slopes.T) @ slopes + HELD * level_of_tilts(chain) * usual * seem.T @ seem
         )
-        return matrix, gradient
+        return matrix, gradient, free
 
-    def stepped(self, damping: float) -> _Weighed:
-        """Take a damped step."""
-        fit, (matrix, gradient) = self.fitted.fit, self._equations
-        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
+    @cached_property
+    def gradient(self) -> Floats:
+        """Gradient of minus half the sum by the constants, shape (n_constants,)."""
+        return self._equations[1]
+
+    def solved(self, right: Floats, damping: float) -> Floats:
+        """Solve the damped normal equations; directions of which neither data nor what is known speak are left out."""
+        matrix, _, free = self._equations
+        spoken = right - free * np.linalg.solve(matrix, right)
+        return np.asarray(np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), spoken))
+
+    def stepped(self, step: Floats) -> _Weighed:
+        """Take a step of the constants."""
+        fit = self.fitted.fit
         n_places = 3 * (fit.chain.n_markers + fit.chain.n_limbs - 1)
         offsets, joints, tilts = np.split(step, [3 * fit.chain.n_markers, n_places])
-        return replace(self, fitted=FittedChain.of(fit.stepped(offsets, joints, tilts), PRIOR_STEPS))
+        return replace(self, fitted=FittedChain.of(fit.stepped(offsets, joints, tilts)))
 
 
 def _converged(state: _Weighed) -> FittedChain:
-    """Step until the sum of residuals and of what is known falls no more."""
-    damping = FIRST_DAMPING
+    """Step until the sum of residuals and of what is known falls no more.
+
+    What motion hardly determines is curved: there Gauss-Newton steps stop far from the minimum, and where they stop is
+    chance. How the gradient changed over the last steps corrects them (L-BFGS, Nocedal and Wright 2006, *Numerical
+    Optimization*, 7.2, with the normal equations for its first matrix).
+    """
+    damping, past = FIRST_DAMPING, list[tuple[Floats, Floats]]()
     for _ in range(ROUNDS):
-        found = _improved(state, damping)
-        if found is None:
+        step = _direction(state, past, damping)
+        expected = float(step @ state.gradient)
+        better = state.stepped(step)
+        gain = state.total - better.total
+        if gain > 0:
+            past = [*past, (step, state.gradient - better.gradient)][-REMEMBERED:]
+            state, damping = better, max(damping / 10, LEAST_DAMPING)
+            if max(gain, expected) < LEAST_GAIN * state.weight:
+                break
+        elif past:
+            past = []
+        elif damping > MOST_DAMPING or expected < LEAST_GAIN * state.weight:
             break
-        state, damping, gain = found
-        if gain < LEAST_GAIN * state.weight:
-            break
+        else:
+            damping *= 10
     return state.fitted
 
 
-def _improved(state: _Weighed, damping: float) -> tuple[_Weighed, float, float] | None:
-    """Take damped steps that lower the sum; also return the next damping, and by how much; None if none do.
-
-    What motion leaves open is curved: a long step may overshoot, and the next from there corrects it.
-    """
-    for _ in range(DAMPINGS):
-        better = state
-        for _ in range(CORRECTIONS):
-            better = better.stepped(damping)
-            gain = state.total - better.total
-            if gain > 0:
-                return better, max(damping / 10, LEAST_DAMPING), gain
-        damping *= 10
-    return None
+def _direction(state: _Weighed, past: Sequence[tuple[Floats, Floats]], damping: float) -> Floats:
+    """Return the step from the gradient, corrected by steps of the past and the changes of the gradient over them."""
+    left, shares = state.gradient, []
+    bent = [(step, change) for step, change in past if step @ change > 0]
+    for step, change in reversed(bent):
+        shares.append(float(step @ left) / float(step @ change))
+        left = left - shares[-1] * change
+    found = state.solved(left, damping)
+    for (step, change), share in zip(bent, reversed(shares), strict=True):
+        found = found + (share - float(change @ found) / float(step @ change)) * step
+    return found
 
 
 def _surprise(towards: Floats, tails: Floats) -> float:
