@@ -3,6 +3,10 @@
 A joint is written as its type only if the motion keeps to it. The fit lets joints that wobble turn freely, however
 clearly they are hinges; as hinges they would lose centimetres of the motion, so they become balls unless the user wants
 the types.
+
+Masses and inertias of limbs are those of capsules along their bones, as thick as the markers lie far from them. A
+capsule is a cylinder between two half spheres. It reaches from end to end of the bone; where it is thicker than long,
+its half spheres stick out. Nothing is weighed: with the density of water a thigh comes near a thigh.
 """
 
 import re
@@ -19,10 +23,10 @@ from skelgen.geometry.rotations import (
     transform_from,
     vector_from_matrix,
 )
-from skelgen.model import Joint, Motion, Project
+from skelgen.model import Joint, Motion, Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen_formats.bones import bone_names, parent_from_child, plain_names
-from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
+from skelgen_formats.bones import bone_end, bone_names, parent_from_child, plain_names
+from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
 from skelgen_formats.parts import choices_in
 
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
@@ -277,3 +281,88 @@ def _moved_markers(project: Project, links: Sequence[Link]) -> float:
     poses = posed(links)[:, skeleton.limb_of_marker[used]]
     places = (poses[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + poses[..., :3, 3]
     return float(np.linalg.norm(places - project.motion.marker_positions[:, used], axis=2).max(initial=0.0))
+
+
+M_PER_MM = 1e-3
+"""Formats of models with masses are in metres."""
+
+DENSITY = Option(
+    "density",
+    1000.0,
+    "Density of the limbs, which gives masses and inertias of capsules along them as thick as their markers lie far.",
+    reading=False,
+    unit="kg/m³",
+    low=1e-3,
+    high=1e6,
+)
+"""The option of every writer of models that have masses."""
+
+_THINNEST = 10.0  # mm
+_MOST_INSET = 0.45  # of the bone, from either end: a capsule without length is none
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """A limb's body.
+
+    Attributes
+    ----------
+    start, end : ndarray, shape (3,), m
+        Centres of the half spheres, in the limb's frame.
+    radius : float, m
+        Of cylinder and half spheres.
+    density : float, kg/m^3
+        The same everywhere.
+    """
+
+    start: Floats
+    end: Floats
+    radius: float
+    density: float
+
+    @property
+    def centre(self) -> Floats:
+        """Centre of mass in the limb's frame [m], shape (3,)."""
+        return np.asarray((self.start + self.end) / 2)
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return sum(self._masses())
+
+    def inertia(self) -> Floats:
+        """Return the inertia about the centre of mass in the limb's axes [kg m^2], shape (3, 3)."""
+        cylinder, spheres = self._masses()
+        height, radius = float(np.linalg.norm(self.end - self.start)), self.radius
+        along = cylinder * radius**2 / 2 + spheres * 2 * radius**2 / 5
+        across = cylinder * (3 * radius**2 + height**2) / 12
+        across += spheres * (2 * radius**2 / 5 + height**2 / 4 + 3 * height * radius / 8)
+        axis = (self.end - self.start) / height
+        return np.asarray(across * np.eye(3) + (along - across) * np.outer(axis, axis))
+
+    def _masses(self) -> tuple[float, float]:
+        """Of the cylinder, and of both half spheres together [kg]."""
+        disc = np.pi * self.radius**2 * self.density
+        return float(disc * np.linalg.norm(self.end - self.start)), float(disc * self.radius * 4 / 3)
+
+
+def capsule_of(skeleton: Skeleton, limb: int, density: float) -> Capsule:
+    """Return the capsule along a limb's bone.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    limb : int
+        Any limb.
+    density : float, kg/m^3
+        Of the limb.
+    """
+    end = bone_end(skeleton, limb)
+    length = float(np.linalg.norm(end))
+    along = end / length
+    markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
+    aside = np.linalg.norm(markers - np.outer(markers @ along, along), axis=1)
+    radius = max(float(aside.mean()) if len(aside) else 0.0, _THINNEST)
+    inset = min(radius, _MOST_INSET * length) * along
+    return Capsule(inset * M_PER_MM, (end - inset) * M_PER_MM, radius * M_PER_MM, density)

@@ -21,10 +21,9 @@ from pathlib import Path
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
-from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.sample import Sample
 from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _FIRST_LINE = "BTS ASCII"

@@ -12,6 +12,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled
 from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen_formats.lines import Sample
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
     FRAME_HEADER,
@@ -26,7 +27,6 @@ from skelgen_formats.mfml_stream import (
     write_frames,
 )
 from skelgen_formats.options import Format, Option, Writable
-from skelgen_formats.sample import Sample
 
 _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
 _EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must

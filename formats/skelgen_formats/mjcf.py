@@ -19,15 +19,17 @@ from skelgen.model.arrays import Bools, Floats, displayable
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
+    DENSITY,
+    M_PER_MM,
     Link,
     add_choices,
     bones_of,
+    capsule_of,
     links_of,
     markers_on,
     range_of,
     remarks_on_joints,
 )
-from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.upright import UPRIGHTABLE, gravity, remark_on_up

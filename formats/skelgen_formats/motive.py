@@ -25,10 +25,9 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
-from skelgen_formats.lines import decoded_head, read_lines
+from skelgen_formats.lines import Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
-from skelgen_formats.sample import Sample
 from skelgen_formats.text import count_in, parse_rows, rate_in, split_cells, whole_lines
 
 _FIRST_CELL = "Format Version"

@@ -31,10 +31,9 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
-from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.sample import Sample
 from skelgen_formats.text import parse_rows, rate_in, split_cells
 
 BLOCKS = (

@@ -12,7 +12,7 @@ from skelgen.model.filled import Filled
 from skelgen.model.takes import BoneMotion
 from skelgen.parameters import Declaration
 from skelgen.progress import Monitor
-from skelgen_formats.sample import Sample
+from skelgen_formats.lines import Sample
 
 _UNITS = {
     1.0: ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),

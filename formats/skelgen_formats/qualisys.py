@@ -20,10 +20,9 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
-from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.sample import Sample
 from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")

@@ -18,7 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.questions import questions_on
+from skelgen.model.labelling import questions_on
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
 

@@ -31,7 +31,7 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.marker_output import (
     check_markers,
     check_writable_names,
@@ -42,7 +42,6 @@ from skelgen_formats.marker_output import (
 )
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
-from skelgen_formats.sample import Sample
 from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _TITLE = "TRC"

@@ -20,10 +20,13 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
+    DENSITY,
+    M_PER_MM,
     PLACE_MARGIN,
     Link,
     add_choices,
     bones_of,
+    capsule_of,
     frame_along,
     links_of,
     markers_on,
@@ -31,7 +34,6 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.bones import plain_names
-from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.upright import UPRIGHTABLE, remark_on_up

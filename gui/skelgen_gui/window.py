@@ -15,10 +15,10 @@ from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
 from skelgen_gui.labelling.pane import LabellingPane
 from skelgen_gui.model import translate_with
-from skelgen_gui.model.cameras import up_axis
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.view_state import ViewState
+from skelgen_gui.model.viewpoint import up_axis
 from skelgen_gui.page_stack import WIDTH, PageStack, Preloading
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.project.cameras import Cameras
@@ -39,10 +39,9 @@ from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
-from skelgen_gui.widgets.keys import FocusRing, KeyKeeper
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
-from skelgen_gui.widgets.shortcuts import make_actions
+from skelgen_gui.widgets.shortcuts import FocusRing, KeyKeeper, make_actions
 from skelgen_gui.widgets.tutorial import Tutorial
 from skelgen_gui.window_commands import WindowCommands
 

@@ -13,8 +13,7 @@ from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.file_actions import RecentMenu, SampleMenu
-from skelgen_gui.project.parameter_files import ParameterFiles
-from skelgen_gui.project.subjects import SubjectActions
+from skelgen_gui.project.other_files import ParameterFiles, SubjectActions
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form

@@ -13,7 +13,7 @@ from skelgen_formats.rest_pose import remarks_on_rest
 
 from skelgen.app.bodies import body_files
 from skelgen.app.drawing.wording import counted, listed
-from skelgen.app.replacing import check_outputs, recording_of
+from skelgen.app.outputs import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.geometry.frame_rate import n_frames_at

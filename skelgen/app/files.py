@@ -10,13 +10,13 @@ from typing import Any
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.identities_csv import read_identities
+from skelgen_formats.lines import Sample
 from skelgen_formats.options import Format, Option
-from skelgen_formats.sample import Sample
 
 from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import body_files
+from skelgen.app.outputs import check_outputs, files_of, recording_of
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
-from skelgen.app.replacing import check_outputs, files_of, recording_of
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories

@@ -1,14 +1,26 @@
-"""What may enter the stages: checks of a take, and bodies with orientation turned into markers."""
+"""What may enter the stages: checks of a take, and takes of bodies with orientation.
+
+Bodies become markers; sensors that slipped or were exchanged are repaired; joints may hold for a span of the take.
+"""
+
+from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelgen.app.set_prior import HeldNotices
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
-from skelgen.model import Limbs, PointCloud, Poses, Take, Trajectories
+from skelgen.model import Limbs, PointCloud, Poses, Project, Take, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_coordinates
+from skelgen.progress import Monitor
+
+if TYPE_CHECKING:
+    from skelgen.stages.joints import JointConstraints
 
 MIN_FRAMES = 3
 """Fewer frames hold no motion from which a joint could be found."""
@@ -196,3 +208,57 @@ def _deviations(positions: Floats, marker: int) -> Floats:
     mean = np.where(known, lengths, 0.0).sum(axis=0) / np.maximum(count, 1)
     squares = np.where(known, (lengths - mean) ** 2, 0.0).sum(axis=0)
     return np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), np.nan)
+
+
+def repaired_sensors(poses: Poses, monitor: Monitor) -> Poses:
+    """Return bodies whose exchanged sensors are exchanged back, and whose sensors that slipped are moved back.
+
+    Parameters
+    ----------
+    poses : Poses
+        As they were recorded.
+    monitor : Monitor
+        Receives a notice of each.
+    """
+    from skelgen.stages.joints import slips_moved_back  # noqa: PLC0415 - loads the stage
+    from skelgen.stages.repair import exchanged_back  # noqa: PLC0415
+
+    world_from_body, exchanges = exchanged_back(poses.world_from_body)
+    for one, other, frame in exchanges:
+        pair = f"{poses.names[one]} and {poses.names[other]}"
+        monitor.notice(f"the sensors of {pair} are exchanged from frame {frame} on; they are exchanged back")
+    bodies, slips = slips_moved_back(replace(poses, world_from_body=world_from_body) if exchanges else poses)
+    for slip in slips:
+        monitor.notice(slip.sentence(poses.names[slip.limb]))
+    return bodies
+
+
+def joints_of_bodies(
+    project: Project, find: Callable[..., Topology], constraints: JointConstraints, monitor: Monitor
+) -> Topology:
+    """Return the tree of bodies with orientation, and joints beyond it that hold for a part of the take only.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    find : callable (constraints, monitor) -> Topology
+        Finds joints and tree.
+    constraints : JointConstraints
+        What the user states of the tree.
+    monitor : Monitor
+        Receives progress and notices.
+    """
+    from skelgen.stages.joints import find_joint_spans  # noqa: PLC0415 - loads the stage
+
+    held = HeldNotices(monitor)
+    topology = find(constraints=constraints, monitor=held)
+    markers = project.trajectories
+    spans, parted = find_joint_spans(poses_of_markers(markers), topology.parents, markers.rate)
+    if parted and constraints.parents is None and not set(parted) & set(constraints.joined):
+        topology = find(constraints=replace(constraints, parted=(*constraints.parted, *parted)))
+    else:
+        held.release()
+    for span in spans:
+        monitor.notice(span.sentence(project.limbs.names))
+    return replace(topology, spans=spans)

@@ -20,9 +20,15 @@ from skelgen.app.constraints import (
     stated_number,
 )
 from skelgen.app.corrections import corrected_labels
-from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
+from skelgen.app.inputs import (
+    check_trajectories,
+    joints_of_bodies,
+    limbs_from_poses,
+    limbs_with_parts,
+    repaired_sensors,
+    trajectories_from_poses,
+)
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
-from skelgen.app.sensors import joints_of_bodies, repaired_sensors
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (

@@ -3,7 +3,7 @@
 from typing import Any, NotRequired, TypedDict
 
 import numpy as np
-from skelgen_formats.sample import Sample
+from skelgen_formats.lines import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.app.take_account import TakeFacts, account_of
@@ -12,7 +12,7 @@ from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, runs_of
-from skelgen.model.questions import questions_on
+from skelgen.model.labelling import questions_on
 from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]

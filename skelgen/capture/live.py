@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from skelgen.capture.angles import JointAngle, find_angles
-from skelgen.capture.ball_pairs import BallPairs
+from skelgen.capture.ball_tracks import BallPairs
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters

@@ -53,7 +53,7 @@ def stereo(
     """
     from skelgen_formats.capture_settings import read_settings, write_settings
 
-    from skelgen.app.replacing import check_outputs
+    from skelgen.app.outputs import check_outputs
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
     from skelgen.capture.calibration.table import camera_rows
@@ -230,8 +230,7 @@ def skeleton(
     """
     from skelgen.app.configuration import Settings
     from skelgen.app.files import open_input
-    from skelgen.app.outputs import stem_of, write_outputs
-    from skelgen.app.replacing import check_run
+    from skelgen.app.outputs import check_run, stem_of, write_outputs
     from skelgen.app.several_takes import calibrate_together
 
     screen = Screen(quiet, as_json)

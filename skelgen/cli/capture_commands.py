@@ -83,8 +83,7 @@ def motion_capture(
     from skelgen.app.capture import capture, source_of
     from skelgen.app.room import capture_room, read_rig_settings, room_source_of
     from skelgen.capture.bodies.prediction import PredictionParameters
-    from skelgen.cli.capture_output import Columns
-    from skelgen.cli.keys import watched_interrupt, watched_keys
+    from skelgen.cli.capture_terminal import Columns, watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
     from skelgen.model.rig import RoomSettings
 
@@ -136,7 +135,7 @@ class _Pictures(Protocol):
         """Show those of one moment."""
 
 
-_PICTURES = "skelgen_gui.capture.live_pictures"  # found by name: the command line does not depend on the window
+_PICTURES = "skelgen_gui.capture.pictures"  # found by name: the command line does not depend on the window
 
 
 def _pictures(targets: Sequence[str], cameras: Sequence[str], stack: contextlib.ExitStack) -> _Pictures | None:

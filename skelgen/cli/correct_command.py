@@ -48,8 +48,8 @@ def correct(
         Whether neither progress nor notes are shown.
     """
     from skelgen.app import face
+    from skelgen.app.outputs import check_outputs
     from skelgen.app.project_file.archive import find_result, save_project
-    from skelgen.app.replacing import check_outputs
     from skelgen.model.project import STAGES
 
     if output == Path():

@@ -71,7 +71,7 @@ def convert(
         Options of readers and writers.
     """
     from skelgen.app.files import NamedFile, convert_file
-    from skelgen.app.replacing import check_outputs, files_of
+    from skelgen.app.outputs import check_outputs, files_of
 
     screen, written = Screen(quiet), NamedFile(target, to, given(values))
     check_outputs(files_of(target, to, written.options), (take,), (target,), overwrite=overwrite)
@@ -115,7 +115,7 @@ def info(
     **values
         Options of readers.
     """
-    from skelgen_formats.sample import Sample
+    from skelgen_formats.lines import Sample
 
     from skelgen.app.files import name_of_format, open_input
     from skelgen.app.tables import column_rows, project_tables
@@ -245,7 +245,7 @@ def config(
         Whether one JSON object stands for all tables.
     """
     from skelgen.app.configuration import Settings, parameter_rows, write_defaults
-    from skelgen.app.replacing import check_outputs
+    from skelgen.app.outputs import check_outputs
 
     screen = Screen(as_json=as_json)
     settings = Settings(file)
@@ -276,8 +276,8 @@ def report(
     output : Path, optional
         The page; beside the project if left out.
     """
+    from skelgen.app.outputs import check_outputs, recording_of
     from skelgen.app.project_file.archive import find_result, open_project
-    from skelgen.app.replacing import check_outputs, recording_of
     from skelgen.app.report import write_report
 
     source = find_result(result)
@@ -317,7 +317,7 @@ def view(
     from tempfile import mkdtemp
 
     from skelgen.app.files import open_input
-    from skelgen.app.replacing import check_outputs
+    from skelgen.app.outputs import check_outputs
     from skelgen.app.report import write_view
 
     screen, given_target = Screen(quiet), output
@@ -363,8 +363,8 @@ def fill(
     """
     from skelgen.app import face
     from skelgen.app.export import write_filled
+    from skelgen.app.outputs import check_outputs, files_of, recording_of
     from skelgen.app.project_file.archive import find_result
-    from skelgen.app.replacing import check_outputs, files_of, recording_of
 
     source = find_result(result)
     project, planned = face.load(source), files_of(output, None, {"filled": True})

@@ -90,7 +90,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     """
     from skelgen_formats.capture_settings import read_settings
 
-    from skelgen.app.replacing import check_outputs
+    from skelgen.app.outputs import check_outputs
     from skelgen.capture.errors_by_distance import errors_by_distance
 
     check_outputs(() if plot is None else (plot,), (settings,), () if plot is None else (plot,))

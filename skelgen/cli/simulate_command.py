@@ -79,7 +79,7 @@ def simulate(
         What is simulated: frames, marker set, soft tissue, noise, dropouts and so on.
     """
     from skelgen.app.files import write_any
-    from skelgen.app.replacing import check_outputs
+    from skelgen.app.outputs import check_outputs
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
     from skelgen.simulation.people import MOTIONS

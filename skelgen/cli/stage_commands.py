@@ -150,8 +150,7 @@ def run(
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.constraints import RunOptions
     from skelgen.app.files import open_input
-    from skelgen.app.limb_names import with_stated_names
-    from skelgen.app.limb_tables import read_limb_names
+    from skelgen.app.limb_names import read_limb_names, with_stated_names
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import find_result
 
@@ -201,8 +200,7 @@ def demo(
         Whether neither progress nor notes are shown, and one JSON object stands for everything else.
     """
     from skelgen.app.face import reconstruct
-    from skelgen.app.outputs import write_outputs
-    from skelgen.app.replacing import check_run
+    from skelgen.app.outputs import check_run, write_outputs
     from skelgen.app.tables import project_tables
     from skelgen.evaluation import evaluate, evaluation_tables
     from skelgen.simulation import TRUTH_SUFFIX, simulate, write_truth
@@ -303,7 +301,7 @@ def refuse_beside_skeleton(values: Mapping[str, object]) -> None:
 
 def hierarchy_in(path: Path | None) -> dict[str, str] | None:
     """Return the tree that a file states; None without a file."""
-    from skelgen.app.limb_tables import read_hierarchy
+    from skelgen.app.limb_names import read_hierarchy
 
     return None if path is None else read_hierarchy(path)
 
@@ -349,8 +347,7 @@ def _subject_run(skeletons: Sequence[Path], settings: Settings) -> _Work:
 
 
 def _run_and_write(screen: Screen, project: Project, work: _Work, target: _Target) -> None:
-    from skelgen.app.outputs import write_outputs
-    from skelgen.app.replacing import check_run, recording_of
+    from skelgen.app.outputs import check_run, recording_of, write_outputs
 
     inputs = (*target.inputs, recording_of(project))
     check_run(target.folder, (target.stem, target.result_name), inputs, overwrite=target.overwrite)

@@ -2,7 +2,8 @@
 
 Between two frames positions go straight and rotations turn evenly (slerp); of a skeleton the root's position and every
 limb's turn against its parent, so that joints neither open nor leave their axes. What was not seen in one of the two
-frames is not seen between them. Nothing is smoothed.
+frames is not seen between them. A change of the rate smooths nothing; `smoothed` does: a low-pass filter of the paths
+of markers, which leaves their phase as it is.
 """
 
 from dataclasses import replace
@@ -16,6 +17,7 @@ from skelgen.model import Motion, PointCloud, Project, Skeleton, Take, Trajector
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.model.joint_spans import JointSpan
+from skelgen.model.labelling import seen_runs
 
 AS_RECORDED_RATE = 0.0
 """The rate that leaves frames as they are."""
@@ -213,3 +215,39 @@ def _rigid(transforms: Floats, at: _Between) -> Floats:
 def _inverse(transforms: Floats) -> Floats:
     back = transforms[..., :3, :3].swapaxes(-1, -2)
     return transform_from(back, -(back @ transforms[..., :3, 3, np.newaxis])[..., 0])
+
+
+_ORDER = 2  # of the filter, which runs forward and back: fourth order in all
+
+
+def smoothed(positions: Floats, rate: float, cutoff: float) -> Floats:
+    """Filter a path by a Butterworth low-pass of fourth order, forward and back, each stretch between gaps by itself.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, 3), mm
+        The path; NaN where unseen, which stays. Stretches too short for the filter stay as they are.
+    rate : float, Hz
+        Frames per second.
+    cutoff : float, Hz
+        Frequency at which half of the power passes; below half of the rate.
+
+    References
+    ----------
+    Winter, Biomechanics and Motor Control of Human Movement, 4th edition 2009, section 2.2.4.
+    """
+    if not 0 < cutoff < rate / 2:
+        raise InputError(f"smoothing at {cutoff:g} Hz; take more than 0 and less than half of the take's {rate:g} Hz")
+    from scipy.signal import butter, filtfilt  # noqa: PLC0415 - heavy
+
+    single = cutoff / (2**0.5 - 1) ** (1 / (2 * _ORDER))  # each of both passes lets more through
+    if single >= rate / 2:
+        raise InputError(f"smoothing at {cutoff:g} Hz needs more than the {rate:g} Hz of the take; choose a lower one")
+    numerator, denominator = butter(_ORDER, single, fs=rate)
+    pad = 3 * max(len(numerator), len(denominator))
+    found = np.array(positions)
+    _, starts, ends = seen_runs(~np.isnan(found[:, :1]))
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        if last - first + 1 > pad:
+            found[first : last + 1] = filtfilt(numerator, denominator, found[first : last + 1], axis=0, padlen=pad)
+    return found

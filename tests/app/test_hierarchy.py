@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.limb_tables import read_hierarchy
+from skelgen.app.limb_names import read_hierarchy
 from skelgen.cli import main
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Poses

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.limb_tables import read_limb_names
+from skelgen.app.limb_names import read_limb_names
 from skelgen.stages.names import PARENTS
 
 

@@ -15,14 +15,14 @@ from scipy.io import savemat
 from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
+from skelgen_formats.lines import Sample
 from skelgen_formats.registry import known_formats, read_motion, read_take, write_file
-from skelgen_formats.sample import Sample
 
 import skelgen
 from skelgen.app.capture import read_capture_settings
 from skelgen.app.configuration import Settings, write_defaults
 from skelgen.app.files import open_input
-from skelgen.app.limb_tables import read_hierarchy
+from skelgen.app.limb_names import read_hierarchy
 from skelgen.app.outputs import write_outputs
 from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.app.tables import column_rows, project_tables

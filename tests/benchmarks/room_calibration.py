@@ -17,8 +17,7 @@ from shown import show, show_machine
 
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room import balls_at, find_points
-from skelgen.capture.room.accuracy import point_covariances, room_grid
-from skelgen.capture.room.calibrate import calibrate_wand
+from skelgen.capture.room.calibrate import calibrate_wand, point_covariances, room_grid
 from skelgen.capture.room.simulated import ROOM_RATE, WAND, blobs_of, room_rig, wand_scene
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Floats

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skelgen_formats.bone_profiles import rooted_at
 from skelgen_formats.registry import find_format
 from skelgen_formats.rest_pose import with_rest_pose
-from skelgen_formats.rooting import rooted_at
 
 import skelgen
 from skelgen.app.export import preview_export

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.articulated import links_of
-from skelgen_formats.capsules import capsule_of
+from skelgen_formats.articulated import capsule_of, links_of
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 

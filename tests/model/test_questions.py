@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from skelgen.model.labelling import Doubt, Labelling, Tracklets
-from skelgen.model.questions import questions_on
+from skelgen.model.labelling import Doubt, Labelling, Tracklets, questions_on
 
 NAMES = ("LKNE", "LANK", "M7")
 

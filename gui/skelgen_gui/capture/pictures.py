@@ -1,14 +1,21 @@
-"""The pictures of two or more cameras beside each other, with what was found in them."""
+"""The pictures of two or more cameras beside each other, with what was found in them.
 
+They are a widget, and a window beside ``skelgen motion-capture``, which runs the loop.
+"""
+
+import time
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QApplication, QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage
+from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage, camera_images_of
 from skelgen.app.drawing.colours import limb_colour
+from skelgen.capture.live import Captured
+from skelgen.capture.room.live import RoomCaptured
 from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.widgets.painting import draw_lines, draw_names
 
@@ -193,3 +200,57 @@ def _paint_board(painter: QPainter, places: Floats) -> None:
     painter.setPen(QPen(BOARD, _INK))
     for x, y in places.tolist():
         painter.drawEllipse(QPointF(x, y), _CORNER, _CORNER)
+
+
+INTERVAL = 0.04
+"""s between two pictures: more would only delay the capture."""
+
+
+LEISURE = 3.0
+"""Pause after a picture, as a multiple of the time that it took: many large images must not hold the capture up."""
+
+
+class LivePictures:
+    """The newest pictures with what was found in them; a context manager, whose window closes at its end.
+
+    Parameters
+    ----------
+    names : sequence of str
+        All targets, in the order of their colours.
+    cameras : sequence of str
+        Those of a room; none are the left and the right one.
+    """
+
+    def __init__(self, names: Sequence[str], cameras: Sequence[str] = ()) -> None:
+        self._app = QApplication.instance() or QApplication(["skelgen"])
+        self._names, self._cameras = tuple(names), tuple(cameras)
+        self._shown_at, self._pause = -INTERVAL, INTERVAL
+        self.view = Pictures()
+        self.view.setWindowTitle(self.view.tr("Cameras"))
+
+    def __enter__(self) -> Self:
+        """Open the window."""
+        self.view.show()
+        self._app.processEvents()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the window."""
+        self.view.close()
+        self._app.processEvents()
+
+    def show(self, captured: Captured | RoomCaptured) -> None:
+        """Show the pictures of one moment, unless others are just shown; nothing once the window is closed."""
+        now = time.monotonic()
+        if now - self._shown_at < self._pause or not self.view.isVisible():
+            return
+        self._shown_at = now
+        found = captured.bodies
+        bodies = {group: found[name] for group, name in enumerate(self._names) if name in found}
+        images = camera_images_of(captured, bodies)
+        if self._cameras:
+            self.view.show_all(images, self._cameras)
+        else:
+            self.view.show_pair(*images)
+        self._app.processEvents()
+        self._pause = max(INTERVAL, LEISURE * (time.monotonic() - now))

@@ -12,9 +12,8 @@ from skelgen.app.capture_jobs.camera_images import NO_BODY
 from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig, StereoRig
-from skelgen_gui.model.cameras import DEPTH, cameras_of, up_axis
 from skelgen_gui.model.picture import Canvas
-from skelgen_gui.model.viewpoint import Viewpoint
+from skelgen_gui.model.viewpoint import DEPTH, Viewpoint, cameras_of, up_axis
 from skelgen_gui.view3d.backdrop import paint_background
 from skelgen_gui.view3d.colours import Colours, Sprites, Style
 from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled

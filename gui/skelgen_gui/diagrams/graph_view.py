@@ -18,8 +18,8 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.keys import ARROW_KEYS
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
+from skelgen_gui.widgets.shortcuts import ARROW_KEYS
 
 _MARGIN = 28.0  # px about the graph
 _FOOT = 36.0  # px below it, for what the signs mean

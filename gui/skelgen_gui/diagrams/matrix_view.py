@@ -9,8 +9,8 @@ from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
 from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.keys import ARROW_KEYS
 from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, show_tip
+from skelgen_gui.widgets.shortcuts import ARROW_KEYS
 
 _CLICK = 4.0  # px, that the pointer may move in a click
 _STEPS = {Qt.Key.Key_Up: (-1, 0), Qt.Key.Key_Down: (1, 0), Qt.Key.Key_Left: (0, -1), Qt.Key.Key_Right: (0, 1)}

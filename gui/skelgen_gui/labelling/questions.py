@@ -7,7 +7,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QListView, QPushButton, QWidget
 
 from skelgen.model import Project
-from skelgen.model.questions import Question
+from skelgen.model.labelling import Question
 from skelgen_gui.model.labelling import Answer, answers, question_words
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session

@@ -15,8 +15,7 @@ from skelgen.app.drawing.wording import whole_percent
 from skelgen_gui.model.labelling import MarkerRow
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import describe
-from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, describe
 
 _NAME = 0
 _LEAST_ROWS = 6  # in sight, one of them for the heads

@@ -11,8 +11,7 @@ from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.corrections import NOBODY, Correction, Identities, Identity
-from skelgen.model.labelling import seen_runs
-from skelgen.model.questions import Question, questions_on
+from skelgen.model.labelling import Question, questions_on, seen_runs
 from skelgen_gui.model import translate
 from skelgen_gui.model.wording import limb_words
 

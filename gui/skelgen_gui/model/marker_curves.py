@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.app.drawing.scales import Extremes
 from skelgen.app.drawing.wording import digits
 from skelgen.errors import InputError
-from skelgen.geometry.smoothing import smoothed
+from skelgen.geometry.frame_rate import smoothed
 from skelgen.kinematics.gap_filling.single_gaps import GapFill, fill_marker, gaps_of
 from skelgen.kinematics.gap_filling.stated import unfilled, with_stated
 from skelgen.model import Motion, Project, Skeleton, Trajectories

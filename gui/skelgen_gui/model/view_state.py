@@ -11,8 +11,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Project
-from skelgen_gui.model.cameras import ShownCamera
-from skelgen_gui.model.viewpoint import DOWN, Viewpoint
+from skelgen_gui.model.viewpoint import DOWN, ShownCamera, Viewpoint
 
 _T = TypeVar("_T")
 

@@ -20,8 +20,7 @@ from skelgen.app.files import file_filter
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import column, describe, row_of
-from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, column, describe, row_of
 
 _OWN, _OF_PROJECT = "own", "project"
 

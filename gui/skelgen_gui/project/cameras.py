@@ -11,7 +11,7 @@ from skelgen_formats.capture_settings import read_any_settings
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.rig import CameraRig, StereoRig
-from skelgen_gui.model.cameras import ShownCamera, cameras_of
+from skelgen_gui.model.viewpoint import ShownCamera, cameras_of
 from skelgen_gui.project.deriving import Deriver
 
 _STEREO = "stereo"  # format of a take that was read from the settings of a capture and its images

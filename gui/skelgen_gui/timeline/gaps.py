@@ -16,8 +16,7 @@ from skelgen.model.corrections import FILL_METHODS
 from skelgen_gui.model import translate
 from skelgen_gui.model.marker_curves import GapRow
 from skelgen_gui.timeline.span import clock
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
-from skelgen_gui.widgets.tables import Index, Role, RowModel, choose_by_rows
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, describe, row_of
 
 _TIME_STEP = 0.01  # s
 _CUTOFF, _MOST_CUTOFF = 10.0, 1000.0  # Hz

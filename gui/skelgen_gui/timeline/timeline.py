@@ -1,21 +1,23 @@
-"""The timeline: transport, ruler, spare points, lanes."""
+"""The timeline: a row of buttons (play, step, speed, loop, range, frame and time), ruler, spare points, lanes."""
 
 from collections.abc import Mapping
 from functools import partial
 
-from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt
+from PySide6.QtGui import QAction, QColor, QIcon, QPainter, QPainterPath, QPalette, QPolygonF
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSpinBox, QToolButton, QWidget
 
+from skelgen.app.drawing.wording import plain
 from skelgen_gui.model.curves import Panel, count_panel
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.lane_view import LaneView, Legend
-from skelgen_gui.timeline.player import PlayCommands, Player
+from skelgen_gui.timeline.player import SPEEDS, PlayCommands, Player
 from skelgen_gui.timeline.plot_view import PlotView
 from skelgen_gui.timeline.ruler import Ruler
-from skelgen_gui.timeline.span import VisibleSpan
-from skelgen_gui.timeline.transport import Transport
-from skelgen_gui.widgets.layouts import bare_column
+from skelgen_gui.timeline.span import VisibleSpan, clock
+from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.painting import drawn_pixmap
 from skelgen_gui.widgets.shortcuts import make_actions
 
 _COUNTS_HEIGHT = 36
@@ -74,3 +76,165 @@ class Timeline(QWidget):
     def _take_counts(self, panel: Panel | None) -> None:
         self.counts.setVisible(panel is not None)
         self.counts.show_panels((panel,) if panel is not None else ())
+
+
+_TIME_STEP = 0.01  # s, to which the time of a frame is shown
+_GAP = 10
+_MOVES = ("first_frame", "previous_frame", "play", "next_frame", "last_frame")
+_RANGES = ("range_from", "range_to", "range_all")
+
+_SIZE = 16.0
+_RATIO = 3.0  # pixels per point: sharp on any screen
+Shape = tuple[tuple[float, float], ...]
+_BARS = {
+    "pause": ((3.5, 2.5, 3.2, 11.0), (9.3, 2.5, 3.2, 11.0)),
+    "first_frame": ((2.0, 2.5, 2.2, 11.0),),
+    "last_frame": ((11.8, 2.5, 2.2, 11.0),),
+    "previous_frame": ((10.6, 3.5, 2.2, 9.0),),
+    "next_frame": ((3.2, 3.5, 2.2, 9.0),),
+    "range_from": ((3.0, 2.0, 2.2, 12.0), (3.0, 2.0, 6.0, 2.0), (3.0, 12.0, 6.0, 2.0)),
+    "range_to": ((10.8, 2.0, 2.2, 12.0), (7.0, 2.0, 6.0, 2.0), (7.0, 12.0, 6.0, 2.0)),
+    "range_all": ((1.5, 2.5, 2.0, 11.0), (12.5, 2.5, 2.0, 11.0), (3.5, 7.2, 9.0, 1.6)),
+}
+_POLYGONS: dict[str, tuple[Shape, ...]] = {
+    "play": (((3.5, 2.0), (13.5, 8.0), (3.5, 14.0)),),
+    "first_frame": (((14.0, 2.5), (14.0, 13.5), (5.0, 8.0)),),
+    "last_frame": (((2.0, 2.5), (2.0, 13.5), (11.0, 8.0)),),
+    "previous_frame": (((9.0, 3.5), (9.0, 12.5), (2.5, 8.0)),),
+    "next_frame": (((7.0, 3.5), (7.0, 12.5), (13.5, 8.0)),),
+    "loop": (((9.0, 0.5), (13.0, 3.4), (9.0, 6.3)), ((7.0, 9.7), (3.0, 12.6), (7.0, 15.5))),
+}
+
+
+class Transport(QWidget):
+    """Buttons that play the take.
+
+    Parameters
+    ----------
+    session : Session
+        Whose frame is moved.
+    player : Player
+        What moves it.
+    actions : mapping of str to QAction
+        What `skelgen_gui.widgets.shortcuts.make_actions` gives; they are given signs and buttons here.
+    """
+
+    def __init__(
+        self, session: Session, player: Player, actions: Mapping[str, QAction], parent: QWidget | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._session, self._player, self._actions = session, player, actions
+        self._make_controls()
+        self._arrange()
+        self._draw_icons()
+        for signal in (session.project_changed, session.frame_changed):
+            signal.connect(self._follow)
+        for signal in (player.playing_changed, player.settings_changed):
+            signal.connect(self._follow_player)
+        self._follow_player()
+        self._follow()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Draw the signs anew in the colours of another palette."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._draw_icons()
+        super().changeEvent(event)
+
+    def _make_controls(self) -> None:
+        self.frame = QSpinBox(self)
+        self.frame.setKeyboardTracking(False)
+        self.frame.setMinimumWidth(84)
+        describe(self.frame, self.tr("Frame"), self.tr("The frame that is shown, counted from 0"))
+        self.frame.valueChanged.connect(self._session.show_frame)
+        self._time = QLabel(self)
+        self._time.setContentsMargins(_GAP // 2, 0, 0, 0)
+        describe(self._time, self.tr("Time"), self.tr("Time of the frame, and of the last one"))
+        self.speed = QComboBox(self)
+        describe(self.speed, self.tr("Speed"), self.tr("How fast the take is played"))
+        for speed in SPEEDS:
+            self.speed.addItem(f"{plain(speed)} ×", speed)
+        self.speed.activated.connect(lambda index: self._player.set_speed(self.speed.itemData(index)))
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout(self)
+        row.setContentsMargins(6, 3, 6, 3)
+        row.setSpacing(2)
+        groups = (
+            [self._button(name) for name in _MOVES],
+            [self.frame, self._time],
+            [self.speed, self._button("loop")],
+            [self._button(name) for name in _RANGES],
+        )
+        for group in groups:
+            for part in group:
+                row.addWidget(part)
+            row.addSpacing(_GAP)
+        row.addStretch(1)
+
+    def _button(self, name: str) -> QToolButton:
+        button = QToolButton(self)
+        button.setDefaultAction(self._actions[name])
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonIconOnly)
+        button.setAutoRaise(True)
+        button.setAccessibleName(self._actions[name].statusTip())
+        return button
+
+    def _draw_icons(self) -> None:
+        for name in (*_MOVES, *_RANGES, "loop"):
+            sign = "pause" if name == "play" and self._player.is_playing else name
+            self._actions[name].setIcon(_transport_icon(sign, self.palette()))
+
+    def _follow(self) -> None:
+        """Show the session's frame and time."""
+        n_frames, rate, frame = self._session.n_frames, self._session.rate, self._session.frame
+        self.setEnabled(n_frames > 0)
+        self.frame.blockSignals(True)
+        self.frame.setRange(0, max(n_frames - 1, 0))
+        self.frame.setValue(frame)
+        self.frame.blockSignals(False)
+        last = max(n_frames - 1, 0) / rate
+        self._time.setText(f"{clock(frame / rate, _TIME_STEP)} / {clock(last, _TIME_STEP)}")
+
+    def _follow_player(self) -> None:
+        self._draw_icons()
+        self._actions["play"].setChecked(self._player.is_playing)
+        self._actions["loop"].setChecked(self._player.loop)
+        self.speed.setCurrentIndex(self.speed.findData(self._player.speed))
+
+
+def _transport_icon(name: str, palette: QPalette) -> QIcon:
+    """Return the icon of a transport button: ``pause``, or a command of the menu Play.
+
+    Parameters
+    ----------
+    name : str
+        ``pause``, or a command of the menu Play.
+    palette : QPalette
+        Whose text colour it has.
+    """
+    icon, shape = QIcon(), _path(name)
+    for mode, group in (
+        (QIcon.Mode.Normal, QPalette.ColorGroup.Active),
+        (QIcon.Mode.Disabled, QPalette.ColorGroup.Disabled),
+    ):
+        ink = palette.color(group, QPalette.ColorRole.ButtonText)
+        icon.addPixmap(drawn_pixmap(_SIZE, _RATIO, partial(_fill, shape, ink)), mode)
+    return icon
+
+
+def _fill(shape: QPainterPath, ink: QColor, painter: QPainter) -> None:
+    painter.fillPath(shape, ink)
+
+
+def _path(name: str) -> QPainterPath:
+    path = QPainterPath()
+    path.setFillRule(Qt.FillRule.WindingFill)
+    for bar in _BARS.get(name, ()):
+        path.addRoundedRect(QRectF(*bar), 0.8, 0.8)
+    for polygon in _POLYGONS.get(name, ()):
+        path.addPolygon(QPolygonF([QPointF(*corner) for corner in polygon]))
+        path.closeSubpath()
+    if name == "loop":  # two arms of a ring, one to each arrow head
+        for arm in ((2.0, 2.5, 7.5, 1.8), (2.0, 2.5, 1.8, 7.0), (6.5, 11.7, 7.5, 1.8), (12.2, 6.5, 1.8, 7.0)):
+            path.addRoundedRect(QRectF(*arm), 0.8, 0.8)
+    return path

@@ -10,7 +10,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QPainter, QPaintEvent
 from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QLabel, QPushButton, QWidget
 
-from skelgen.capture.reference_video import ReferenceVideo
+from skelgen.capture.sources.video import ReferenceVideo
 from skelgen.capture.values import Image
 from skelgen.errors import SkelgenError
 from skelgen_gui.project.deriving import Deriver

@@ -30,8 +30,7 @@ from skelgen.app.report.timelines import (
 )
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
-from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
-from skelgen.model.questions import questions_on
+from skelgen.model.labelling import Doubt, Finding, Tracklets, questions_on, seen_runs
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""

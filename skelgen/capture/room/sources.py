@@ -15,8 +15,14 @@ import numpy as np
 from skelgen.capture.calibration.board import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
-from skelgen.capture.room.live_sources import LiveSets, open_firewire_sets, open_gentl_sets, open_gige_sets
-from skelgen.capture.room.mixed import RecordedTogether, run_together
+from skelgen.capture.room.live_sources import (
+    LiveSets,
+    RecordedTogether,
+    open_firewire_sets,
+    open_gentl_sets,
+    open_gige_sets,
+    run_together,
+)
 from skelgen.capture.room.simulated import (
     RoomScene,
     board_poses,

@@ -15,8 +15,7 @@ import numpy as np
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
 from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
-from skelgen.capture.room.bundles import WandBundle
-from skelgen.capture.room.resection import Resected, resected
+from skelgen.capture.room.bundles import Resected, WandBundle, resected
 from skelgen.capture.room.wand import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from

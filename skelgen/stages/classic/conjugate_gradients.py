@@ -2,8 +2,15 @@
 
 The gradient may be scaled (preconditioned; Shewchuk 1994, B5): then the direction is reset now and then, and the
 scaling with it.
+
+Two searches find the least value along a line. `brent_step` brackets the minimum and closes in by Brent's method with
+derivatives (Brent 1973, chapter 5; Press et al. 1992, 10.3; Schönauer 2007, 4.5). `secant_step` looks at the derivative
+alone and is content with less.
 """
 
+from __future__ import annotations
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.stages.classic.line_search import LEAST_STEP, SMALLEST, Line, LineSearch, Objective, Sample, secant_step
 from skelgen.stages.classic.parameters import DescentParameters
 
 Scaling = Callable[[Floats], Floats]
@@ -19,6 +25,181 @@ Scaling = Callable[[Floats], Floats]
 
 Precondition = Callable[[Floats], Scaling]
 """The scaling at a point."""
+
+SMALLEST = 1e-20
+"""A denominator below this counts as zero."""
+
+LEAST_STEP = 1e-12
+"""Steps along a line below this count as zero."""
+
+GROWTH = 2.0
+"""A bracket of the secant search at least doubles while the slope stays downhill."""
+
+GOLDEN = (1 + math.sqrt(5)) / 2
+"""By this Brent's bracket grows where no parabola says better."""
+
+
+class Sample(NamedTuple):
+    """Value and slope at one step along a line."""
+
+    step: float
+    value: float
+    slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A function of many variables along one direction.
+
+    Attributes
+    ----------
+    objective : callable
+        Value and gradient at a point.
+    point, direction : ndarray
+        Where the line starts and leads.
+    start : Sample
+        At step 0.
+    """
+
+    objective: Objective
+    point: Floats
+    direction: Floats
+    start: Sample
+
+    def at(self, step: float) -> Sample:
+        """Value and slope at a step."""
+        value, gradient = self.objective(self.point + step * self.direction)
+        return Sample(step, value, float((gradient * self.direction).sum()))
+
+
+LineSearch = Callable[[Line, float, DescentParameters], float]
+"""Takes a line that leads downhill, a first step and the limits; returns the step to its minimum."""
+
+
+def brent_step(line: Line, step: float, parameters: DescentParameters) -> float:
+    """Bracket the minimum of a line, then close in by Brent's method with derivatives.
+
+    Parameters
+    ----------
+    line : Line
+        It leads downhill.
+    step : float
+        First step.
+    parameters : DescentParameters
+        Its `step_limit`, `line_iterations` and `line_tolerance`.
+    """
+    one, best, other = _bracket_by_values(line, step, parameters)
+    low, high = min(one.step, other.step), max(one.step, other.step)
+    second = third = best
+    last = before = 0.0
+    for _ in range(parameters.line_iterations):
+        middle = (low + high) / 2
+        least = parameters.line_tolerance * abs(best.step) + LEAST_STEP
+        if abs(best.step - middle) <= 2 * least - (high - low) / 2:
+            break
+        before, last = last, _brent_move(best, (second, third), (low, high), before if abs(before) > least else 0.0)
+        is_least = abs(last) < least
+        tried = line.at(best.step + (math.copysign(least, last) if is_least else last))
+        if tried.value <= best.value:
+            low, high = (best.step, high) if tried.step >= best.step else (low, best.step)
+            best, second, third = tried, best, second
+        elif is_least:
+            break
+        else:
+            low, high = (tried.step, high) if tried.step < best.step else (low, tried.step)
+            if tried.value <= second.value or second is best:
+                second, third = tried, second
+            elif tried.value < third.value or third in (best, second):
+                third = tried
+    return best.step
+
+
+def _brent_move(best: Sample, others: tuple[Sample, Sample], bounds: tuple[float, float], before: float) -> float:
+    """The shorter secant step that stays within the bounds and shrinks fast enough, else half of the downhill part."""
+    low, high = bounds
+    secants = [
+        (other.step - best.step) * best.slope / (best.slope - other.slope)
+        for other in others
+        if other.slope != best.slope
+    ]
+    downhill = [move for move in secants if low < best.step + move < high and best.slope * move <= 0]
+    shortest = min(downhill, key=abs, default=math.inf)
+    if abs(shortest) <= abs(before) / 2:
+        return shortest
+    return ((low if best.slope >= 0 else high) - best.step) / 2
+
+
+def _bracket_by_values(line: Line, step: float, parameters: DescentParameters) -> tuple[Sample, Sample, Sample]:
+    """Three samples of which the middle one is lowest: by parabolas, within the limits (Press et al. 1992, 10.1)."""
+    low, middle = line.start, line.at(step)
+    if middle.value > low.value or not math.isfinite(middle.value):
+        low, middle = middle, low
+    high = line.at(middle.step + GOLDEN * (middle.step - low.step))
+    for _ in range(parameters.line_iterations):
+        if middle.value <= high.value:
+            break
+        reach = high.step - middle.step
+        at = _parabola(low, middle, high)
+        between = (at - middle.step) * (high.step - at) > 0
+        longest = middle.step + parameters.step_limit * reach
+        if (at - middle.step) * reach <= 0 or not math.isfinite(at):
+            at = high.step + GOLDEN * reach
+        elif abs(at - middle.step) > abs(longest - middle.step):
+            at = longest
+        tried = line.at(at)
+        if between and tried.value < high.value:
+            return middle, tried, high
+        if between and tried.value > middle.value:
+            return low, middle, tried
+        if between:
+            tried = line.at(high.step + GOLDEN * reach)
+        low, middle, high = middle, high, tried
+    return low, middle, high
+
+
+def _parabola(low: Sample, middle: Sample, high: Sample) -> float:
+    """The step at which the parabola through three samples has its extremum; infinite for a straight line."""
+    one = (middle.step - low.step) * (middle.value - high.value)
+    two = (middle.step - high.step) * (middle.value - low.value)
+    if one == two:
+        return math.inf
+    return middle.step - ((middle.step - high.step) * two - (middle.step - low.step) * one) / (2 * (two - one))
+
+
+def secant_step(line: Line, step: float, parameters: DescentParameters) -> float:
+    """Find the zero of the slope along a line: bracket it, then close in by secants.
+
+    Parameters
+    ----------
+    line : Line
+        It leads downhill.
+    step : float
+        First step.
+    parameters : DescentParameters
+        Its `step_limit`, `line_iterations` and `line_tolerance`.
+    """
+    low, high = line.start, line.at(step)
+    for _ in range(parameters.line_iterations):
+        if high.slope >= 0 or not math.isfinite(high.slope):
+            break
+        bend = high.slope - low.slope
+        predicted = high.step - high.slope * (high.step - low.step) / bend if bend > 0 else math.inf
+        longest = high.step * parameters.step_limit
+        low, high = high, line.at(min(max(predicted, GROWTH * high.step), longest))
+    if high.slope < 0:
+        return high.step
+    for _ in range(parameters.line_iterations):
+        width = high.step - low.step
+        if width <= parameters.line_tolerance * high.step + LEAST_STEP:
+            break
+        middle = low.step - low.slope * width / max(high.slope - low.slope, SMALLEST)
+        margin = 0.05 * width
+        tried = line.at(min(max(middle, low.step + margin), high.step - margin))
+        if abs(tried.slope) <= parameters.line_tolerance * min(-low.slope, high.slope):
+            return tried.step
+        low, high = (tried, high) if tried.slope < 0 else (low, tried)
+    return low.step if -low.slope < high.slope else high.step
+
 
 RESET = 20
 """Iterations after which a scaled descent starts anew from its steepest direction."""
@@ -135,3 +316,7 @@ def _next_direction(direction: Floats, old: _Uphill, new: _Uphill, parameters: D
         beta = max(float((new.scaled * (new.gradient - old.gradient)).sum()) / denominator, 0.0)
     conjugate = -new.scaled + beta * direction
     return conjugate if float((conjugate * new.gradient).sum()) < 0 else -new.scaled
+
+
+Objective = Callable[[Floats], tuple[float, Floats]]
+"""Value and gradient at a point; the gradient has the point's shape."""

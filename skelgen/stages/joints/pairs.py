@@ -15,8 +15,7 @@ from skelgen.geometry.statistics import quantile_of
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.classic.conjugate_gradients import minimise
-from skelgen.stages.classic.joint_cost import joint_cost, local_optimum
-from skelgen.stages.classic.joint_solver import JointSolver
+from skelgen.stages.classic.joint_solver import JointSolver, joint_cost, local_optimum
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 

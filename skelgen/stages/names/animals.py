@@ -14,8 +14,8 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.stages.names.facing import going
 from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
+from skelgen.stages.names.person import going
 
 HIND, FORE = ("thigh", "shank", "hind foot"), ("upper foreleg", "forearm", "forefoot")
 FINGERS = ("index", "middle", "ring", "little")

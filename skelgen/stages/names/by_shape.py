@@ -12,10 +12,9 @@ from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
 from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
-from skelgen.stages.names.facing import side_evidence
 from skelgen.stages.names.likely_segments import OfSet
 from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together, tree_of_chain
-from skelgen.stages.names.person import find_person
+from skelgen.stages.names.person import find_person, side_evidence
 
 SURE = 3.0
 """Log odds from which sides are decided: nineteen of twenty would be right if signs were independent."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.room.live_sources import LiveSets
-from skelgen.capture.room.mixed import run_together
+from skelgen.capture.room.live_sources import LiveSets, run_together
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.sources.pairs import Shot
 from skelgen.capture.sources.table import CameraOptions

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.model.cameras import cameras_of
 from skelgen_gui.model.view_state import ViewState
+from skelgen_gui.model.viewpoint import cameras_of
 
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.model import Project

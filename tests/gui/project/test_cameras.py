@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import write_settings
-from skelgen_gui.model.cameras import cameras_of
+from skelgen_gui.model.viewpoint import cameras_of
 from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.deriving import Deriver
 

@@ -9,10 +9,9 @@ import pytest
 from PySide6.QtCore import QEvent, QObject, QPointF
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.model.cameras import frustum
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.view_state import Shown
-from skelgen_gui.model.viewpoint import DOWN
+from skelgen_gui.model.viewpoint import DOWN, frustum
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.widgets.theme import doubt_colour, theme_palette
 

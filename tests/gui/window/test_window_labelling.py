@@ -13,8 +13,7 @@ from skelgen_gui.model.selection import Selection
 
 import skelgen
 from skelgen.model import Labelling, PointCloud, Trajectories
-from skelgen.model.labelling import Doubt
-from skelgen.model.questions import Question
+from skelgen.model.labelling import Doubt, Question
 from skelgen.stages.names import marker_names
 
 Key = Qt.Key

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skelgen_gui.timeline.video import VideoPane
 
-from skelgen.capture.reference_video import ReferenceVideo
+from skelgen.capture.sources.video import ReferenceVideo
 from skelgen.errors import FormatError
 
 RATE = 25.0  # Hz, of the video; the recording has 100

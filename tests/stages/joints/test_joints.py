@@ -12,7 +12,7 @@ from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.evaluation.joints import joint_distances
 from skelgen.model import Limbs, Project, StageReport, Trajectories
-from skelgen.stages.classic.joint_cost import joint_cost
+from skelgen.stages.classic.joint_solver import joint_cost
 from skelgen.stages.joints import JointConstraints, JointParameters, find_joints
 from skelgen.stages.joints.segments import sample_frames
 

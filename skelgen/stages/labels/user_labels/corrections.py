@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.smoothing import smoothed
+from skelgen.geometry.frame_rate import smoothed
 from skelgen.model import Labelling, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Correction, named_marker

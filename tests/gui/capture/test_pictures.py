@@ -6,8 +6,7 @@ import pytest
 from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QApplication
 from skelgen_formats.capture_settings import write_settings
-from skelgen_gui.capture.live_pictures import LivePictures
-from skelgen_gui.capture.pictures import Pictures
+from skelgen_gui.capture.pictures import LivePictures, Pictures
 
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.room.live import RoomCapture

@@ -6,8 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from skelgen.app.named_takes import are_named_alike, moved_markers
-from skelgen.app.several_takes import calibrate_together
+from skelgen.app.several_takes import are_named_alike, calibrate_together, moved_markers
 from skelgen.evaluation import evaluate
 from skelgen.simulation import simulate
 

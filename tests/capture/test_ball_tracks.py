@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.ball_pairs import BallPairs
+from skelgen.capture.ball_tracks import BallPairs
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics import match_and_triangulate, project

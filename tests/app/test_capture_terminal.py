@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from skelgen.cli.keys import watched_interrupt
+from skelgen.cli.capture_terminal import watched_interrupt
 
 
 class Ending:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.stages.classic.local_kmeans import HEURISTICS, local_kmeans
+from skelgen.stages.classic.spectral import HEURISTICS, local_kmeans
 
 
 @pytest.fixture

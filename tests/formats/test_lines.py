@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skelgen_formats.lines import Sample
 from skelgen_formats.registry import read_take, write_file
-from skelgen_formats.sample import Sample
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
