@@ -1,6 +1,13 @@
 """The public face: functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
 
-Each turns paths, mappings and names into values of the application layer, and calls one function of it.
+Each turns paths, mappings and names into values of the application layer, and calls one function of it. What most of
+them are for, `reconstruct` shows:
+
+>>> import skelgen
+>>> take = skelgen.simulate("rods", n_frames=100).take
+>>> project = skelgen.reconstruct(take, n_limbs=3, parameters={"joints": {"alpha": 0.1}})
+>>> project.motion.joint_positions.shape  # frames, joints, xyz
+(100, 2, 3)
 """
 
 from __future__ import annotations
@@ -127,21 +134,17 @@ def reconstruct(  # noqa: PLR0913 - what users name: most leave most of it out
     Parameters
     ----------
     take : PointCloud, Trajectories, Poses or Project
-        From `read`, or made by hand. A project keeps its seed and goes on after its last result; a finished one runs
-        again from the start.
+        A project keeps its seed and goes on after its last result; a finished one runs again from the start.
     n_markers, n_limbs : int, optional
         Numbers of physical markers in an unlabelled take, and of rigid limbs; found if left out.
-    seed : int
-        Seed of every random choice: same take and seed, same result.
+    seed, n_jobs : int
+        Seed of every random choice (same take and seed, same result); processes for work that can be shared.
     parameters : mapping, Path or str, optional
-        Per stage (``labels``, ``limbs``, ``joints``, ``skeleton``) its parameters or a mapping of names to values; or
-        the path of a ``config.xml``.
+        Per stage (``labels``, ``limbs`` ...) its parameters or names with values; or the path of a ``config.xml``.
     monitor : Monitor, optional
         Receives progress and notices; may cancel.
     until : str, optional
         Last stage to run; all run if left out.
-    n_jobs : int
-        Number of processes for work that can be shared.
     identities : Identities, Path or str, optional
         What you state of some points, or the file that states it; the labels obey.
     hierarchy : mapping of str to str, optional
@@ -160,27 +163,20 @@ def reconstruct(  # noqa: PLR0913 - what users name: most leave most of it out
 
     Raises
     ------
-    InputError
-        If nothing can be found in the take: one marker, two frames, no motion.
-    ParameterError
-        If a parameter is unknown or out of bounds.
-
-    Examples
-    --------
-    >>> import skelgen
-    >>> take = skelgen.simulate("rods", n_frames=100).take
-    >>> project = skelgen.reconstruct(take, n_limbs=3, parameters={"joints": {"alpha": 0.1}})
-    >>> project.motion.joint_positions.shape  # frames, joints, xyz
-    (100, 2, 3)
+    InputError or ParameterError
+        If nothing can be found in the take (one marker, two frames, no motion); for an unknown or bad parameter.
     """
-    if isinstance(take, Project):
-        project = replace(take, identities=given_identities(identities) or take.identities)
-    else:
-        project = Project(take, seed, identities=given_identities(identities))
+    project = _begun(take, seed, given_identities(identities))
+    settings = Settings(parameters, methods)
     options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
-    return run_stages(
-        project, until_stage=until, settings=Settings(parameters, methods), options=options, monitor=monitor or SILENT
-    )
+    return run_stages(project, until_stage=until, settings=settings, options=options, monitor=monitor or SILENT)
+
+
+def _begun(take: Take | Project, seed: int, identities: Identities | None) -> Project:
+    """Return the project that a run begins with."""
+    if isinstance(take, Project):
+        return replace(take, identities=identities or take.identities)
+    return Project(take, seed, identities=identities)
 
 
 def calibrate_together(

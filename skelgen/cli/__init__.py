@@ -1,4 +1,8 @@
-"""The command line: `main` is the entry point of the ``skelgen`` command."""
+"""The command line: `main` is the entry point of the ``skelgen`` command.
+
+A command is a function whose arguments are its options. Each is declared once, with its help, in its annotation, or in
+`skelgen.cli.options` where commands share it; so ``--help`` lists them, and the docstring does not repeat them.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in, re
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
-    from skelgen.app.batch.run import Pool
+    from skelgen.app.batch.run import BatchResult, Pool
 
 EXIT_SOME_FAILED = 3
 EXIT_ALL_FAILED = 2
@@ -78,43 +78,6 @@ def batch(
     """Find the skeletons of many takes: a folder of results for each, a manifest, a page of all.
 
     Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
-
-    Parameters
-    ----------
-    takes : list of str
-        Files, folders and patterns.
-    output : Path
-        Folder of the batch.
-    resume : bool
-        Whether takes that are finished in the folder are kept.
-    jobs : int
-        Takes at a time on this machine.
-    scheduler : str, optional
-        Address of a dask cluster, in place of processes.
-    formats : list of str, optional
-        What is written of every take.
-    n_markers, n_limbs : int, optional
-        Numbers of markers and limbs; found if left out.
-    hierarchy, config : Path, optional
-        Files that state the tree and the parameters.
-    skeleton : list of Path, optional
-        Files that state the subject; one for each body that the takes show.
-    methods : str, optional
-        Methods of all stages: ``default`` or ``classic``.
-    root : str, optional
-        Root of the tree.
-    seed : int, optional
-        Seed of every random choice.
-    assignments : list of str, optional
-        Single parameters, as ``stage.name=value``.
-    until_stage : str, optional
-        Last stage to run.
-    format_name : str, optional
-        Format to read; found by content if left out.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    **reader_values
-        Options of readers.
     """
     from skelgen.app.batch.run import read_manifest, run_batch
     from skelgen.app.batch.work import Job, subject_files
@@ -143,14 +106,18 @@ def batch(
     with screen.watching(counted=True) as monitor:
         pool = _pool(jobs, timeout, scheduler, output)
         result = run_batch(takes, output, job, pool=pool, resume=resume, monitor=monitor)
+    _show(screen, result)
+    screen.json(read_manifest(result.manifest) if as_json else {})
+    if result.failed:
+        raise typer.Exit(EXIT_SOME_FAILED if result.n_done else EXIT_ALL_FAILED)
+
+
+def _show(screen: Screen, result: BatchResult) -> None:
     screen.table("Takes that failed", [{"take": one["name"], "why": one["error"]} for one in result.failed])
     kept = f" ({result.n_kept} of them before)" if result.n_kept else ""
     failed = f", {len(result.failed)} failed" if result.failed else ""
     screen.say(f"{result.n_done} of {len(result.records)} takes done{kept}{failed}")
     screen.say(f"written: {result.manifest}, {result.page}")
-    screen.json(read_manifest(result.manifest) if as_json else {})
-    if result.failed:
-        raise typer.Exit(EXIT_SOME_FAILED if result.n_done else EXIT_ALL_FAILED)
 
 
 def _pool(jobs: int, timeout: float | None, scheduler: str | None, output: Path) -> Pool:

@@ -34,23 +34,7 @@ def stereo(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate two cameras from pairs of images of a chessboard.
-
-    Parameters
-    ----------
-    images : list of Path
-        All left images, then all right ones.
-    board : str
-        Inner corners of the chessboard, e.g. ``9x6``.
-    square : float, mm
-        Side of a square.
-    lens : str
-        ``auto``, ``radial``, ``tangential`` or ``full``.
-    output : Path
-        Settings to write.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Calibrate two cameras from pairs of images of a chessboard."""
     from skelgen_formats.capture_settings import read_settings, write_settings
 
     from skelgen.app.outputs import check_outputs
@@ -86,19 +70,7 @@ def simulated(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras.
-
-    Parameters
-    ----------
-    structure : str
-        What moves.
-    cameras_only : bool
-        Whether targets and joints are left out.
-    output : Path
-        Settings to write.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras."""
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.capture.simulated_rig import simulated_rig
@@ -209,25 +181,7 @@ def skeleton(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find one skeleton from several takes of a body, and the motion of each.
-
-    Parameters
-    ----------
-    takes : list of Path
-        Takes of one body.
-    output : Path
-        Folder for the skeleton and the takes.
-    seed : int, optional
-        Seed of every random choice.
-    config : Path, optional
-        Parameters of all stages.
-    methods : str, optional
-        Methods of all stages: ``default`` or ``classic``.
-    format_name : str, optional
-        Format to read; found by content if left out.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Find one skeleton from several takes of a body, and the motion of each."""
     from skelgen.app.configuration import Settings
     from skelgen.app.files import open_input
     from skelgen.app.outputs import check_run, stem_of, write_outputs

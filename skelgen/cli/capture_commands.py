@@ -20,9 +20,11 @@ from skelgen.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Generator
 
+    from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.capture.live import Captured
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import JointRequest
+    from skelgen.model.rig import AnySettings
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
 Source = Annotated[
@@ -59,29 +61,8 @@ def motion_capture(
     source: Source = None,
     frames: Frames = None,
 ) -> None:
-    """Capture live, with two cameras or those of a room: write poses and joint angles of every moment, tab-separated.
-
-    Parameters
-    ----------
-    settings : Path
-        Settings of the capture.
-    interactive : bool
-        Whether a line is written only when a key is hit.
-    silent, no_graphics, no_labels, no_poses, no_angles : bool
-        What is left out: residuals, pictures, the first line, poses, joint angles.
-    errors : bool
-        Whether standard deviations stand behind all values.
-    predict, predict_joints : bool
-        Whether poses are predicted and smoothed, each target by itself or all that joints hold together.
-    record : list of Path, optional
-        New files to record into.
-    source : str, optional
-        Where images come from, if not from where the settings say.
-    frames : int, optional
-        Pairs at most.
-    """
-    from skelgen.app.capture import capture, source_of
-    from skelgen.app.room import capture_room, read_rig_settings, room_source_of
+    """Capture live, with two cameras or a room's: write poses and joint angles of every moment, tab-separated."""
+    from skelgen.app.room import read_rig_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.cli.capture_terminal import Columns, watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
@@ -90,13 +71,8 @@ def motion_capture(
     rig = read_rig_settings(settings)
     columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
-    stream: Generator[Captured | RoomCaptured, None, None]
-    if isinstance(rig, RoomSettings):
-        word, cameras = "sets of images", rig.rig.names
-        stream = capture_room(rig, room_source_of(rig, source), record or (), prediction, n_frames=frames)
-    else:
-        word, cameras = "pairs", ()
-        stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
+    stream = _stream(rig, source, record or [], prediction, frames)
+    word, cameras = ("sets of images", rig.rig.names) if isinstance(rig, RoomSettings) else ("pairs", ())
     counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
         with contextlib.ExitStack() as stack:
@@ -120,6 +96,23 @@ def motion_capture(
             raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
+
+
+def _stream(
+    rig: AnySettings,
+    source: str | None,
+    record: Sequence[Path],
+    prediction: PredictionParameters | None,
+    n_frames: int | None,
+) -> Generator[Captured | RoomCaptured, None, None]:
+    """Return a running capture, with two cameras or with those of a room."""
+    from skelgen.app.capture import capture, source_of
+    from skelgen.app.room import capture_room, room_source_of
+    from skelgen.model.rig import RoomSettings
+
+    if isinstance(rig, RoomSettings):
+        return capture_room(rig, room_source_of(rig, source), record, prediction, n_frames=n_frames)
+    return capture(rig, source_of(rig, source), record, prediction, n_frames=n_frames)
 
 
 def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
@@ -165,25 +158,7 @@ def calibrate_body(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a target: turn it before the cameras, alone in at least one picture.
-
-    Parameters
-    ----------
-    settings : Path
-        Settings of the capture.
-    name : str
-        What the target is called.
-    balls : int, optional
-        Its number of balls; found if left out.
-    source : str, optional
-        Where images come from, if not from where the settings say.
-    frames : int, optional
-        Pairs at most.
-    output : Path, optional
-        Settings to write; those that were read if left out.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Calibrate a target: turn it before the cameras, alone in at least one picture."""
     import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
@@ -249,27 +224,7 @@ def calibrate_joints(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate joints: move all of them before the cameras, as far as they go.
-
-    Parameters
-    ----------
-    settings : Path
-        Settings of the capture.
-    joints : list of str, optional
-        Joints as ``name=parent:child``, with their type behind a colon; found if left out.
-    start : list of str, optional
-        Where the search for joints begins, as ``name=x,y,z:x,y,z`` [mm]; the closed form if left out.
-    use_frames : str, optional
-        How many frames are used, or which; all if left out.
-    source : str, optional
-        Where images come from, if not from where the settings say.
-    frames : int, optional
-        Pairs at most.
-    output : Path, optional
-        Settings to write; those that were read if left out.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Calibrate joints: move all of them before the cameras, as far as they go."""
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import any_source_of, calibrate_joints_of

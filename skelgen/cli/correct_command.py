@@ -28,25 +28,7 @@ def correct(
     ] = "",
     quiet: Quiet = False,
 ) -> None:
-    """State something that you know better, as the window's corrections do; later runs and exports obey it.
-
-    Parameters
-    ----------
-    result : Path
-        A project or the folder of a run.
-    kind : str
-        What is stated; see `skelgen.correct`.
-    names : list of str, optional
-        Markers that it is about.
-    output : Path
-        The project that is written; without one, the error says so.
-    value : str
-        The new name, the type of a joint, a number, a frequency or a way of filling.
-    frames : str
-        First and last frame, with a hyphen between them; either may be left out.
-    quiet : bool
-        Whether neither progress nor notes are shown.
-    """
+    """State something that you know better, as the window's corrections do; later runs and exports obey it."""
     from skelgen.app import face
     from skelgen.app.outputs import check_outputs
     from skelgen.app.project_file.archive import find_result, save_project

@@ -55,21 +55,7 @@ def convert(
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Read a take or a project and write it in another format; options of both sides are those of the file written.
-
-    Parameters
-    ----------
-    take, target : Path
-        What is read, and what is written.
-    format_name, to : str, optional
-        Formats of both; found by content and by suffix if left out.
-    reading : list of str, optional
-        Options of the reader that the writer has, too, as ``name=value``.
-    quiet : bool
-        Whether neither progress nor notes are shown.
-    **values
-        Options of readers and writers.
-    """
+    """Read a take or a project and write it in another format; options of both sides are those of the file written."""
     from skelgen.app.files import NamedFile, convert_file
     from skelgen.app.outputs import check_outputs, files_of
 
@@ -101,19 +87,6 @@ def info(
     """Say what a file holds: format, frames, rate, markers with their gaps, extent, results.
 
     Of files above 16 MB some frames stand for all: frames and rate are exact, what is seen and the extent estimated.
-
-    Parameters
-    ----------
-    take : Path
-        A take or a project.
-    format_name : str, optional
-        Format to read; found by content if left out.
-    full : bool
-        Whether all of a large file is read.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    **values
-        Options of readers.
     """
     from skelgen_formats.lines import Sample
 
@@ -153,19 +126,7 @@ def evaluate(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors.
-
-    Parameters
-    ----------
-    result : Path
-        A project or the folder of a run; or `RIG`.
-    truth : Path
-        The truth of its simulation; or the settings of the rig.
-    plot : Path, optional
-        SVG file that shows the errors of the rig.
-    as_json : bool
-        Whether one JSON object stands for all tables.
-    """
+    """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors."""
     if str(result) == RIG:
         return evaluate_rig(truth, plot, Screen(as_json=as_json))
     if plot is not None:
@@ -189,15 +150,7 @@ def compare(
     other: Annotated[Path, typer.Argument(metavar="OTHER", help="Another result of the same take.")],
     as_json: AsJson = False,
 ) -> None:
-    """Compare two results of one take: markers, limbs, bodies, joints and their angles.
-
-    Parameters
-    ----------
-    result, other : Path
-        Projects or folders of runs.
-    as_json : bool
-        Whether one JSON object stands for all tables.
-    """
+    """Compare two results of one take: markers, limbs, bodies, joints and their angles."""
     from skelgen.app.comparison import compare_results, comparison_sentences, comparison_tables
     from skelgen.app.project_file.archive import find_result, open_project
 
@@ -233,17 +186,7 @@ def config(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show all parameters, or write them as config.xml.
-
-    Parameters
-    ----------
-    file : Path, optional
-        A ``config.xml`` whose values are checked and shown.
-    write : Path, optional
-        A file for all defaults with their help.
-    as_json : bool
-        Whether one JSON object stands for all tables.
-    """
+    """Show all parameters, or write them as config.xml."""
     from skelgen.app.configuration import Settings, parameter_rows, write_defaults
     from skelgen.app.outputs import check_outputs
 
@@ -267,15 +210,7 @@ def report(
         typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="beside the project"),
     ] = None,
 ) -> None:
-    """Write the HTML report of a project.
-
-    Parameters
-    ----------
-    result : Path
-        A project or the folder of a run.
-    output : Path, optional
-        The page; beside the project if left out.
-    """
+    """Write the HTML report of a project."""
     from skelgen.app.outputs import check_outputs, recording_of
     from skelgen.app.project_file.archive import find_result, open_project
     from skelgen.app.report import write_report
@@ -297,23 +232,7 @@ def view(
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Open markers and skeleton in the browser, where they turn and play; the page is complete in itself.
-
-    Parameters
-    ----------
-    take : Path
-        A take or a project.
-    output : Path, optional
-        The page; a temporary file if left out.
-    format_name : str, optional
-        Format to read; found by content if left out.
-    overwrite : bool
-        Whether files that were not named may be replaced.
-    quiet : bool
-        Whether neither progress nor notes are shown.
-    **values
-        Options of readers.
-    """
+    """Open markers and skeleton in the browser, where they turn and play; the page is complete in itself."""
     from tempfile import mkdtemp
 
     from skelgen.app.files import open_input
@@ -348,19 +267,7 @@ def fill(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely.
-
-    Parameters
-    ----------
-    result : Path
-        A project or the folder of a run.
-    output : Path
-        Marker file; its suffix tells the format.
-    overwrite : bool
-        Whether files that were not named may be replaced.
-    quiet : bool
-        Whether neither progress nor notes are shown.
-    """
+    """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
     from skelgen.app import face
     from skelgen.app.export import write_filled
     from skelgen.app.outputs import check_outputs, files_of, recording_of

@@ -40,21 +40,7 @@ def benchmark(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page.
-
-    Parameters
-    ----------
-    output : Path
-        The page.
-    suites : list of str, optional
-        What is measured; everything if left out.
-    quick : bool
-        Whether fewer seeds and frames are used.
-    resume : bool
-        Whether suites that are finished in the page are kept.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page."""
     from skelgen.benchmark import measure_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence

@@ -41,27 +41,7 @@ def room(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate two to sixteen cameras around a room with a wand that is waved through it, or with a board.
-
-    Parameters
-    ----------
-    source : str
-        Where the images of the waved wand come from.
-    wand : str
-        Where its two or three balls are along it, in mm.
-    ground : str, optional
-        Where images of an L-frame on the floor come from; without it the world is the first camera's frame.
-    arms : str
-        Arms of the L-frame along x and along y, in mm; of three other balls also the distance between the last two.
-    board : str, optional
-        Inner corners of a chessboard, or squares and dictionary of a ChArUco board, which stands in for the wand.
-    square, marker : float, mm
-        Sides of a square and of a marker of the board.
-    output : Path
-        Settings to write.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Calibrate two to sixteen cameras around a room with a wand that is waved through it, or with a board."""
     from skelgen.app.room import Ground, calibrate_room, calibrate_room_by_boards, save_room
     from skelgen.capture.room.boards import room_board
 

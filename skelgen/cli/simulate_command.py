@@ -55,29 +55,7 @@ def simulate(
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz.
-
-    Parameters
-    ----------
-    output : Path
-        Take to write; the truth goes beside it.
-    structure : str, optional
-        What moves; a human where a natural motion or a marker set is named.
-    motion, motion_skeleton : Path, optional
-        A natural motion of a human, or a recorded one in place of a structure; and the ASF of an AMC.
-    motion_unit : str, optional
-        Unit of lengths in the motion; found by the body's size if left out.
-    motion_rate : float, optional, Hz
-        Frame rate of the motion; as stated in the file if left out.
-    seed : int
-        Seed of the motion and of all faults.
-    overwrite : bool
-        Whether files that were not named may be replaced.
-    quiet : bool
-        Whether neither progress nor notes are shown.
-    **values
-        What is simulated: frames, marker set, soft tissue, noise, dropouts and so on.
-    """
+    """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
     from skelgen.app.files import write_any
     from skelgen.app.outputs import check_outputs
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth

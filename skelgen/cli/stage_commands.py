@@ -110,43 +110,7 @@ def run(
     as_json: options.AsJson = False,
     **reader_values: Any,
 ) -> None:
-    """Find the skeleton of a take and write every result: the main job.
-
-    Parameters
-    ----------
-    take : Path
-        A take or a project.
-    output : Path, optional
-        Folder for the results.
-    n_markers, n_limbs : int, optional
-        Numbers of markers and limbs; found if left out.
-    identities, hierarchy, config : Path, optional
-        Files that state points, the tree and the parameters.
-    skeleton : list of Path, optional
-        Subjects, one for each body.
-    methods : str, optional
-        Methods of all stages: ``default`` or ``classic``.
-    root : str, optional
-        Root of the tree.
-    names : Path, optional
-        File with names of limbs.
-    marker_set : str, optional
-        ``auto``, ``none`` or a marker set.
-    seed : int, optional
-        Seed of every random choice.
-    jobs : int
-        Processes for work that can be shared.
-    assignments : list of str, optional
-        Single parameters, as ``stage.name=value``.
-    from_stage, until_stage : str, optional
-        First and last stage to run.
-    format_name : str, optional
-        Format to read; found by content if left out.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    **reader_values
-        Options of readers.
-    """
+    """Find the skeleton of a take and write every result: the main job."""
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.constraints import RunOptions
     from skelgen.app.files import open_input
@@ -184,21 +148,7 @@ def demo(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Simulate a human, find its skeleton, compare with the truth, write every file and a report.
-
-    Parameters
-    ----------
-    output : Path, optional
-        Folder for the results.
-    overwrite : bool
-        Whether files that were not named may be replaced.
-    seed : int
-        Seed of the simulation and of the stages.
-    jobs : int
-        Processes for work that can be shared.
-    quiet, as_json : bool
-        Whether neither progress nor notes are shown, and one JSON object stands for everything else.
-    """
+    """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
     from skelgen.app.face import reconstruct
     from skelgen.app.outputs import check_run, write_outputs
     from skelgen.app.tables import project_tables

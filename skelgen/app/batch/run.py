@@ -102,34 +102,32 @@ def run_batch(
     """
     job, output = job or Job(), Path(output)
     check_formats(job.formats)
-    manifest = output / MANIFEST
-    if manifest.exists() and not resume:
-        raise InputError(f"{output} holds a batch: continue it with --resume, or take another folder")
+    manifest = _manifest_in(output, resume=resume)
     entries = find_entries(inputs, output, earlier_names(manifest))
     gathered = _Gathered(entries, job, output)
     clear_unfinished(output)
     created = [place for place in (manifest, output / PAGE, output, *output.parents) if not place.exists()]
     gathered.write()
-    monitor.begin("takes")
-    monitor.advance(0, len(entries))
-    begun, obstacle = False, ""
     try:
         with contextlib.closing((pool or in_processes)(job, entries)) as outcomes:
-            for outcome in outcomes:
-                begun, obstacle = True, gathered.add(outcome, monitor)
-                if obstacle:
-                    break
+            obstacle = gathered.add_all(outcomes, monitor)
     except SkelgenError:
-        if not begun:
+        if not gathered.has_begun:
             _remove(created)  # there is no batch to be continued
         raise
     finally:
         if manifest.exists():
             gathered.end()
     if obstacle:
-        kept = f"{gathered.n_done} of {len(entries)} takes are finished and kept; continue with --resume"
-        raise WriteError(f"{obstacle.rstrip('.')}: the batch is stopped; {kept}")
+        raise gathered.stopped(obstacle)
     return gathered.result()
+
+
+def _manifest_in(output: Path, *, resume: bool) -> Path:
+    manifest = output / MANIFEST
+    if manifest.exists() and not resume:
+        raise InputError(f"{output} holds a batch: continue it with --resume, or take another folder")
+    return manifest
 
 
 def _remove(paths: Iterable[Path]) -> None:
@@ -162,14 +160,20 @@ class _Gathered:
         self._entries, self._job, self._output = entries, job, output
         self._records = {entry.name: blank_record(entry, job) for entry in entries}
         self._kept = 0
+        self.has_begun = False
 
-    @property
-    def n_done(self) -> int:
-        """How many takes are done."""
-        return sum(record["outcome"] == DONE for record in self._records.values())
+    def add_all(self, outcomes: Iterable[Outcome], monitor: Monitor) -> str:
+        """Take records as they come, tell of them, and return why the batch cannot go on; empty if all were taken."""
+        monitor.begin("takes")
+        monitor.advance(0, len(self._entries))
+        for outcome in outcomes:
+            self.has_begun = True
+            obstacle = self._add(outcome, monitor)
+            if obstacle:
+                return obstacle
+        return ""
 
-    def add(self, outcome: Outcome, monitor: Monitor) -> str:
-        """Take a record, tell of it, and return why the batch cannot go on; empty if it can."""
+    def _add(self, outcome: Outcome, monitor: Monitor) -> str:
         record = outcome.record
         self._records[record["name"]] = record
         self._kept += outcome.kept
@@ -194,6 +198,12 @@ class _Gathered:
                 clear_unfinished(Path(entry.folder))
         with contextlib.suppress(WriteError):
             self.write()
+
+    def stopped(self, obstacle: str) -> WriteError:
+        """Return the error that ends a batch which cannot go on."""
+        n_done = sum(record["outcome"] == DONE for record in self._records.values())
+        kept = f"{n_done} of {len(self._entries)} takes are finished and kept; continue with --resume"
+        return WriteError(f"{obstacle.rstrip('.')}: the batch is stopped; {kept}")
 
     def result(self) -> BatchResult:
         """Return what became of it."""

@@ -160,20 +160,7 @@ def with_joint_prior(
     weight = last.noise**2 * (1 + shared) * correlated * some.n_frames / last.n_frames
     following = max(FOLLOWING * last.n_frames / ((1 + shared) * correlated), 1.0)
     limbs = known_limbs(last.chain, body) if body is not None and others else []
-    of_build = joints_of_limbs(last.chain, limbs)
-    every = joint_places(some)
-    twin = twins(last.chain, every)
-    inward = inward_places(some, every, twin, segments or {})
-    known = _Known(
-        [
-            replace(one, tail=NO_TAIL, weight=following, is_astray=True) if one.limb in astray else one
-            for one in every
-            if one.limb not in of_build and (others or one.limb in astray)
-        ],
-        limbs,
-        [one for one in inward if one.place.limb not in of_build],
-        twin if others else np.full(last.chain.n_limbs, -1),
-    )
+    known = _known(some, dict.fromkeys(astray, following), limbs, segments or {}, others=others)
     guess = _along_hinges(joints_of_body(_drawn_back(some, known.joints), limbs), known)
     state = _converged(_Weighed(FittedChain.of(guess), known, weight))
     chain, articulation = state.fit.chain, state.fit.articulation
@@ -205,6 +192,31 @@ class _Known:
         towards = np.concatenate([slopes @ places(chain).ravel(), *(off for _, off in more)])
         tails = np.concatenate([tails, np.full(len(towards) - len(tails), TAIL)])
         return np.concatenate([slopes, *(rows for rows, _ in more)]), towards, tails
+
+
+def _known(
+    fit: ObservedChain,
+    astray: Mapping[int, float],
+    limbs: list[KnownLimb],
+    segments: Mapping[int, str],
+    *,
+    others: bool,
+) -> _Known:
+    """Return what is known; `astray` maps limbs below joints out of reach to the weights of their joints' places."""
+    of_build = joints_of_limbs(fit.chain, limbs)
+    every = joint_places(fit)
+    twin = twins(fit.chain, every)
+    inward = inward_places(fit, every, twin, segments)
+    return _Known(
+        [
+            replace(one, tail=NO_TAIL, weight=astray[one.limb], is_astray=True) if one.limb in astray else one
+            for one in every
+            if one.limb not in of_build and (others or one.limb in astray)
+        ],
+        limbs,
+        [one for one in inward if one.place.limb not in of_build],
+        twin if others else np.full(fit.chain.n_limbs, -1),
+    )
 
 
 def _with_information(fit: Calibration, known: _Known, growth: float) -> Calibration:

@@ -5,6 +5,9 @@ over jittered sample frames and compared (`rigid_clusters`, `merging`), or the s
 clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
 """
 
+from collections.abc import Iterator
+from itertools import chain
+
 import numpy as np
 
 from skelgen.errors import InputError
@@ -67,8 +70,7 @@ def find_limbs(
     Raises
     ------
     InputError
-        If there are fewer than two markers that are ever seen together, `n_limbs` is out of range, or the constraints
-        name no marker or contradict each other.
+        If no two markers are seen together, `n_limbs` is out of range, or constraints are wrong or contradict another.
     """
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
@@ -81,20 +83,16 @@ def find_limbs(
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     body_of_marker, sure = _bodies(trajectories.positions, usable, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    for body in range(len(sure)):
-        markers = usable[body_of_marker[usable] == body]
+    for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
         groups = grouping.limbs(frames, every.of(markers))
         _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
-    on_limb = np.flatnonzero(limb_of_marker >= 0)
-    limb_of_marker[on_limb] = _numbered_by_first(limb_of_marker[on_limb])
-    notices = [_about_bodies(body_of_marker[usable], sure)] if len(sure) > 1 else []
-    for notice in (*notices, *limb_notices(trajectories, limb_of_marker, frames)):
+    limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
+    notices = _about_bodies(body_of_marker[usable], sure), limb_notices(trajectories, limb_of_marker, frames)
+    for notice in chain(*notices):
         monitor.notice(notice)
-    body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
-    body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
-    kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
+    kept, body_of_limb = _bodies_of_limbs(limb_of_marker, body_of_marker)
     membership = _memberships(trajectories.positions[frames], limb_of_marker, body_of_limb, named)
     monitor.advance(1, 1)
     return Limbs(limb_of_marker, every.plain, (), membership, body_of_limb, sure[kept])
@@ -139,12 +137,22 @@ def _bodies(
     return body_of_marker, sure[kept] if len(kept) > 1 else np.ones(1)
 
 
-def _about_bodies(body_of_marker: Ints, sure: Floats) -> str:
-    sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
-    return (
-        f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-        "stays near one of another"
-    )
+def _bodies_of_limbs(limb_of_marker: Ints, body_of_marker: Ints) -> tuple[Ints, Ints]:
+    """Return the bodies that have limbs, and which of these each limb is on."""
+    body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
+    on_limb = limb_of_marker >= 0
+    body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
+    kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
+    return kept, body_of_limb
+
+
+def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
+    if len(sure) > 1:
+        sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
+        yield (
+            f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
+            "stays near one of another"
+        )
 
 
 class _Grouping:

@@ -65,9 +65,7 @@ def fit_skeleton(
     parameters = parameters or SkeletonParameters()
     monitor.begin("skeleton")
     take = StructuredTake(trajectories, limbs, topology)
-    loops = stated_loops(parameters.loops, take)
-    if loops and parameters.fit != "whole-chain":
-        monitor.notice("loops stay open: only the fit of the whole chain closes them")
+    loops = _loops(parameters, take, monitor)
     frames = fitted_frames(take)
     some = take.at(frames)
     fitted = _fitted(some, loops, parameters, are_poses, monitor)
@@ -87,6 +85,13 @@ def fit_skeleton(
     for notice in (*notices, *(joint.notice for joint in observed if joint.sentence)):
         monitor.notice(notice)
     return skeleton, motion
+
+
+def _loops(parameters: SkeletonParameters, take: StructuredTake, monitor: Monitor) -> tuple[tuple[int, int], ...]:
+    loops = stated_loops(parameters.loops, take)
+    if loops and parameters.fit != "whole-chain":
+        monitor.notice("loops stay open: only the fit of the whole chain closes them")
+    return loops
 
 
 def _fitted(
