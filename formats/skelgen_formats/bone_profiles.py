@@ -28,8 +28,9 @@ _HIPS = "pelvis"  # the root of every profile
 def with_bone_names(value: Writable, profile: str) -> Writable:
     """Return a project whose limbs are called as a profile calls them, without those that it lacks.
 
-    The pelvis becomes the root. Limbs that the profile has no name for are left out from the tips inward; one that
-    carries a bone of the profile stays with its own name. Values that are no finished project stay as they are.
+    The pelvis becomes the root. Joints keep their names. Limbs that the profile has no name for are left out from the
+    tips inward; one that carries a bone of the profile stays with its own name. Values that are no finished project
+    stay as they are.
 
     Parameters
     ----------
@@ -56,9 +57,18 @@ def with_bone_names(value: Writable, profile: str) -> Writable:
     skeleton = value.skeleton
     kept = _kept(skeleton, names)
     called = tuple(names.get(limb, skeleton.limb_names[limb]) for limb in range(skeleton.n_limbs))
-    named = _of_limbs(value, replace(skeleton, limb_names=called), kept)
+    joints = tuple(replace(joint, name=skeleton.joint_name(joint)) for joint in skeleton.joints)
+    loops = tuple(replace(loop, name=skeleton.joint_name(loop)) for loop in skeleton.loops)
+    named = _of_limbs(value, replace(skeleton, limb_names=called, joints=joints, loops=loops), kept)
     root = _profiles()[profile].get("root")
     return named if root is None else _on_still_root(named, str(root))
+
+
+def is_segment(name: str) -> bool:
+    """Return whether a limb of this name is a segment of a person for which some profile has a bone."""
+    side = next((side for side in _SIDES if name.startswith(f"{side} ")), "")
+    patterns = [profile["names"].get(name.removeprefix(f"{side} ")) for profile in _profiles().values()]
+    return any(pattern is not None and ("{}" in pattern) == bool(side) for pattern in patterns)
 
 
 def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:

@@ -123,7 +123,7 @@ def _labels(project: Project) -> dict[str, object]:
         "n_tracklets": tracklets.n_tracklets if tracklets is not None else None,
         "n_tracklets_left_out": tracklets.n_left_out if tracklets is not None else None,
         "label_errors": [dataclasses.asdict(finding) for finding in labelling.findings],
-        "seed_method": dataclasses.asdict(labelling.classic) if labelling.classic is not None else None,
+        "classic": dataclasses.asdict(labelling.classic) if labelling.classic is not None else None,
     }
 
 

@@ -105,7 +105,7 @@ def closest_first(name: object, known: Sequence[str]) -> list[str]:
         The right ones.
     """
 
-    def likeness(one: str) -> float:
+    def similarity(one: str) -> float:
         return difflib.SequenceMatcher(None, str(name)[:_COMPARED].lower(), one[:_COMPARED].lower()).ratio()
 
-    return sorted(known, key=likeness, reverse=True)
+    return sorted(known, key=similarity, reverse=True)

@@ -13,6 +13,7 @@ from skelgen_formats.rest_pose import remarks_on_rest
 
 from skelgen.app.bodies import body_files
 from skelgen.app.drawing.wording import counted, listed
+from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
@@ -175,7 +176,7 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps else ()
-    called = remarks_on_bone_names(project, options.bone_names)
+    called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)
     resting = remarks_on_rest(project, options.rest)
     return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)
 
@@ -208,7 +209,8 @@ def export_project(
     WriteError
         If the format cannot hold the project, or its files cannot be written.
     """
-    chosen, parts = registry.options_of(entry, options), body_files(project, path)
+    chosen = registry.options_of(entry, options)
+    parts = body_files(with_segment_names(project, chosen.bone_names), path)
     planned = [file for _, target in parts for file in entry.files(target, chosen)]
     check_outputs(planned, (recording_of(project),), planned)
     with arriving_together(path.parent) as temporary:

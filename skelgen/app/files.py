@@ -15,6 +15,7 @@ from skelgen_formats.options import Format, Option
 
 from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import body_files
+from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
 from skelgen.errors import FormatError, InputError, WriteError
@@ -128,7 +129,7 @@ def write(
     [PosixPath('rods.trc')]
     """
     recording = recording_of(value) if isinstance(value, Project) else None
-    parts = body_files(value, Path(path))
+    parts = body_files(with_segment_names(value, options.get("bone_names")), Path(path))
     for _, target in parts:
         files = files_of(target, format, options)
         check_outputs(files, (recording,), files if target.exists() else (target,))
@@ -210,7 +211,7 @@ def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT
     project = open_input(source.path, source.format, monitor=monitor, **for_reader)
     target = replace(target, options={name: value for name, value in target.options.items() if name not in read})
     value = project if project.has("labels") else project.take
-    parts = body_files(value, target.path)
+    parts = body_files(with_segment_names(value, target.options.get("bone_names")), target.path)
     for _, path in parts:
         planned = files_of(path, target.format, target.options)
         check_outputs(planned, (recording_of(project),), planned)

@@ -7,12 +7,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from skelgen_formats.options import OWN_NAMES
+from skelgen_formats.text import split_cells, undefused
 
 from skelgen.app.constraints import corrected_marker
-from skelgen.errors import InputError
+from skelgen.errors import FormatError, InputError
+from skelgen.files import read_content
 from skelgen.model import Limbs, Motion, Poses, Project, Skeleton
 from skelgen.model.corrections import Correction
 from skelgen.progress import SILENT, Monitor
@@ -20,12 +24,8 @@ from skelgen.progress import SILENT, Monitor
 if TYPE_CHECKING:
     from skelgen.stages.names import WornShape
 
-from pathlib import Path
 
-from skelgen_formats.text import split_cells, undefused
-
-from skelgen.errors import FormatError
-from skelgen.files import read_content
+_Value = TypeVar("_Value")
 
 
 def with_stated_names(project: Project, names: Mapping[str, str]) -> Project:
@@ -55,6 +55,32 @@ def renamed_limbs(project: Project) -> Project:
     if project.has("skeleton"):
         return project.with_limb_names(names_in_motion(project, project.skeleton, project.motion, worn))
     return project.with_limb_names(named_limbs(project, project.limbs, worn).names)
+
+
+def with_segment_names(value: _Value, bone_names: object) -> _Value | Project:
+    """Return a project in which limbs that the user renamed are called as segments of a person, for a bone profile.
+
+    A name of the user's that is itself that of a segment stays.
+
+    Parameters
+    ----------
+    value : Project or another
+        What will be written; only a project with a skeleton changes.
+    bone_names : object
+        The profile, one of the choices of `skelgen_formats.options.BONE_NAMES`; without one the project stays as it is.
+    """
+    from skelgen_formats.bone_profiles import is_segment  # noqa: PLC0415 - reads tables
+
+    if bone_names in (None, OWN_NAMES) or not isinstance(value, Project) or not value.has("skeleton"):
+        return value
+    others = tuple(one for one in value.corrections if one.kind != "name")
+    if others == value.corrections:
+        return value
+    own = value.skeleton.limb_names
+    found = renamed_limbs(replace(value, corrections=others)).skeleton.limb_names
+    pairs = zip(own, found, strict=True)
+    segments = [old if is_segment(old) or not is_segment(new) or new in own else new for old, new in pairs]
+    return value.with_limb_names(segments)
 
 
 def renamed_joints(project: Project) -> Project:

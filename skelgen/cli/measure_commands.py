@@ -20,7 +20,7 @@ Suites = Annotated[
     typer.Option(
         "--suite",
         metavar="NAME",
-        help="labels, exact, joints, tissue, stereo, exports or speed; may be repeated.",
+        help="labels, exact, joints, tissue, people, stereo, exports or speed; may be repeated.",
         show_default="all",
     ),
 ]

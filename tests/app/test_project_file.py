@@ -122,6 +122,9 @@ FIELDS_OF_0_1_0 = {
 }
 """What version 0.1.0 wrote of every value, by its type."""
 
+CALLED_NOW = {"seed_method": "classic"}
+"""Fields of 0.1.0 that have another name now."""
+
 
 def as_0_1_0(data):
     """The structure of a project file with the fields of 0.1.0 alone, under their names of then."""
@@ -131,7 +134,10 @@ def as_0_1_0(data):
         return data
     if set(data) == {"type", "fields"}:
         fields = FIELDS_OF_0_1_0[data["type"]].split()
-        return {"type": data["type"], "fields": {name: as_0_1_0(data["fields"][name]) for name in fields}}
+        return {
+            "type": data["type"],
+            "fields": {name: as_0_1_0(data["fields"][CALLED_NOW.get(name, name)]) for name in fields},
+        }
     return {key: as_0_1_0(item) for key, item in data.items()}
 
 

@@ -37,6 +37,13 @@ from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 from skelgen.simulation.people import MARKER_SETS, MOTIONS
 
+
+def test_help_names_every_suite(capsys):
+    assert main(["benchmark", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert [name for name in SUITES if name not in shown] == []
+
+
 SMALL = Effort(
     structures=("rods",),
     seeds=(0,),

@@ -10,6 +10,7 @@ from skelgen_formats.registry import find_format
 
 import skelgen
 from skelgen.app.export import preview_export
+from skelgen.app.limb_names import with_stated_names
 from skelgen.benchmark.judges import bones_of_bvh
 from skelgen.errors import WriteError
 
@@ -61,6 +62,21 @@ def test_places_and_joints_of_what_is_kept_stay_as_they_are(person):
     ends = [joint.child for joint in named.skeleton.joints]
     places = named.motion.world_from_limb[..., :3, 3][:, ends]
     assert np.abs(named.motion.joint_positions - places).max() < 1e-6
+
+
+def test_joints_keep_their_names(person):
+    named = with_bone_names(person, "mixamo").skeleton
+    assert {"left elbow", "right knee", "left hip"} <= set(named.joint_names) <= set(person.skeleton.joint_names)
+
+
+@pytest.mark.parametrize("own", ["Unterarm", "right foot"])
+def test_a_limb_that_the_user_renamed_keeps_its_bone_unless_the_name_is_another_segment(person, tmp_path, own):
+    skeleton = person.skeleton
+    marker = skeleton.markers_of(skeleton.limb_names.index("left forearm"))[0]
+    renamed = with_stated_names(person, {person.trajectories.names[marker]: own})
+    assert own in renamed.skeleton.limb_names
+    skelgen.write(renamed, tmp_path / "a.bvh", bone_names="mixamo")
+    assert ("mixamorig:LeftForeArm" in bones_of_bvh(tmp_path / "a.bvh", 60)) == (own == "Unterarm")
 
 
 def test_what_a_profile_lacks_is_said(person, tmp_path):

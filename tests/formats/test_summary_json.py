@@ -107,7 +107,7 @@ def test_doubts_about_labels_are_told_by_name(small_project):
     assert told["doubtful_spans"][0]["marker"] == trajectories.names[1]
     assert told["doubtful_spans"][0]["rival"] == trajectories.names[0]
     assert told["n_points_left_out"] == left_out.sum()
-    assert told["seed_method"]["n_markers"] == 7
+    assert told["classic"]["n_markers"] == 7
 
 
 def test_take_is_refused(small_project, tmp_path):

@@ -36,8 +36,8 @@ _TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Pla
 _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, JointSpan, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
-_FIELDS_ON_DISK = {("Labelling", "classic"): "seed_method"}
-"""Fields that files call otherwise, as the first version did: by type and field."""
+_FORMER_FIELDS = {("Labelling", "seed_method"): "classic"}
+"""What fields are called now that older files call otherwise: by type and former name."""
 
 _ODD_NUMBERS = ("nan", "inf", "-inf")
 
@@ -65,8 +65,7 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
     if dataclasses.is_dataclass(value):
         kind = _type_name(value)
         stored = [field.name for field in dataclasses.fields(value) if field.metadata.get("is_stored", True)]
-        names = {name: _FIELDS_ON_DISK.get((kind, name), name) for name in stored}
-        fields = {names[name]: packed(getattr(value, name), f"{member}/{names[name]}", arrays) for name in names}
+        fields = {name: packed(getattr(value, name), f"{member}/{name}", arrays) for name in stored}
         return {"type": kind, "fields": fields}
     if isinstance(value, float) and not math.isfinite(value):
         return {"number": str(value)}
@@ -117,9 +116,7 @@ def _value(type_name: Any, fields: dict[str, object]) -> Any:
     if type_name not in _VALUES:
         raise ValueError(f"there is no value of type {type_name!r}")
     cls = _VALUES[type_name]
-    for (kind, name), on_disk in _FIELDS_ON_DISK.items():
-        if kind == type_name and on_disk in fields:
-            fields = {name if key == on_disk else key: value for key, value in fields.items()}
+    fields = {_FORMER_FIELDS.get((type_name, name), name): value for name, value in fields.items()}
     declared = dataclasses.fields(cls)
     unset = dataclasses.MISSING
     needed = {field.name for field in declared if field.default is unset and field.default_factory is unset}
