@@ -8,10 +8,13 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, kernel
 from skelgen._kernels.small_matrices import by_symmetric, inverse, largest
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 
 TINY = 1e-12
 """mm; keeps the gradient finite for a joint that sits on a marker."""
+
+LEAST_RADIUS = 1e-300
+"""mm; keeps the direction finite of a point that sits on the centre of its sphere."""
 
 FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-3, 1e-9, 1e9
 SETTLED = 1e-7
@@ -142,6 +145,48 @@ def _add_distances(
                 spreads[marker] += (distances[frame, marker] - means[marker]) ** 2
     for marker in range(n_markers):
         spreads[marker] = math.sqrt(spreads[marker] / max(counts[marker], 1.0))
+
+
+@kernel
+def write_sphere_products(points: Floats, ends: Ints, centre: Floats, rows: Floats, products: Floats) -> None:
+    """Write the products of the equations of a Gauss-Newton step towards the common centre of spheres.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3), mm
+        Where points are that move on spheres, one point after the other.
+    ends : ndarray of intp, shape (n_points,)
+        Where each point ends.
+    centre : ndarray, shape (3,), mm
+        Where the centre is taken to be.
+    rows : ndarray, shape (n, 4)
+        Filled: unit vectors to the centre and distances from it, minus the means over each point.
+    products : ndarray, shape (4, 4)
+        Filled: of the columns of the rows with each other.
+    """
+    for i in range(4):
+        for j in range(4):
+            products[i, j] = 0.0
+    first = 0
+    for point in range(len(ends)):
+        x_mean, y_mean, z_mean, mean = 0.0, 0.0, 0.0, 0.0
+        share = 1.0 / (ends[point] - first)
+        for row in range(first, ends[point]):
+            x, y, z = centre[0] - points[row, 0], centre[1] - points[row, 1], centre[2] - points[row, 2]
+            distance = max(math.sqrt(x * x + y * y + z * z), LEAST_RADIUS)
+            rows[row, 0], rows[row, 1], rows[row, 2] = x / distance, y / distance, z / distance
+            rows[row, 3] = distance
+            x_mean, y_mean, z_mean = x_mean + rows[row, 0], y_mean + rows[row, 1], z_mean + rows[row, 2]
+            mean += distance
+        for row in range(first, ends[point]):
+            rows[row, 0] -= share * x_mean
+            rows[row, 1] -= share * y_mean
+            rows[row, 2] -= share * z_mean
+            rows[row, 3] -= share * mean
+            for i in range(4):
+                for j in range(4):
+                    products[i, j] += rows[row, i] * rows[row, j]
+        first = ends[point]
 
 
 @array_kernel

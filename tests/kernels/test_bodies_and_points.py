@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.absolute_orientation import fast_rotations, means_in_body, moments_about, moments_of
-from skelgen._kernels.ball_joint import both_images, fixed_point_sums, mean_distances, multilaterated
+from skelgen._kernels.ball_joint import (
+    both_images,
+    fixed_point_sums,
+    mean_distances,
+    multilaterated,
+    write_sphere_products,
+)
 from skelgen._kernels.distance_statistics import pair_sums
 from skelgen.geometry.orientation import rotation_by_svd
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
@@ -167,3 +173,15 @@ def test_multilaterated_points_have_their_distances():
     np.testing.assert_allclose(joint[:3], np.tile(place, (3, 1)), atol=1e-6)
     assert errors[:4].max() < 1e-9 and errors[4] in {0.0, np.inf}
     np.testing.assert_array_equal(joint[4], before[4])
+
+
+def test_products_of_spheres_are_those_of_directions_and_distances_about_their_means():
+    points, centre = np.random.default_rng(7).normal(scale=300.0, size=(9, 3)), np.array([20.0, -50.0, 10.0])
+    ends, rows, products = np.array([4, 9]), np.empty((9, 4)), np.empty((4, 4))
+    write_sphere_products(points, ends, centre, rows, products)
+    distances = np.linalg.norm(points - centre, axis=1, keepdims=True)
+    wanted = np.hstack([(centre - points) / distances, distances])
+    wanted[:4] -= wanted[:4].mean(axis=0)
+    wanted[4:] -= wanted[4:].mean(axis=0)
+    np.testing.assert_allclose(rows, wanted, **ROUNDING)
+    np.testing.assert_allclose(products, wanted.T @ wanted, **ROUNDING)

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.ball_joint import fixed_point_sums
+from skelgen._kernels.ball_joint import fixed_point_sums, write_sphere_products
 from skelgen._kernels.joint_models import UNIVERSAL_RIDGE, alternated
 from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats, Ints
@@ -158,50 +158,45 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
     local = np.einsum("fji,fnj->nfi", body[:, :3, :3], points - body[:, np.newaxis, :3, 3])
     seen = ~np.isnan(local[:, :, 0])
     count = seen.sum(axis=1)
-    data = np.ascontiguousarray(local[seen].T)  # a row for each coordinate, point by point
-    if data.shape[1] < FEWEST_ON_SPHERE * points.shape[1] or not count.all():
+    data = local[seen]  # point by point
+    if len(data) < FEWEST_ON_SPHERE * points.shape[1] or not count.all():
         return None
-    shifted = data - near[:, np.newaxis]
-    centre = near + _near_zero(_centred(np.vstack([2 * shifted, (shifted**2).sum(axis=0)]), count))
+    shifted = data - near
+    linear = _centred(np.column_stack([2 * shifted, (shifted**2).sum(axis=1)]), count)
+    centre = near + _near_zero(linear.T @ linear)
+    ends, rows, products = np.cumsum(count), np.empty((len(data), 4)), np.empty((4, 4))
     for _ in range(MAX_STEPS):
-        step = _near_zero(_centred(_directions_and_distances(data, centre), count))
+        write_sphere_products(data, ends, centre, rows, products)
+        step = _near_zero(products)
         centre = centre - step
         if np.abs(step).max() < STEP_TOLERANCE:
             break
-    distance = _directions_and_distances(data, centre)[3:]
-    radii = _means(distance, count)[0]
-    variances = _means(_centred(distance, count) ** 2, count)[0]
-    return SphereFit(centre, radii, float(variances.mean()))
+    distance = np.linalg.norm(data - centre, axis=1, keepdims=True)
+    variances = _means(_centred(distance, count) ** 2, count)
+    return SphereFit(centre, _means(distance, count)[:, 0], float(variances.mean()))
 
 
-def _directions_and_distances(points: Floats, centre: Floats) -> Floats:
-    """Directions of points from a centre to them, reversed, and their distances from it [mm], shape (4, n)."""
-    offset = centre[:, np.newaxis] - points
-    distance = np.maximum(np.sqrt(np.einsum("in,in->n", offset, offset)), np.finfo(np.float64).tiny)
-    return np.vstack([offset / distance, distance])
+def _means(values: Floats, count: Ints) -> Floats:
+    """Means over each point, whose values are side by side, shape (n_points, n_columns)."""
+    return np.asarray(np.add.reduceat(values, np.cumsum(count) - count) / count[:, np.newaxis])
 
 
-def _means(rows: Floats, count: Ints) -> Floats:
-    """Means of rows over each point, shape (n_rows, n_points); the points' values are side by side."""
-    return np.asarray(np.add.reduceat(rows, np.cumsum(count) - count, axis=1) / count)
+def _centred(values: Floats, count: Ints) -> Floats:
+    """Values minus the mean over their own point: eliminates one constant per point."""
+    return np.asarray(values - np.repeat(_means(values, count), count, axis=0))
 
 
-def _centred(rows: Floats, count: Ints) -> Floats:
-    """Rows minus the mean over their own point: eliminates one constant per point."""
-    return np.asarray(rows - np.repeat(_means(rows, count), count, axis=1))
-
-
-def _near_zero(rows: Floats) -> Floats:
+def _near_zero(products: Floats) -> Floats:
     """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge.
 
     Parameters
     ----------
-    rows : ndarray, shape (4, n)
-        Columns of the matrix, and the right-hand side.
+    products : ndarray, shape (4, 4)
+        Of the columns of the matrix, and last of the right-hand side, with each other.
     """
-    products = rows @ rows.T
-    ridge = RIDGE * np.trace(products[:3, :3]) + np.finfo(np.float64).tiny
-    return np.asarray(np.linalg.solve(products[:3, :3] + ridge * np.eye(3), products[:3, 3]))
+    normal = products[:3, :3]
+    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
+    return np.asarray(np.linalg.solve(normal + ridge * np.eye(3), products[:3, 3]))
 
 
 def nearest_hinge(rotations: Floats) -> HingeRotation:
