@@ -169,6 +169,10 @@ class RigidDisplacements:
     basis: Floats
     limbs: Ints
 
+    def rows_of(self, limb: int) -> slice:
+        """Where the rigid displacements of a limb stand, one after the other."""
+        return slice(*np.searchsorted(self.limbs, (limb, limb + 1)).tolist())
+
     def of_markers(self, displacements: Floats) -> Floats:
         """Return the rigid displacements in displacements of markers, shapes (n_rigid, n) from (n_markers, 3, n)."""
         flat = self.basis.reshape(-1, len(self.limbs))
@@ -269,42 +273,80 @@ def soft_tissue_equations(
     """
     chain, articulation, poses = observed.chain, observed.articulation, observed.poses
     clusters = rigid_displacements(chain)
-    n_frames, n_rigid = observed.n_frames, len(clusters.limbs)
-    basis = clusters.basis.reshape(-1, n_rigid).T
-    against = poses.rotations[:, chain.limb_of_marker].swapaxes(2, 3)
-
-    def in_basis(slopes: Floats) -> Floats:
-        return np.asarray(basis @ (against @ slopes).reshape(n_frames, 3 * chain.n_markers, -1))
-
+    n_rigid, n_joints = len(clusters.limbs), 3 * (chain.n_limbs - 1)
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
-    by_pose = in_basis(_pose_slopes(chain, poses))
-    joints, by_tilt, by_pose = in_basis(_joint_slopes(chain, poses)), by_pose @ tilts, by_pose @ turns
-    unit = np.broadcast_to(np.eye(n_rigid), (n_frames, n_rigid, n_rigid))
-    constants = np.concatenate([joints, by_tilt, unit], axis=2)
-    counts = np.einsum("mie,fm,mik->fek", clusters.basis, observed.weights, clusters.basis, optimize=True)
-    root = np.linalg.cholesky(counts + UNSEEN * np.eye(n_rigid)).swapaxes(1, 2)
-    weighted, own = root @ constants, root @ by_pose
+    by_pose, joints = _rigid_slopes(chain, poses, clusters)
+    constants = np.zeros((observed.n_frames, n_rigid, n_joints + tilts.shape[2] + n_rigid))
+    n_constants = constants.shape[2]
+    first = n_constants - n_rigid
+    constants[:, :, :n_joints], constants[:, :, n_joints:first] = joints, by_pose @ tilts
+    constants[:, np.arange(n_rigid), np.arange(first, n_constants)] = 1.0
+    by_pose = by_pose @ turns
+    weighted, own = _weighted(observed, clusters, (constants, by_pose))
     normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
     follow = _solved(normal, own.swapaxes(1, 2) @ weighted)
     reduced = weighted - own @ follow
     error = observed.residuals * observed.weights[:, :, np.newaxis]
-    local = in_basis(error[..., np.newaxis]).swapaxes(1, 2)
+    against = poses.rotations[:, chain.limb_of_marker].swapaxes(2, 3)
+    in_limbs = (against @ error[..., np.newaxis]).reshape(observed.n_frames, -1)
+    local = (in_limbs @ clusters.basis.reshape(-1, n_rigid))[:, np.newaxis]
     gradient = (local @ constants - local @ by_pose @ follow)[:, 0]
     rigid, flexion = np.nonzero(follows[clusters.limbs])
-    flexions, n_joints, n_constants = tissue.flexions(chain, poses), joints.shape[2], constants.shape[2]
-    of_tissue = gradient[:, n_constants - n_rigid + rigid] * flexions[:, flexion]
+    flexions = tissue.flexions(chain, poses)
+    of_tissue = gradient[:, first + rigid] * flexions[:, flexion]
     total = np.concatenate([gradient.sum(axis=0), of_tissue.sum(axis=0)])
-    matrix = _normal_matrix(reduced, flexions, clusters, rigid, flexion)
+    matrix = _normal_matrix(reduced, flexions, clusters, follows)
     return SoftTissueEquations(matrix, total, clusters, n_joints, n_constants, rigid, flexion)
 
 
-def _normal_matrix(
-    constants: Floats, flexions: Floats, clusters: RigidDisplacements, rigid: Ints, flexion: Ints
-) -> Floats:
+def _rigid_slopes(chain: Chain, poses: ChainPoses, clusters: RigidDisplacements) -> tuple[Floats, Floats]:
+    """Derivatives of rigid displacements by poses, shape (n_frames, n_rigid, 3 + 3 n_limbs), and by joints.
+
+    All markers of a limb move alike as the limbs before it turn, so that the sum over markers of a rigid displacement
+    stands for them; as the limb itself turns, so does the sum of its moments. The second shape is (n_frames, n_rigid,
+    3 (n_limbs - 1)).
+    """
+    limbs, every = clusters.limbs, np.arange(len(clusters.limbs))
+    shift = clusters.basis.sum(axis=0).T
+    moment = np.cross(chain.offsets[:, np.newaxis], clusters.basis.swapaxes(1, 2)).sum(axis=0)
+    turned = poses.rotations[:, limbs]
+    along = (turned @ shift[..., np.newaxis])[..., 0]
+    a_marker = np.zeros(chain.n_limbs, dtype=np.intp)
+    a_marker[chain.limb_of_marker] = np.arange(chain.n_markers)
+    arms = world_arms(chain.arms()[a_marker[limbs]], poses)
+    slopes = np.empty((len(along), len(limbs), 1 + chain.n_limbs, 3))
+    slopes[:, :, 0] = along
+    for axis, (second, third) in enumerate(((1, 2), (2, 0), (0, 1))):
+        slopes[:, :, 1:, axis] = arms[..., second] * along[:, :, np.newaxis, third]
+        slopes[:, :, 1:, axis] -= arms[..., third] * along[:, :, np.newaxis, second]
+    slopes[:, every, 1 + limbs] = (turned @ moment[..., np.newaxis])[..., 0]
+    beyond = chain.ancestry()[1:, limbs].T
+    above = poses.rotations[:, chain.parents[1:]].transpose(0, 2, 1, 3).reshape(len(along), 3, -1)
+    joints = (along @ above) * np.repeat(beyond, 3, axis=1)
+    return slopes.reshape(*along.shape[:2], -1), joints
+
+
+def _weighted(
+    observed: ObservedChain, clusters: RigidDisplacements, tables: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """Rows of rigid displacements, limb by limb in units of what the markers that are seen say of them."""
+    found = np.empty_like(tables[0]), np.empty_like(tables[1])
+    for limb in np.unique(clusters.limbs).tolist():
+        own, markers = clusters.rows_of(limb), np.flatnonzero(observed.chain.limb_of_marker == limb)
+        basis = clusters.basis[markers, :, own].reshape(3 * len(markers), -1)
+        weights = np.repeat(observed.weights[:, markers], 3, axis=1)
+        counts = (basis.T * weights[:, np.newaxis]) @ basis
+        root = np.linalg.cholesky(counts + UNSEEN * np.eye(basis.shape[1])).swapaxes(1, 2)
+        for table, weighted in zip(tables, found, strict=True):
+            weighted[:, own] = root @ table[:, own]
+    return found
+
+
+def _normal_matrix(constants: Floats, flexions: Floats, clusters: RigidDisplacements, follows: Bools) -> Floats:
     """Sum over frames of the products of all columns, those of soft tissue being rigid displacements times flexions.
 
     Flexions are the same for all rows of a frame: the products of the constants' columns, which are few, are taken
-    once in each frame, and weighted by the flexions limb by limb.
+    once in each frame, and weighted by the flexions, one pair of limbs after the other.
 
     Parameters
     ----------
@@ -314,46 +356,32 @@ def _normal_matrix(
         In the frames.
     clusters : RigidDisplacements
         Rigid displacements.
-    rigid, flexion : ndarray of intp, shape (n_tissue,)
-        Rigid displacement, rising, and flexion of each column of soft tissue.
+    follows : ndarray of bool, shape (n_limbs, n_flexions)
+        Which flexions the markers of each limb follow.
     """
     n_frames, n_rigid, n_constants = constants.shape
-    first = n_constants - n_rigid
-    matrix = np.empty((n_constants + len(rigid), n_constants + len(rigid)))
-    flat = constants.reshape(-1, n_constants)
-    matrix[:n_constants, :n_constants] = flat.T @ flat
+    first, size = n_constants - n_rigid, n_constants
     products = constants.swapaxes(1, 2) @ constants[:, :, first:]
-    limbs, factors = clusters.limbs[rigid], flexions[:, flexion]
-    for limb in np.unique(limbs).tolist():
-        own, columns = np.flatnonzero(clusters.limbs == limb), np.flatnonzero(limbs == limb)
-        among, after = flexion[columns[rigid[columns] == own[0]]], slice(int(columns[0]), None)
-        by_limb = products[:, :, own[0] : own[-1] + 1]
-        weighted = by_limb[:, first + rigid[after]] * factors[:, after, np.newaxis]
-        rows = np.concatenate([by_limb, weighted], axis=1).reshape(n_frames, -1)
-        sums = (flexions[:, among].T @ rows).reshape(len(among), -1, len(own)).transpose(1, 2, 0)
-        sums = sums.reshape(len(sums), len(columns))
-        columns += n_constants
-        matrix[:n_constants, columns] = sums[:n_constants]
-        matrix[columns[0] :, columns] = sums[n_constants:]
-        matrix[columns, :n_constants] = sums[:n_constants].T
-        matrix[columns, columns[0] :] = sums[n_constants:].T
-    return matrix
-
-
-def _pose_slopes(chain: Chain, poses: ChainPoses) -> Floats:
-    """Derivatives of markers by translation and rotations, shape (n_frames, n_markers, 3, 3 + 3 n_limbs)."""
-    turning = -cross_matrix(world_arms(chain.arms(), poses)).transpose(0, 1, 3, 2, 4)
-    shape = (*turning.shape[:3], 3)
-    shift = np.broadcast_to(np.eye(3), shape)
-    return np.concatenate([shift, turning.reshape(*shape[:3], -1)], axis=3)
-
-
-def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
-    """Derivatives of markers by joints in their parents, shape (n_frames, n_markers, 3, 3 (n_limbs - 1))."""
-    beyond = chain.ancestry()[1:, chain.limb_of_marker].T.astype(np.float64)
-    above = poses.rotations[:, chain.parents[1:]].swapaxes(1, 2)
-    slopes = beyond[:, np.newaxis, :, np.newaxis] * above[:, np.newaxis]
-    return np.asarray(slopes.reshape(*slopes.shape[:3], -1))
+    before: list[tuple[slice, slice, Floats]] = []
+    for limb in np.flatnonzero(follows.any(axis=1)).tolist():
+        own, followed = clusters.rows_of(limb), flexions[:, follows[limb]]
+        width = (own.stop - own.start) * followed.shape[1]
+        before.append((own, slice(size, size + width), followed))
+        size += width
+    matrix = np.zeros((size, size))
+    others = constants[:, :, :first].reshape(-1, first)
+    matrix[:first, :first] = others.T @ others
+    matrix[:n_constants, first:n_constants] = products.sum(axis=0)
+    for index, (own, columns, followed) in enumerate(before):
+        by_limb = products[:, :, own].reshape(n_frames, -1).T @ followed
+        matrix[:n_constants, columns] = by_limb.reshape(n_constants, -1)
+        for rows, places, other in before[: index + 1]:
+            both = (other[:, :, np.newaxis] * followed[:, np.newaxis]).reshape(n_frames, -1)
+            block = products[:, first + rows.start : first + rows.stop, own]
+            sums = (block.reshape(n_frames, -1).T @ both).reshape(*block.shape[1:], other.shape[1], -1)
+            matrix[places, columns] = sums.transpose(0, 2, 1, 3).reshape(places.stop - places.start, -1)
+    upper = np.triu(matrix)
+    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def _solved(normal: Floats, right: Floats) -> Floats:
