@@ -136,8 +136,12 @@ def likely_segments(tree: MovingTree, worn: Mapping[int, OfSet] | None = None, t
     tables = tables or learned_tables()
     of_set = np.array([[_odds_by_set(label, (worn or {}).get(limb)) for label in LABELS] for limb in tree.limbs])
 
+    one, other = (order[places] for places in np.triu_indices(n_limbs, 1))  # each pair once, as the search asks for it
+    pairs = np.zeros((n_limbs, n_limbs, len(LABELS), len(LABELS)))
+
     def searched(tall: float, width: int) -> tuple[float, Ints]:
-        return _search(tables.pairs(features - np.log(tall), joined), tables.limbs(sizes, tall) + of_set, order, width)
+        pairs[one, other] = tables.pairs(features[one, other] - np.log(tall), joined[one, other])
+        return _search(pairs, tables.limbs(sizes, tall) + of_set, order, width)
 
     tall = max((stature * _STATURES).tolist(), key=lambda one: searched(one, _FEW)[0])
     score, labels = searched(tall, _MANY)
@@ -198,21 +202,22 @@ class Tables:
     of_segments: Floats
 
     def pairs(self, features: Floats, joined: Bools) -> Floats:
-        """Log odds of each pair of limbs to be each pair of labels, shape (n_limbs, n_limbs, n_labels, n_labels).
+        """Log odds of pairs of limbs to be each pair of labels, shape (n_pairs, n_labels, n_labels).
 
         Parameters
         ----------
-        features : ndarray, shape (n_limbs, n_limbs, 2)
+        features : ndarray, shape (n_pairs, 2)
             See `pair_features`; the logarithm of the stature is subtracted.
-        joined : ndarray of bool, shape (n_limbs, n_limbs)
-            Whether there is a joint between two limbs.
+        joined : ndarray of bool, shape (n_pairs,)
+            Whether there is a joint between both limbs.
         """
-        off = features[:, :, np.newaxis, np.newaxis] - self.means
-        squares = np.einsum("ijabk,abkl,ijabl->ijab", off, self.precisions, off)
+        far, ranges = np.moveaxis(features[:, np.newaxis, np.newaxis] - self.means, -1, 0)
+        squares = self.precisions[..., 0, 0] * far**2 + self.precisions[..., 1, 1] * ranges**2
+        squares += 2.0 * self.precisions[..., 0, 1] * far * ranges
         of_any = -0.5 * (((features - self.any_pair[0]) / self.any_pair[1]) ** 2).sum(axis=-1)
-        of_any = (of_any - np.log(self.any_pair[1]).sum())[:, :, np.newaxis, np.newaxis]
+        of_any = (of_any - np.log(self.any_pair[1]).sum())[:, np.newaxis, np.newaxis]
         odds = np.logaddexp(-0.5 * squares - self.log_volumes, of_any + np.log(_OUTLIERS)) - of_any
-        at_joint = np.where(joined[:, :, np.newaxis, np.newaxis], np.log(self.joined), np.log(1.0 - self.joined))
+        at_joint = np.where(joined[:, np.newaxis, np.newaxis], np.log(self.joined), np.log(1.0 - self.joined))
         return np.asarray(odds + at_joint)
 
     def limbs(self, sizes: Sequence[float], stature: float) -> Floats:
