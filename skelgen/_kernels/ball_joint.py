@@ -16,6 +16,13 @@ TINY = 1e-12
 LEAST_RADIUS = 1e-300
 """mm; keeps the direction finite of a point that sits on the centre of its sphere."""
 
+SPHERE_RIDGE = 1e-9
+"""Weight of nearness in the equations of spheres, relative to the points' spread: it counts only where nothing else
+does."""
+
+SPHERE_SETTLED = 1e-6
+"""mm; the centre of spheres is found when it moves less."""
+
 FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-3, 1e-9, 1e9
 SETTLED = 1e-7
 """mm; a frame is settled when its joint moves less."""
@@ -148,8 +155,8 @@ def _add_distances(
 
 
 @kernel
-def write_sphere_products(points: Floats, ends: Ints, centre: Floats, rows: Floats, products: Floats) -> None:
-    """Write the products of the equations of a Gauss-Newton step towards the common centre of spheres.
+def move_to_centre(points: Floats, ends: Ints, centre: Floats, rows: Floats, most_steps: int) -> int:
+    """Move a point to the common centre of spheres by Gauss-Newton steps on the distances; return how many there were.
 
     Parameters
     ----------
@@ -158,35 +165,40 @@ def write_sphere_products(points: Floats, ends: Ints, centre: Floats, rows: Floa
     ends : ndarray of intp, shape (n_points,)
         Where each point ends.
     centre : ndarray, shape (3,), mm
-        Where the centre is taken to be.
+        Where to begin; moved.
     rows : ndarray, shape (n, 4)
-        Filled: unit vectors to the centre and distances from it, minus the means over each point.
-    products : ndarray, shape (4, 4)
-        Filled: of the columns of the rows with each other.
+        Room: unit vectors to the centre and distances from it, minus the means over each point.
+    most_steps : int
+        Steps at most.
     """
-    for i in range(4):
-        for j in range(4):
-            products[i, j] = 0.0
-    first = 0
-    for point in range(len(ends)):
-        x_mean, y_mean, z_mean, mean = 0.0, 0.0, 0.0, 0.0
-        share = 1.0 / (ends[point] - first)
-        for row in range(first, ends[point]):
-            x, y, z = centre[0] - points[row, 0], centre[1] - points[row, 1], centre[2] - points[row, 2]
-            distance = max(math.sqrt(x * x + y * y + z * z), LEAST_RADIUS)
-            rows[row, 0], rows[row, 1], rows[row, 2] = x / distance, y / distance, z / distance
-            rows[row, 3] = distance
-            x_mean, y_mean, z_mean = x_mean + rows[row, 0], y_mean + rows[row, 1], z_mean + rows[row, 2]
-            mean += distance
-        for row in range(first, ends[point]):
-            rows[row, 0] -= share * x_mean
-            rows[row, 1] -= share * y_mean
-            rows[row, 2] -= share * z_mean
-            rows[row, 3] -= share * mean
-            for i in range(4):
-                for j in range(4):
-                    products[i, j] += rows[row, i] * rows[row, j]
-        first = ends[point]
+    for done in range(most_steps):
+        a, b, c, d, e, f, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        first = 0
+        for point in range(len(ends)):
+            x_mean, y_mean, z_mean, mean = 0.0, 0.0, 0.0, 0.0
+            share = 1.0 / (ends[point] - first)
+            for row in range(first, ends[point]):
+                x, y, z = centre[0] - points[row, 0], centre[1] - points[row, 1], centre[2] - points[row, 2]
+                distance = max(math.sqrt(x * x + y * y + z * z), LEAST_RADIUS)
+                rows[row, 0], rows[row, 1], rows[row, 2] = x / distance, y / distance, z / distance
+                rows[row, 3] = distance
+                x_mean += share * rows[row, 0]
+                y_mean += share * rows[row, 1]
+                z_mean += share * rows[row, 2]
+                mean += share * distance
+            for row in range(first, ends[point]):
+                x, y, z = rows[row, 0] - x_mean, rows[row, 1] - y_mean, rows[row, 2] - z_mean
+                distance = rows[row, 3] - mean
+                a, b, c, d, e, f = a + x * x, b + x * y, c + x * z, d + y * y, e + y * z, f + z * z
+                p, q, r = p + distance * x, q + distance * y, r + distance * z
+            first = ends[point]
+        level = SPHERE_RIDGE * (a + d + f) + LEAST_RADIUS
+        step = by_symmetric(inverse((a, b, c, d, e, f), level), (p, q, r))
+        for i in range(3):
+            centre[i] -= step[i]
+        if largest(step) < SPHERE_SETTLED:
+            return done + 1
+    return most_steps
 
 
 @array_kernel

@@ -20,7 +20,7 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 MAX_ROUNDS = 30
-SHAPE_TOLERANCE = 1e-9
+SHAPE_TOLERANCE = 1e-6
 """mm; rounds stop when no point moves more."""
 
 MOST_COUNTED = 16
@@ -109,13 +109,18 @@ def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> 
         Points whose second extent is below this part of the first are on one line.
     """
     patterns, inverse = distinct_rows(seen)
+    return np.asarray(_span_space(points, patterns, flatness)[inverse])
+
+
+def _span_space(points: Floats, patterns: Bools, flatness: float) -> Bools:
+    """Which sets of points, shape (n_sets, n_points), are three and more that are not on one line."""
     spans = patterns.sum(axis=1) >= 3
     counted = patterns[spans].astype(np.float64)
     middles = counted @ points / counted.sum(axis=1, keepdims=True)
     arms = (points - middles[:, np.newaxis]) * counted[..., np.newaxis]
     extents = np.linalg.eigvalsh(arms.swapaxes(1, 2) @ arms)
     spans[spans] = extents[:, 1] > max(flatness**2, _ROUNDING) * extents[:, 2]
-    return np.asarray(spans[inverse])
+    return np.asarray(spans)
 
 
 def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
@@ -139,13 +144,17 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
     seen = ~np.isnan(positions[:, :, 0])
     reference = int(np.argmax(seen.sum(axis=1)))
     points = positions[reference] - np.nanmean(positions[reference], axis=0) if seen[reference].any() else positions[0]
+    before: Bools | None = None
     for _ in range(MAX_ROUNDS):
         known = ~np.isnan(points[:, 0])
+        if before is None or (known != before).any():
+            shown, before = seen & known, known
+            patterns, inverse = distinct_rows(shown)
         filled = np.where(known[:, np.newaxis], points, 0.0)
-        usable = determines_pose(filled, seen & known, flatness)
+        usable = _span_space(filled, patterns, flatness)[inverse]
         if not usable.any():
             break
-        poses = fit_transform(filled, positions[usable], seen[usable] & known, rotator)
+        poses = fit_transform(filled, positions[usable], shown[usable], rotator)
         mean = means_in_body(poses, positions[usable], seen[usable])
         average = mean - mean[~np.isnan(mean[:, 0])].mean(axis=0)
         moved = np.nanmax(np.abs(average - points), initial=0.0)

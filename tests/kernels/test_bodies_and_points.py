@@ -10,8 +10,8 @@ from skelgen._kernels.ball_joint import (
     both_images,
     fixed_point_sums,
     mean_distances,
+    move_to_centre,
     multilaterated,
-    write_sphere_products,
 )
 from skelgen._kernels.distance_statistics import pair_sums
 from skelgen.geometry.orientation import rotation_by_svd
@@ -175,13 +175,13 @@ def test_multilaterated_points_have_their_distances():
     np.testing.assert_array_equal(joint[4], before[4])
 
 
-def test_products_of_spheres_are_those_of_directions_and_distances_about_their_means():
-    points, centre = np.random.default_rng(7).normal(scale=300.0, size=(9, 3)), np.array([20.0, -50.0, 10.0])
-    ends, rows, products = np.array([4, 9]), np.empty((9, 4)), np.empty((4, 4))
-    write_sphere_products(points, ends, centre, rows, products)
-    distances = np.linalg.norm(points - centre, axis=1, keepdims=True)
-    wanted = np.hstack([(centre - points) / distances, distances])
-    wanted[:4] -= wanted[:4].mean(axis=0)
-    wanted[4:] -= wanted[4:].mean(axis=0)
-    np.testing.assert_allclose(rows, wanted, **ROUNDING)
-    np.testing.assert_allclose(products, wanted.T @ wanted, **ROUNDING)
+def test_a_point_moves_to_the_common_centre_of_spheres():
+    centre, random = np.array([20.0, -50.0, 10.0]), np.random.default_rng(7)
+    around = random.normal(size=(20, 3))
+    around *= np.repeat([80.0, 200.0], [8, 12])[:, np.newaxis] / np.linalg.norm(around, axis=1, keepdims=True)
+    found, rows = np.zeros(3), np.empty((20, 4))
+    n_steps = move_to_centre(centre + around, np.array([8, 20]), found, rows, 20)
+    np.testing.assert_allclose(found, centre, atol=1e-6)
+    assert n_steps < 10
+    again = found.copy()
+    assert move_to_centre(centre + around, np.array([8, 20]), again, rows, 20) == 1

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.ball_joint import fixed_point_sums, write_sphere_products
+from skelgen._kernels.ball_joint import SPHERE_RIDGE, fixed_point_sums, move_to_centre
 from skelgen._kernels.joint_models import UNIVERSAL_RIDGE, alternated
 from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats, Ints
@@ -42,12 +42,6 @@ RELATIVE_RIDGE = 1e-7
 
 FEWEST_ON_SPHERE = 5
 MAX_STEPS = 20
-STEP_TOLERANCE = 1e-6
-"""mm."""
-
-RIDGE = 1e-9
-"""Weight of nearness in the linear form, relative to the points' spread: it counts only where nothing else does."""
-
 N_STARTS = 48
 """Directions all over the half sphere, some 20 degrees apart: minima are wider."""
 
@@ -163,14 +157,8 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
         return None
     shifted = data - near
     linear = _centred(np.column_stack([2 * shifted, (shifted**2).sum(axis=1)]), count)
-    centre = near + _near_zero(linear.T @ linear)
-    ends, rows, products = np.cumsum(count), np.empty((len(data), 4)), np.empty((4, 4))
-    for _ in range(MAX_STEPS):
-        write_sphere_products(data, ends, centre, rows, products)
-        step = _near_zero(products)
-        centre = centre - step
-        if np.abs(step).max() < STEP_TOLERANCE:
-            break
+    centre = near + _near_zero(linear)
+    move_to_centre(data, np.cumsum(count), centre, np.empty((len(data), 4)), MAX_STEPS)
     distance = np.linalg.norm(data - centre, axis=1, keepdims=True)
     variances = _means(_centred(distance, count) ** 2, count)
     return SphereFit(centre, _means(distance, count)[:, 0], float(variances.mean()))
@@ -186,17 +174,17 @@ def _centred(values: Floats, count: Ints) -> Floats:
     return np.asarray(values - np.repeat(_means(values, count), count, axis=0))
 
 
-def _near_zero(products: Floats) -> Floats:
+def _near_zero(equations: Floats) -> Floats:
     """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge.
 
     Parameters
     ----------
-    products : ndarray, shape (4, 4)
-        Of the columns of the matrix, and last of the right-hand side, with each other.
+    equations : ndarray, shape (n, 4)
+        The matrix and, last, the right-hand side.
     """
-    normal = products[:3, :3]
-    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
-    return np.asarray(np.linalg.solve(normal + ridge * np.eye(3), products[:3, 3]))
+    products = equations.T @ equations
+    ridge = SPHERE_RIDGE * np.trace(products[:3, :3]) + np.finfo(np.float64).tiny
+    return np.asarray(np.linalg.solve(products[:3, :3] + ridge * np.eye(3), products[:3, 3]))
 
 
 def nearest_hinge(rotations: Floats) -> HingeRotation:
