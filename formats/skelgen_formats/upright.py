@@ -34,7 +34,7 @@ def turn_wished(value: Writable, options: Options, up: str) -> str:
     """
     if options.axes != AUTO:
         return options.axes
-    from skelgen.kinematics.upward import turn_to  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.geometry.up_axis import turn_to  # noqa: PLC0415 - scipy is slow to load
 
     return turn_to(value, up)
 
@@ -53,7 +53,7 @@ def remark_on_up(project: Project, options: Options, up: str, title: str) -> tup
     title : str
         Of the format.
     """
-    from skelgen.kinematics.upward import turn_to, up_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.geometry.up_axis import turn_to, up_of  # noqa: PLC0415 - scipy is slow to load
 
     found, turn = up_of(project), turn_wished(project, options, up)
     if not found:
@@ -76,7 +76,7 @@ def gravity(project: Project, up: str) -> Floats:
     up : str
         The axis that is up where nothing is found, see `Format.up`.
     """
-    from skelgen.kinematics.upward import up_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
 
     found = up_of(project) or up
     return np.where(np.array(list("xyz")) == found[-1], _GRAVITY if found.startswith("-") else -_GRAVITY, 0.0)

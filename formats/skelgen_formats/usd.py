@@ -122,7 +122,7 @@ def _project(value: Writable) -> Project:
 
 
 def _up(project: Project) -> str:
-    from skelgen.kinematics.upward import up_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
 
     return "y" if up_of(project) == "y" else "z"
 
@@ -249,7 +249,7 @@ def _vectors(places: Floats) -> Any:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    from skelgen.kinematics.upward import up_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
 
     found = up_of(project)
     unsure = "The recording does not tell which axis is up; the file states z unless axes turn it to y."

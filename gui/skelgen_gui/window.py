@@ -42,8 +42,7 @@ from skelgen_gui.widgets.errors import ErrorReporter
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import FocusRing, KeyKeeper, make_actions
-from skelgen_gui.widgets.tutorial import Tutorial
-from skelgen_gui.window_commands import WindowCommands
+from skelgen_gui.window_commands import Tutorial, WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one, where the screen has room for it
 _STEPS, _TIMELINE = 0.34, 0.36  # of the window at first: the width of the steps at most, the height of the timeline

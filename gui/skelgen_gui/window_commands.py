@@ -1,11 +1,22 @@
-"""Menus, tool bar and keys of the window, and what they do; among it, changing preferences."""
+"""Menus, tool bar and keys of the window, and what they do; preferences; the first steps, a text whose links act."""
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, QUrl, Signal
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QDockWidget, QMainWindow, QMenu, QMessageBox, QToolBar, QWidget
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QDockWidget,
+    QMainWindow,
+    QMenu,
+    QMessageBox,
+    QTextBrowser,
+    QToolBar,
+    QWidget,
+)
 
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.page_stack import PageStack
@@ -229,3 +240,34 @@ class PreferencesDialog(QDialog):
 
     def _follow(self) -> None:
         self.buttons.button(QDialogButtonBox.StandardButton.Ok).setEnabled(not self.form.problem())
+
+
+_TEXT = Path(__file__).with_name("tutorial.md")
+
+
+class Tutorial(QTextBrowser):
+    """Shows the text.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Qt's parent.
+
+    Signals
+    -------
+    asked(str, str)
+        A link was followed: what kind it is, ``do`` or ``sample``, and the command or sample that it names.
+    """
+
+    asked = Signal(str, str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setOpenLinks(False)
+        self.setMarkdown(_TEXT.read_text(encoding="utf-8"))
+        self.setAccessibleName(self.tr("First steps"))
+        self.setToolTip(self.tr("Links do what they say; Tab goes from one to the next"))
+        self.anchorClicked.connect(self._follow)
+
+    def _follow(self, address: QUrl) -> None:
+        self.asked.emit(address.scheme(), address.path())

@@ -8,7 +8,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from skelgen.kinematics.upward import find_up, sampled_points
+from skelgen.geometry.up_axis import find_up, sampled_points
 from skelgen.model import PointCloud, Poses, Take
 from skelgen.model.arrays import Floats
 

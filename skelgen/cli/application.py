@@ -22,10 +22,8 @@ from skelgen.cli import (
     batch_command,
     calibrate_commands,
     capture_commands,
-    correct_command,
     file_commands,
     measure_commands,
-    room_commands,
     simulate_command,
     stage_commands,
 )
@@ -111,7 +109,7 @@ def _calibrate() -> typer.Typer:
     group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
     for name, function in (
         ("stereo", calibrate_commands.stereo),
-        ("room", room_commands.room),
+        ("room", calibrate_commands.room),
         ("body", capture_commands.calibrate_body),
         ("joints", capture_commands.calibrate_joints),
         ("skeleton", calibrate_commands.skeleton),
@@ -156,7 +154,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("report", file_commands.report, tuple),
         ("view", file_commands.view, reader_options),
         ("fill", file_commands.fill, tuple),
-        ("correct", correct_command.correct, tuple),
+        ("correct", file_commands.correct, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
         ("benchmark", measure_commands.benchmark, tuple),
         ("gui", file_commands.gui, tuple),

@@ -4,7 +4,7 @@ Simulated people, animals, machines and random trees with soft tissue, 12 takes 
 real people (``../shared/data/bodies`` beside the project), nothing given. Memberships of markers and edges of trees are
 sorted by their probability; beside stand how many are right. A marker is right on a limb most of whose markers are of
 its body, alone where no limb is of its body; an edge between neighbouring bodies or two parts of one. With --learn the
-constants of skelgen/stages/limbs/membership.py and skelgen/stages/joints/edge_certainty.py are learned anew, every kind
+constants of skelgen/stages/limbs/membership.py and skelgen/stages/joints/costs.py are learned anew, every kind
 alike.
 """
 
@@ -25,7 +25,8 @@ from skelgen.benchmark.people import simulated_animal, simulated_person
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.simulation import SimulatedTake, simulate
-from skelgen.stages.joints import edge_certainty, find_joints
+from skelgen.stages.joints import costs as joint_costs
+from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import find_limbs, membership
 
 BOUNDS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9)
@@ -167,9 +168,9 @@ def neighbours(known: Known) -> set[frozenset[int]]:
 
 def edge_features(topology: Topology, stated: Floats) -> Floats:
     """Leads of edges, and turns as they follow from leads and probabilities, shape (n_joints, 2)."""
-    lead = edge_certainty.edge_leads(topology)
+    lead = joint_costs.edge_leads(topology)
     odds = np.log(stated / (1 - stated))
-    turn = (odds - edge_certainty.BIAS - edge_certainty.OF_LEAD * lead) / edge_certainty.OF_TURN
+    turn = (odds - joint_costs.BIAS - joint_costs.OF_LEAD * lead) / joint_costs.OF_TURN
     return np.stack([lead, turn], axis=1)
 
 

@@ -1,13 +1,14 @@
 """One editor for each type of declared value; each shows whatever it is given, allowed or not.
 
 `entered` returns what stands in an editor, and the declaration checks it: a value that is not allowed can be typed, is
-marked as wrong, and is not silently replaced.
+marked as wrong, and is not silently replaced. Parameters and their choices are called as a person says them; what has
+no such words here is plain already. Files, command line and documentation keep the names: they stand in the tool tip.
 """
 
 import math
 from typing import Any
 
-from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QValidator
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
@@ -23,7 +24,6 @@ from PySide6.QtWidgets import (
 
 from skelgen.parameters import Declaration
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
-from skelgen_gui.widgets.plain_words import choice_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -252,3 +252,97 @@ class FoundOrGiven(QWidget):
     def _follow(self) -> None:
         self._number.setEnabled(self._given.isChecked())
         self.changed.emit()
+
+
+_TITLES = {  # as short as the column of names: two or three words
+    "absolute_tolerance": "Least step of cost",
+    "add_random": "Jitter, for tests",
+    "alignment": "Markers aligned",
+    "alpha": "Pull to markers",
+    "alpha_final": "Pull at last",
+    "anneal": "Shake joints",
+    "assignment": "Points are matched",
+    "clustering": "Tracks are grouped",
+    "count": "Limbs are counted",
+    "fit": "Way of fitting",
+    "flatness": "Flat as a line",
+    "flexibility": "Limbs may bend by",
+    "hinge_wobble": "Hinges may wobble",
+    "kind_doubt": "Doubt about types",
+    "kinds": "Known joint types",
+    "kmeans": "Groups improved",
+    "link_evidence": "Evidence for a cut",
+    "local_scaling": "Scale by neighbour",
+    "max_gap": "Longest gap bridged",
+    "max_jump": "Farthest jump",
+    "measure": "Distances compared",
+    "method": "Way of working",
+    "misfit_weight": "Weight of misfit",
+    "mute": "Ignored after jump",
+    "n_bodies": "Bodies, 0 to find",
+    "n_nearest": "Nearest limbs tried",
+    "n_neighbours": "Neighbours aligned",
+    "outlier": "Left out on a limb",
+    "outlier_limit": "Left out beyond",
+    "robust": "Left out of the fit",
+    "parted": "No joints between",
+    "joined": "Joints between",
+    "prediction": "Next place expected",
+    "rotation": "Points are aligned",
+    "sampling": "Frames between",
+    "separate": "Separate bodies",
+    "slips": "Find slipped markers",
+    "repair": "Repair labels",
+    "solver": "Joints computed",
+    "sigma_squared": "Scale squared",
+}
+
+_CHOICES = {
+    "average": "mean distance",
+    "complete": "largest distance",
+    "spectral": "spectral",
+    "global-spectral": "spectral, one scale",
+    "closed-form": "directly",
+    "conjugate-gradient": "step by step",
+    "deviation": "standard deviation",
+    "distances": "by distances alone",
+    "double_exponential": "smoothed trend",
+    "constant_velocity": "as it moved last",
+    "none": "where it was",
+    "eigengap": "by eigenvalues",
+    "fletcher-reeves": "Fletcher and Reeves",
+    "polak-ribiere": "Polak and Ribière",
+    "greedy": "nearest first",
+    "optimal": "all together",
+    "horn": "quaternions (Horn)",
+    "umeyama": "SVD (Umeyama)",
+    "local": "neighbours only",
+    "whole": "all markers",
+    "rigidity": "what stays rigid",
+    "rising": "one more each time",
+    "root-outward": "limb after limb",
+    "whole-chain": "all limbs together",
+    "rotation": "by rotations",
+    "sets": "sets of tracks (classic)",
+}
+_OF_STAGES = frozenset(_TITLES)  # other forms use some of these words otherwise
+
+
+def title_of(declaration: Declaration) -> str:
+    """Return what a parameter is called in a form."""
+    title = _TITLES.get(declaration.name, declaration.name.replace("_", " ").capitalize())
+    return QCoreApplication.translate("Parameters", title)
+
+
+def choice_of(declaration: Declaration, choice: str) -> str:
+    """Return what a choice is called in a form.
+
+    Parameters
+    ----------
+    declaration : Declaration
+        Whose choice it is.
+    choice : str
+        Its name in files.
+    """
+    words = _CHOICES.get(choice, choice) if declaration.name in _OF_STAGES else choice
+    return QCoreApplication.translate("Parameters", words)

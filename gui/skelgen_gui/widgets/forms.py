@@ -11,9 +11,8 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWi
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_gui.widgets.fields import editor_for
+from skelgen_gui.widgets.fields import choice_of, editor_for, title_of
 from skelgen_gui.widgets.layouts import bare_column, describe
-from skelgen_gui.widgets.plain_words import choice_of, title_of
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`

@@ -5,8 +5,7 @@
 """
 
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, limb_pairs
-from skelgen.stages.joints.sensor_repair import slips_moved_back
-from skelgen.stages.joints.sensor_slips import find_sensor_slips
+from skelgen.stages.joints.sensor_slips import find_sensor_slips, slips_moved_back
 from skelgen.stages.joints.spans import find_joint_spans
 from skelgen.stages.joints.stage import JointSearch, find_joints
 

@@ -1,4 +1,4 @@
-r"""Joint costs that can be compared between pairs with different numbers of markers, noise and motion.
+r"""Joint costs that compare pairs with different numbers of markers, noise and motion; and how sure edges are.
 
 A gap of mean square s per coordinate, where the noise of both limbs' poses lets expect e and the limbs turn by t
 against each other (each axis, root mean square), costs
@@ -20,18 +20,23 @@ How near limbs stay to each other tells neighbours, too, as log odds o. Gaps of 
 expected as often as :math:`x^{-1/b}`: b is the mean of how far the logarithms of these ratios lie from their median.
 Where noise is all there is, b is some 0.05, through 3 mm of soft tissue 0.3, on people 1. A cost that is x times
 another thus speaks against a joint by :math:`\log(x) / b`, and both together by the cost times :math:`e^{-b o}`.
+
+An edge of the tree is as sure as the best other edge between the same two parts of it is dearer, and as its limbs turn
+against each other: those that hardly turn show little of their joint. How often such an edge is right is learned from
+takes whose truth is known.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
+from skelgen.model import Topology
 from skelgen.model.arrays import Floats
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
-from skelgen.stages.joints.parameters import Pair
+from skelgen.stages.joints.parameters import JointConstraints, Pair
 
 UNEXPLAINED_WEIGHT = 3.0
 """Noise explains gaps up to chance; beyond, each mm^2 counts so many more."""
@@ -164,3 +169,81 @@ def _table(
         if np.isfinite(guess.square):
             table[first, second] = table[second, first] = value(guess)
     return table
+
+
+MOST_DEARER = 4.0
+"""Logarithm of how many times dearer the next edge is: more says nothing more."""
+
+SHOWN_TURN = 0.05
+"""rad, each axis; what turns less is noise."""
+
+TIE = 0.05
+"""Logarithm of how many times dearer an edge is that could as well be there: costs differ by so much by chance."""
+
+# Learned by tests/benchmarks/doubt.py
+BIAS, OF_LEAD, OF_TURN = 3.63, 0.62, 0.61
+RIVAL_SHARE = 0.26
+"""Of edges that are wrong, those whose rival is right; otherwise it is another edge, or limbs are wrong."""
+
+
+def with_certainty(topology: Topology, turns: Floats, constraints: JointConstraints) -> Topology:
+    """Return a tree with the probability of each of its edges, and of the best other edge instead.
+
+    Parameters
+    ----------
+    topology : Topology
+        The tree.
+    turns : ndarray, shape (n_limbs, n_limbs), rad
+        How far limbs turn against each other, each axis; NaN if unknown.
+    constraints : JointConstraints
+        What the user states of the tree.
+    """
+    leads = edge_leads(topology)
+    sure = edge_probability(leads, edge_turns(topology, turns))
+    found = sure / (1 + np.exp(-leads / TIE))
+    rivals = RIVAL_SHARE * (1 - sure) + sure - found
+    has_rival = topology.rivals[:, 0] >= 0
+    stated = [(min(edge), max(edge)) in constraints.joined for edge in topology.edges.tolist()]
+    is_stated = np.array(stated, dtype=np.bool_) | (constraints.parents is not None)
+    return replace(
+        topology,
+        edge_probability=np.where(is_stated, 1.0, found),
+        rival_probability=np.where(is_stated | ~has_rival, 0.0, rivals),
+    )
+
+
+def edge_leads(topology: Topology) -> Floats:
+    """Return the logarithm of how many times dearer the best other edge is, for each joint, shape (n_joints,)."""
+    parents, children = topology.edges.T
+    costs = np.maximum(topology.joint_costs[parents, children], np.finfo(np.float64).tiny)
+    dearer = np.log1p(np.maximum(topology.margins, 0.0) / costs)
+    return np.asarray(np.minimum(np.nan_to_num(dearer, nan=MOST_DEARER), MOST_DEARER))
+
+
+def edge_turns(topology: Topology, turns: Floats) -> Floats:
+    """Return the logarithm of how far the limbs of each joint turn against each other [rad], shape (n_joints,).
+
+    Parameters
+    ----------
+    topology : Topology
+        The tree.
+    turns : ndarray, shape (n_limbs, n_limbs), rad
+        How far limbs turn against each other, each axis; NaN if unknown, which counts as usual.
+    """
+    parents, children = topology.edges.T
+    own = turns[parents, children]
+    usual = float(np.nanmedian(own)) if np.isfinite(own).any() else 1.0
+    return np.asarray(np.log(np.maximum(np.nan_to_num(own, nan=usual), SHOWN_TURN)))
+
+
+def edge_probability(leads: Floats, turns: Floats) -> Floats:
+    """Return how often edges of such leads, whose limbs turn so far, are right, shape (n_joints,).
+
+    Parameters
+    ----------
+    leads : ndarray, shape (n_joints,)
+        What `edge_leads` gives.
+    turns : ndarray, shape (n_joints,)
+        What `edge_turns` gives.
+    """
+    return np.asarray(1 / (1 + np.exp(-(BIAS + OF_LEAD * leads + OF_TURN * turns))))

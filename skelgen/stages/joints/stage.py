@@ -14,8 +14,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.costs import comparable_costs
-from skelgen.stages.joints.edge_certainty import with_certainty
+from skelgen.stages.joints.costs import comparable_costs, with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair

@@ -27,11 +27,10 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
-from skelgen.stages.labels.merging.duplicates import join_duplicates
 from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.likelihood import evidence_of_labels
 from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs
-from skelgen.stages.labels.merging.markers import merge_again, sampled_distances
+from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters

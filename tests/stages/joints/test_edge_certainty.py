@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen.model import Topology
 from skelgen.stages.joints import JointConstraints
-from skelgen.stages.joints.edge_certainty import with_certainty
+from skelgen.stages.joints.costs import with_certainty
 
 
 def chain(rival_cost):

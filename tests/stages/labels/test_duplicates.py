@@ -5,7 +5,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.simulation import simulate
-from skelgen.stages.labels.merging.duplicates import existence, join_duplicates
+from skelgen.stages.labels.merging.markers import existence, join_duplicates
 
 N_FRAMES, STILL, RATE, SPACING = 900, 150, 100.0, 100.0
 TWICE = (4, 20, 33)  # markers that get another number when the body begins to move

@@ -20,8 +20,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.duplicates import join_duplicates
-from skelgen.stages.labels.merging.markers import merge_again
+from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
 from skelgen.stages.labels.model_fit.symmetry import turned_limbs
