@@ -10,7 +10,7 @@ import pytest
 from skelgen.evaluation.matching import find_identity
 from skelgen.model import Project, StageReport
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_markers
+from skelgen.stages.labels import LabelParameters, follow_points, label_markers, refit_labels
 from skelgen.stages.labels.model_fit.assignment import (
     assign_tracks,
     point_scores,
@@ -44,6 +44,30 @@ def test_labels_are_the_same_every_time():
     case = simulate("human", n_frames=300, seed=1, **OCCLUDED)
     first, second = (label_markers(case.take, LabelParameters(), seed=5)[0] for _ in range(2))
     np.testing.assert_array_equal(first.positions, second.positions)
+
+
+@pytest.fixture(scope="module")
+def quadruped():
+    return simulate("quadruped", n_frames=300, seed=7, noise=0.5, soft_tissue=2.0, dropouts=0.1, labelled=False)
+
+
+def refit(case, labels):
+    parameters = LabelParameters()
+    return refit_labels(case.take, follow_points(case.take, parameters)[0], labels, parameters)
+
+
+def test_markers_that_labels_lack_for_a_while_are_found_by_a_skeleton_of_their_own_take(quadruped):
+    truth = quadruped.truth.marker_of_point
+    early = np.repeat(np.arange(300), quadruped.take.points_per_frame) < 200
+    lost = early & (truth % 5 == 0)
+    found = refit(quadruped, np.where(lost, -1, truth))
+    assert (found[lost] == truth[lost]).mean() > 0.95
+    assert (found[~lost] == truth[~lost]).mean() > 0.99  # by the same numbers
+
+
+def test_labels_that_cannot_be_bettered_stay(quadruped):
+    truth = quadruped.truth.marker_of_point
+    np.testing.assert_array_equal(refit(quadruped, truth), truth)
 
 
 def test_a_track_that_changes_its_marker_is_cut_there():

@@ -16,7 +16,7 @@ seen. The inverse of the normal matrix gives the covariance of each predicted ma
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Skeleton
@@ -45,6 +45,9 @@ MOST_SPREAD = 1.0
 
 ROOT_STRAY = 200.0
 """mm, and rad over the size of a typical limb, that a root may deviate in a frame from its predicted motion."""
+
+_LOWER: Bools = np.tri(6, dtype=np.bool_)
+"""What LAPACK fills of a symmetric matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +144,16 @@ class PoseFilter:
         markers : ndarray of intp, shape (n,)
             The marker of each.
         """
-        factor: tuple[Floats, bool] = (np.empty(0), True)
+        factor: Floats = np.empty(0)
         for step in range(STEPS):
-            weights = self._weights(points, markers, is_robust=step > 0)
-            normal, gradient = self._equations(points, markers, weights)
-            factor = cho_factor(normal, lower=True, overwrite_a=True, check_finite=False)
-            change = cho_solve(factor, gradient, check_finite=False).reshape(self.n_limbs, 2, 3)
+            normal, gradient = self._equations(points, markers, is_robust=step > 0)
+            factor, _ = dpotrf(normal.T, lower=1, overwrite_a=1)
+            change = dpotrs(factor, gradient, lower=1)[0].reshape(self.n_limbs, 2, 3)
             self.rotations = matrix_from_vector(change[:, 0]) @ self.rotations
             self.origins = self.origins + change[:, 1]
-        covariance = cho_solve(factor, np.eye(6 * self.n_limbs), overwrite_b=True, check_finite=False)
-        covariance = covariance.reshape(self.n_limbs, 6, self.n_limbs, 6)
-        own = covariance[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
+        inverse = dpotri(factor, lower=1, overwrite_c=1)[0].reshape(self.n_limbs, 6, self.n_limbs, 6)
+        own = inverse[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
+        own = np.where(_LOWER, own, own.swapaxes(1, 2))
         self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
         every = np.arange(self.n_markers)
         places = self.positions_of(every)
@@ -183,24 +185,20 @@ class PoseFilter:
         limb = self.limb[markers]
         return np.asarray((self.rotations[limb] @ self.offsets[markers, :, np.newaxis])[..., 0] + self.origins[limb])
 
-    def _weights(self, points: Floats, markers: Ints, *, is_robust: bool) -> Floats:
-        variance = self.deviation[markers] ** 2
-        if not is_robust:
-            return np.asarray(1.0 / variance)
-        squares = ((points - self.positions_of(markers)) ** 2).sum(axis=1) / variance
-        return np.asarray(1.0 / (variance * (1.0 + squares / ROBUST**2) ** 2))
-
-    def _equations(self, points: Floats, markers: Ints, weights: Floats) -> tuple[Floats, Floats]:
+    def _equations(self, points: Floats, markers: Ints, *, is_robust: bool) -> tuple[Floats, Floats]:
         """Normal matrix (6 n_limbs, 6 n_limbs) and gradient, by rotation vectors [rad] and translations [mm]."""
         count = self.n_limbs
         normal = np.zeros((count, 6, count, 6))
-        limb = self.limb[markers]
+        limb, variance = self.limb[markers], self.deviation[markers] ** 2
         places = self.positions_of(markers)
+        error, weights = points - places, 1.0 / variance
+        if is_robust:
+            weights /= (1.0 + (error**2).sum(axis=1) / (variance * ROBUST**2)) ** 2
         columns = _columns(places - self.origins[limb])
         transposed = (columns * weights[:, np.newaxis, np.newaxis]).swapaxes(1, 2)
         of_limb = self._of_limb[:, markers]
         diagonal = (of_limb @ (transposed @ columns).reshape(-1, 36)).reshape(count, 6, 6)
-        gradient = of_limb @ (transposed @ (points - places)[..., np.newaxis])[..., 0]
+        gradient = of_limb @ (transposed @ error[..., np.newaxis])[..., 0]
         self._add_joints(normal, diagonal, gradient)
         diagonal[self.roots] += np.eye(6) * np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
         every = np.arange(count)
@@ -237,5 +235,5 @@ def _columns(arm: Floats) -> Floats:
     columns[:, 0, 1], columns[:, 0, 2] = arm[:, 2], -arm[:, 1]
     columns[:, 1, 0], columns[:, 1, 2] = -arm[:, 2], arm[:, 0]
     columns[:, 2, 0], columns[:, 2, 1] = arm[:, 1], -arm[:, 0]
-    columns[:, [0, 1, 2], [3, 4, 5]] = 1.0
+    columns[:, 0, 3] = columns[:, 1, 4] = columns[:, 2, 5] = 1.0
     return columns

@@ -147,8 +147,8 @@ def _limb_candidates(
         marks = marks.with_joints(skeleton, limb, neighbours)
         triples = itertools.combinations(range(len(marks.targets)), 3)
     sources, targets = [], []
-    for triple in _wide_triples(marks.offsets, triples, len(own)):
-        matches = marks.matches(triple)
+    wide = _wide_triples(marks.offsets, triples, len(own))
+    for triple, matches in zip(wide, marks.matches(wide), strict=True):
         sources.extend([marks.offsets[list(triple)]] * len(matches))
         targets.append(matches)
     if not sources:
@@ -192,14 +192,18 @@ class _Marks:
         deviation = np.concatenate([self.deviation, np.full(len(places), coarse)])
         return _Marks(offsets, deviation, self.targets + targets)
 
-    def matches(self, triple: tuple[int, int, int]) -> Floats:
-        """Triples of places with the distances of three marks, shape (n, 3, 3), mm."""
-        one, two, three = triple
-        first, second = np.nonzero(self._fits(one, two))
-        rows, third = np.nonzero(self._fits(one, three)[first] & self._fits(two, three)[second])
-        rows, third = rows[:MOST_MATCHES], third[:MOST_MATCHES]
-        corners = (self.targets[one][first[rows]], self.targets[two][second[rows]], self.targets[three][third])
-        return np.stack(corners, axis=1)
+    def matches(self, triples: list[tuple[int, int, int]]) -> list[Floats]:
+        """Triples of places with the distances of three marks, of each triple of marks of shape (n, 3, 3), mm."""
+        pairs = dict.fromkeys(pair for triple in triples for pair in itertools.combinations(triple, 2))
+        fits = {pair: self._fits(*pair) for pair in pairs}
+        found = []
+        for one, two, three in triples:
+            first, second = np.nonzero(fits[one, two])
+            rows, third = np.nonzero(fits[one, three][first] & fits[two, three][second])
+            rows, third = rows[:MOST_MATCHES], third[:MOST_MATCHES]
+            corners = (self.targets[one][first[rows]], self.targets[two][second[rows]], self.targets[three][third])
+            found.append(np.stack(corners, axis=1))
+        return found
 
     def _fits(self, one: int, two: int) -> Bools:
         """Which places of two marks are as far apart as the marks."""
@@ -213,15 +217,13 @@ def _wide_triples(
     offsets: Floats, triples: Iterable[tuple[int, int, int]], n_markers: int
 ) -> list[tuple[int, int, int]]:
     """Triples of marks that fix a limb's pose and hold a marker, the widest first."""
-    usable = []
-    for triple in triples:
-        first, second, third = offsets[list(triple)]
-        sides = [float(np.linalg.norm(side)) for side in (second - first, third - first, third - second)]
-        area = float(np.linalg.norm(np.cross(second - first, third - first)))
-        if min(triple) < n_markers and area > LEAST_AREA * max(sides) ** 2:
-            usable.append((area, triple))
-    usable.sort(key=lambda pair: -pair[0])
-    return [triple for _, triple in usable[:MOST_TRIPLES]]
+    chosen = np.array([triple for triple in triples if min(triple) < n_markers], dtype=np.intp).reshape(-1, 3)
+    first, second, third = offsets[chosen].swapaxes(0, 1)
+    longest = np.max([(side**2).sum(axis=1) for side in (second - first, third - first, third - second)], axis=0)
+    areas = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    order = np.argsort(-areas, kind="stable")
+    order = order[areas[order] > LEAST_AREA * longest[order]][:MOST_TRIPLES]
+    return [(one, two, three) for one, two, three in chosen[order].tolist()]
 
 
 def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, spacing: float) -> tuple[Floats, Bools]:
