@@ -4,9 +4,7 @@ A kernel is written as plain Python over numbers and is compiled when it is firs
 disk for the next time. With ``NUMBA_DISABLE_JIT=1`` the same source runs uncompiled. Numbers that kernels share with
 the rest of the package are defined here, as numba freezes them: what is kept on disk is good for exactly these files.
 
-numba takes half a second to import, and is imported when the first kernel is called. How parts are compiled rests on
-numba's internals, which change: pyproject.toml allows the versions from 0.65, the oldest that the tests of kernels are
-run with, to 0.68, the newest.
+numba takes half a second to import, and is imported when the first kernel is called.
 """
 
 from __future__ import annotations
@@ -25,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels.code_files import cache_class
+from skelgen._kernels.compilers import part_compiler, plain_compiler, remembering_compiler
 from skelgen.errors import KernelError, SkelgenError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -145,19 +144,19 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
 
 
 def _part(function: Callable[..., Any]) -> Any:
-    return _njit(_part_compiler, **_NO_ENTRY, **_NO_ARRAYS)(function)
+    return _njit(part_compiler, **_NO_ENTRY, **_NO_ARRAYS)(function)
 
 
 def _part_that_makes_arrays(function: Callable[..., Any]) -> Any:
-    return _njit(_part_compiler, **_NO_ENTRY)(function)
+    return _njit(part_compiler, **_NO_ENTRY)(function)
 
 
 def _plain_kernel(function: Callable[..., Any]) -> Any:
-    return _kept_on_disk(function, _njit(_plain_compiler, no_cfunc_wrapper=True, **_NO_ARRAYS))
+    return _kept_on_disk(function, _njit(plain_compiler, no_cfunc_wrapper=True, **_NO_ARRAYS))
 
 
 def _array_kernel(function: Callable[..., Any]) -> Any:
-    return _kept_on_disk(function, _njit(_remembering_compiler, no_cfunc_wrapper=True))
+    return _kept_on_disk(function, _njit(remembering_compiler, no_cfunc_wrapper=True))
 
 
 def _kept_on_disk(function: Callable[..., Any], compile_with: Callable[[Callable[..., Any]], Any]) -> Any:
@@ -211,144 +210,6 @@ def _introduce() -> None:
 
     cast(Any, event).register("numba:compile", Listener())  # which numba gives no types
     typeof_impl.register(Kernel)(lambda kernel, context: types.Dispatcher(kernel.compiled))
-
-
-@cache
-def _remembering_compiler() -> Any:
-    """Return numba's compiler, but that it remembers the types that operators and functions give.
-
-    For each ``+`` numba would go through some fifty rules, most of them of other things than numbers, when it infers
-    types and again when it writes code: a sixth of all.
-    """
-    from numba.core import compiler, registry, types  # noqa: PLC0415 - half a second
-    from numba.core.errors import TypingError  # noqa: PLC0415 - half a second
-    from numba.extending import models, register_model  # noqa: PLC0415 - half a second
-
-    compiler_base: Any = compiler.Compiler  # numba gives these no types
-    context_base: Any = type(registry.cpu_target.typing_context)
-    function_base: Any = types.Function
-
-    class RememberingFunction(function_base):  # type: ignore[misc]
-        def __init__(self, templates: Any) -> None:
-            super().__init__(templates)
-            self.known: dict[Any, Any] = {}
-
-        def get_call_type(self, context: Any, arguments: Any, named: Any) -> Any:
-            if named:
-                return super().get_call_type(context, arguments, named)
-            if arguments not in self.known:
-                try:
-                    self.known[arguments] = super().get_call_type(context, arguments, named)
-                except TypingError as error:
-                    self.known[arguments] = error
-            known = self.known[arguments]
-            if isinstance(known, TypingError):
-                raise known.with_traceback(None)
-            return known
-
-        def augment(self, other: Any) -> Any:
-            return function_base(self.templates).augment(other)
-
-    register_model(RememberingFunction)(models.OpaqueModel)
-    remembering: dict[Any, Any] = {}
-
-    class RememberingContext(context_base):  # type: ignore[misc]
-        def __init__(self, context: Any) -> None:
-            self.__dict__ = context.__dict__  # all that the context of numba knows and learns
-
-        def _lookup_global(self, value: Any) -> Any:
-            found = super()._lookup_global(value)
-            if type(found) is not function_base:
-                return found
-            if found not in remembering:
-                remembering[found] = RememberingFunction(found.templates)
-            return remembering[found]
-
-    context = RememberingContext(registry.cpu_target.typing_context)
-
-    class RememberingCompiler(compiler_base):  # type: ignore[misc]
-        def __init__(self, typing_context: Any, target_context: Any, *others: Any) -> None:
-            super().__init__(context, target_context.subtarget(typing_context=context), *others)
-
-    return RememberingCompiler
-
-
-@cache
-def _part_library() -> Any:
-    """Return what is no machine code yet: a part becomes that within its kernel only.
-
-    numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
-    that the part is linked into.
-    """
-    from numba.core import codegen  # noqa: PLC0415 - half a second
-
-    library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
-
-    class PartLibrary(library_base):  # type: ignore[misc]
-        def finalize(self) -> None:
-            for library in dict.fromkeys(self._linking_libraries):
-                self._reload_init.update(library._reload_init)
-                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-            self._finalize_dynamic_globals()
-            self._finalized = True
-
-        def get_pointer_to_function(self, name: str) -> int:
-            self._ensure_finalized()
-            return 0  # as numba says of what has no entry from Python
-
-        @property
-        def codegen(self) -> Any:
-            return self
-
-        def set_env(self, name: str, environment: object) -> None:
-            """Do nothing: only what Python calls looks into its environment."""
-
-    return PartLibrary
-
-
-@cache
-def _plain_compiler() -> Any:
-    """Return numba's compiler without the passes for closures, branches on types, and expressions of whole arrays."""
-    from numba.core import typed_passes, untyped_passes  # noqa: PLC0415 - half a second
-
-    unneeded = (
-        untyped_passes.InlineClosureLikes,
-        untyped_passes.DeadBranchPrune,
-        untyped_passes.MakeFunctionToJitFunction,
-        untyped_passes.InlineInlinables,
-        untyped_passes.LiteralUnroll,
-        untyped_passes.LiteralPropagationSubPipelinePass,
-        typed_passes.InlineOverloads,
-        typed_passes.NopythonRewrites,
-    )
-
-    class PlainCompiler(_remembering_compiler()):  # type: ignore[misc]
-        def define_pipelines(self) -> Any:
-            return [_without(unneeded, passes) for passes in super().define_pipelines()]
-
-    return PlainCompiler
-
-
-@cache
-def _part_compiler() -> Any:
-    """Return numba's compiler for parts of kernels."""
-    library = _part_library()
-
-    class PartCompiler(_plain_compiler()):  # type: ignore[misc]
-        def define_pipelines(self) -> Any:
-            self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-            self.state.library.enable_object_caching()
-            return super().define_pipelines()
-
-    return PartCompiler
-
-
-def _without(unneeded: tuple[type, ...], passes: Any) -> Any:
-    """Leave passes of numba's out of a pipeline."""
-    left = type(passes)(passes.pipeline_name)
-    left.passes.extend((one, name) for one, name in passes.passes if one not in unneeded)
-    left.finalize()
-    return left
 
 
 @cache

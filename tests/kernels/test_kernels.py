@@ -43,7 +43,7 @@ def package(tmp_path):
     (copy / "_kernels").mkdir(parents=True)
     (copy / "__init__.py").touch()
     shutil.copy(source / "errors.py", copy)
-    for name in ("__init__.py", "code_files.py"):
+    for name in ("__init__.py", "code_files.py", "compilers.py"):
         shutil.copy(source / "_kernels" / name, copy / "_kernels")
     (copy / "_kernels" / "constants.py").write_text(CONSTANTS.format(2.0))
     (copy / "_kernels" / "subject.py").write_text(SUBJECT)
