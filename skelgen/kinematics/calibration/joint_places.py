@@ -42,6 +42,9 @@ OFF_MIDDLE = 0.3
 TO_JOINT_BELOW, TO_JOINT_ABOVE = 0.1, 0.2
 """Of D: standard deviation of a joint in a row of limbs, along such an axis, about the next joint below or above."""
 
+RIGID = 1e-6
+"""rad; limbs that turn less are one rigid body."""
+
 ROW_TURN = 0.35
 """rad; limbs that turn less do not show their axis well enough to be measured across it."""
 
@@ -118,6 +121,11 @@ def _turns(fit: ObservedChain, limb: int) -> tuple[Floats, Floats, Floats]:
     mean = nearest_rotation(relative.mean(axis=0))
     turns = vector_from_matrix(relative @ mean.T)
     squares, axes = np.linalg.eigh(turns.T @ turns / len(turns))
+    if squares[-1] < RIGID**2:  # rounding alone turns them: the axes are those of the markers' spread
+        own = np.isin(fit.chain.limb_of_marker, [limb, fit.chain.parents[limb]])
+        markers = fit.poses.markers(fit.chain)[:, own] - fit.poses.origins(fit.chain)[:, np.newaxis, limb]
+        shape = (markers @ fit.poses.rotations[:, fit.chain.parents[limb]]).mean(axis=0)
+        axes = np.linalg.eigh((shape - shape.mean(axis=0)).T @ (shape - shape.mean(axis=0)))[1]
     axes = axes.T[::-1]
     return axes, axes @ mean, np.sqrt(np.maximum(squares[::-1], 0.0))
 

@@ -162,3 +162,19 @@ def test_a_hinge_between_both_halves_stays_where_a_joint_of_one_is_far_off():
     last = Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise=1.0)
     found, _ = with_joint_prior(last, 1e5)
     assert np.linalg.norm(found.chain.joints[3] - joints[3]) < 30.0
+
+
+def test_axes_of_limbs_that_are_one_rigid_body_do_not_come_from_rounding():
+    marked = np.array([[40.0, 0, 30], [-40, 0, 30], [0, 30, -30], [0, -30, 10]])
+    joints = np.array([[0.0, 0, 0], [0, 100, 20]])
+    chain = Chain(np.array([-1, 0]), np.repeat([0, 1], 4), joints, np.concatenate([marked, marked * [1, 2, 1]]))
+    rng, found = np.random.default_rng(0), []
+    turns = matrix_from_vector(rng.normal(0, 1.0, (50, 1, 3)))
+    for _ in range(2):
+        noise = matrix_from_vector(rng.normal(0, 1e-12, (50, 2, 3)))  # rad
+        poses = ChainPoses(np.zeros((50, 3)), turns @ noise)
+        fit = observed(
+            chain, Articulation(("ball", "rigid"), *np.zeros((2, 2, 3)), np.zeros(2)), poses, poses.markers(chain)
+        )
+        found.append(joint_places(fit)[0].axes_in_parent)
+    assert np.abs((found[0] * found[1]).sum(axis=1)) == pytest.approx(np.ones(3))
