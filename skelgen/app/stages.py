@@ -243,7 +243,10 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     from skelgen.stages.joints import JointSearch  # noqa: PLC0415 - see the module's docstring
 
     constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
-    search = JointSearch(project.trajectories, project.limbs, settings.joints, project.seed)
+    parameters = settings.joints
+    if settings.limbs.marker_set == "none":
+        parameters = replace(parameters, known_neighbours=False)
+    search = JointSearch(project.trajectories, project.limbs, parameters, project.seed)
     find = partial(search.find, monitor=monitor)
     held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):

@@ -91,6 +91,11 @@ class JointParameters(DescentParameters):
         "whether edges of the tree that are no joints are cut, so that separate bodies are separate trees",
         basic=True,
     )
+    known_neighbours: bool = declare(
+        True,
+        "weigh joints by which segments of a person limbs are, where the distances of their markers tell what is worn; "
+        "never with marker_set=none",
+    )
 
 
 @dataclass(frozen=True, eq=False)

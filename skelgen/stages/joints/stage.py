@@ -29,6 +29,7 @@ from skelgen.stages.joints.tree import (
     undetermined_limb_notices,
     usual_radius,
 )
+from skelgen.stages.limbs import worn_neighbours
 
 
 def find_joints(
@@ -95,8 +96,20 @@ class JointSearch:
         if key not in self._tried:
             segments, frames = self._segments
             odds = neighbour_odds(segments, frames, body_of_limb)
+            if self._parameters.known_neighbours:
+                odds = self._with_worn(odds, body_of_limb)
             self._tried = {key: (odds, PairSearch(segments, frames, self._how, monitor, odds).guesses())}
         return self._tried[key]
+
+    def _with_worn(self, odds: Floats, body_of_limb: Ints) -> Floats:
+        """Log odds that limbs are neighbours, with what is worn on each body."""
+        positions, limb_of_marker = self._trajectories.positions, self._limbs.limb_of_marker
+        for body in np.unique(body_of_limb).tolist():
+            limbs = np.flatnonzero(body_of_limb == body)
+            markers = np.flatnonzero(np.isin(limb_of_marker, limbs))
+            own = np.searchsorted(limbs, limb_of_marker[markers])
+            odds[np.ix_(limbs, limbs)] += worn_neighbours(positions[:, markers], own)
+        return odds
 
     def find(self, constraints: JointConstraints | None = None, monitor: Monitor = SILENT) -> Topology:
         """Find joints and topology.

@@ -1,4 +1,4 @@
-"""The body beneath a marker set that is recognised by its shape: where its joints lie to its markers."""
+"""The body beneath markers that people wear: which limbs are neighbours, and where joints lie to markers of a set."""
 
 import numpy as np
 
@@ -6,7 +6,17 @@ from skelgen.kinematics.calibration.known_body import KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, nearest_set
+from skelgen.stages.limbs.worn_places import ENOUGH_MARKERS, STARTS, belief_in_places, nearest_places
+from skelgen.stages.limbs.worn_sets import (
+    MARKER_DOES_NOT,
+    NOT_WORN,
+    Match,
+    WornSet,
+    belief_in_set,
+    fitting_sets,
+    nearest_set,
+    shape_of,
+)
 
 AGREED = 0.8
 """Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
@@ -19,6 +29,15 @@ LOOKED_AT = 30
 
 ENOUGH = 5
 """Markers of the trunk that a frame must show."""
+
+MOST_OF_LIMB = 0.6
+"""Part of a limb's markers that must be on one segment: else it is not known which segment the limb is."""
+
+NEIGHBOURS = 4.0
+"""Log odds that limbs are neighbours which are on the body that is believed, and that others are not."""
+
+BY_LIMBS = 6.0
+"""Log odds that two markers on one limb share a segment."""
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -52,6 +71,64 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     places[match.markers] = size * mirror * offsets
     joints = np.array([limb.joint for limb in person.limbs])
     return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints)
+
+
+def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
+    """Return the log odds that limbs are neighbours by what is worn, shape (n_limbs, n_limbs).
+
+    Limbs on one segment of a person are neighbours, and those on segments that a joint connects; others are not. They
+    are 0 where it is not known which segment a limb is, and where nothing that is known is worn.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Of one body; NaN where unseen.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        The limb of each, numbered without holes; -1 for those on none.
+    """
+    odds = np.zeros((limb_of_marker.max() + 1,) * 2)
+    found, on_limb = fitting_sets(positions), limb_of_marker >= 0
+    if not found:
+        return odds
+    own = limb_of_marker[:, np.newaxis] == limb_of_marker
+    by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
+    np.fill_diagonal(by_limbs, 0.0)
+    match, worn = found[0]
+    belief = belief_in_set(match, worn, by_limbs)
+    if belief < 1 and len(own) >= ENOUGH_MARKERS:
+        at_places = nearest_places(shape_of(positions), found[:STARTS], by_limbs)
+        belief_of_places = belief_in_places(*at_places, by_limbs)
+        if belief_of_places > belief:
+            (match, worn), belief = at_places, belief_of_places
+    if belief > 0:
+        segments = _segments_of_limbs(match, worn, limb_of_marker)
+        joined = _joined_segments(usual_person(worn.name).parents, segments)
+        known = (segments[:, np.newaxis] >= 0) & (segments >= 0)
+        odds[known] = belief * np.where(joined, NEIGHBOURS, -NEIGHBOURS)[known]
+        np.fill_diagonal(odds, 0.0)
+    return odds
+
+
+def _segments_of_limbs(match: Match, worn: WornSet, limb_of_marker: Ints) -> Ints:
+    """The segment that each limb is, -1 where its markers are on several or fit none, shape (n_limbs,)."""
+    fits = match.misfits < MARKER_DOES_NOT
+    votes = np.zeros((limb_of_marker.max() + 1, worn.segments.max() + 1))
+    limbs = limb_of_marker[match.markers]
+    counted = fits & (limbs >= 0)
+    np.add.at(votes, (limbs[counted], worn.segments[match.of_set[counted]]), 1.0)
+    sizes = np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=len(votes))
+    return np.where(votes.max(axis=1) >= MOST_OF_LIMB * sizes, votes.argmax(axis=1), -1)
+
+
+def _joined_segments(parents: Ints, segments: Ints) -> np.ndarray:
+    """Whether each two limbs are on one segment, or on two with none that has a limb between, (n_limbs, n_limbs)."""
+    joined = segments[:, np.newaxis] == segments
+    for limb, segment in enumerate(segments.tolist()):
+        above = int(parents[segment]) if segment >= 0 else -1
+        while above >= 0 and above not in segments:
+            above = int(parents[above])
+        joined[limb] |= (segments == above) & (above >= 0)
+    return np.asarray(joined | joined.T)
 
 
 def _size(positions: Floats, offsets: Floats, pairs: np.ndarray) -> float:

@@ -49,9 +49,11 @@ ENOUGH_MARKERS = 30
 MOTION_COUNTS = 0.5
 """Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
 
-PART_OF_PLACES, OF_PARTING = 1 / 3, 0.5
-"""What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
-markers: these are easily mistaken for neighbours beyond a joint."""
+PART_OF_PLACES = 2 / 3
+"""What places that are believed say of a pair beside a set that is believed."""
+
+MIRRORED = 0.5
+"""Part of the word of a pair that its mirror image has, where places are believed: both sides have the same limbs."""
 
 AT_PLACES, NOT_AT_PLACES = 1.0, 1.3
 """Misfit up to which places are believed, and from which they are not at all: people's is .3 to 1.2, animals' 1.4."""
@@ -89,11 +91,28 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     if doubt == 0.0 or n_markers < ENOUGH_MARKERS:
         return odds
     match, worn = nearest_places(shape_of(positions), found[:STARTS], by_motion)
-    is_borne_out = part_of(agreement(match, worn, by_motion), PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT)
-    share = PART_OF_PLACES * doubt * float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out)
+    belief = belief_in_places(match, worn, by_motion)
+    share = PART_OF_PLACES * doubt * belief
     by_places = pair_odds(match, worn, n_markers, STRENGTH)
-    by_places[by_places < 0] *= OF_PARTING
-    return np.asarray((1.0 - share) * odds + share * by_places)
+    mirrored = MIRRORED * belief * (_of_mirror_images(match, worn, by_motion) - by_motion)
+    return np.asarray((1.0 - share) * odds + share * by_places + mirrored)
+
+
+def belief_in_places(match: Match, places: WornSet, by_motion: Floats) -> float:
+    """Return how far to believe that markers are at places, 0 to 1; see `belief_in_set`."""
+    is_borne_out = part_of(agreement(match, places, by_motion), PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT)
+    return float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out)
+
+
+def _of_mirror_images(match: Match, places: WornSet, by_motion: Floats) -> Floats:
+    """What motion says of the pair that mirrors each; of the pair itself where one of its markers has no image."""
+    marker_at = np.full(len(places.segments), -1)
+    marker_at[match.of_set] = match.markers
+    image = np.full(len(by_motion), -1)
+    image[match.markers] = marker_at[_mirror_images(places)[match.of_set]]
+    has_image = image >= 0
+    known = has_image[:, np.newaxis] & has_image & (by_motion[np.ix_(image, image)] != 0)
+    return np.where(known, by_motion[np.ix_(image, image)], by_motion)
 
 
 def pair_odds(match: Match, worn: WornSet, n_markers: int, strength: float) -> Floats:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.simulation import simulate
-from skelgen.stages.limbs import worn_body
+from skelgen.stages.limbs import worn_body, worn_neighbours
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 PROPORTIONS = 35.0  # mm by which a usual person's hips miss those of one of six sizes
@@ -34,10 +34,20 @@ def test_joints_of_a_set_that_is_worn_lie_where_they_are_on_the_person(walker, m
     assert -gap[1] * mirror[1] > 100
 
 
-def test_animals_and_trees_have_no_known_build():
+def test_limbs_of_a_set_that_is_worn_are_neighbours_as_on_the_body(walker):
+    truth, shuffled = walker.truth, np.random.default_rng(0).permutation(walker.take.n_markers)
+    odds = worn_neighbours(walker.take.positions[:, shuffled], truth.limb_of_marker[shuffled])
+    found = {frozenset(pair) for pair in np.argwhere(odds > 1).tolist()}
+    assert found == {frozenset(edge) for edge in truth.edges.tolist()}
+    assert odds[~np.eye(len(odds), dtype=np.bool_)].all()
+
+
+def test_animals_and_trees_have_no_known_build_nor_neighbours():
     for structure in ("quadruped", "tree:10", "human"):
         case = simulate(structure, n_frames=60, soft_tissue=3.0)
         assert worn_body(case.take.positions, case.truth.limb_of_marker) is None
+        if structure != "human":
+            assert not worn_neighbours(case.take.positions, case.truth.limb_of_marker).any()
 
 
 def test_limbs_that_are_not_those_of_the_set_are_no_body_of_it(walker):
