@@ -18,6 +18,7 @@ from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.point_labels import filled_labels
 from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
@@ -36,6 +37,7 @@ __all__ = [
     "apply_corrections",
     "check_labels",
     "corrected_quality",
+    "filled_labels",
     "follow_points",
     "history_of",
     "label_markers",

@@ -1,6 +1,6 @@
 """Labels of points: the marker of each. Long takes are handled block of frames by block, to need little memory."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -255,6 +255,29 @@ def with_unexplained(before: Ints, after: Ints, least: float) -> Ints:
     number = np.full(len(free) + 1, -1, dtype=np.int32)
     number[:-1][free] = after.max(initial=-1) + 1 + np.arange(int(free.sum()))
     return np.where(after < 0, number[before], after)
+
+
+def filled_labels(cloud: PointCloud, ways: Sequence[Ints], n_markers: int) -> Ints:
+    """Label points by the first way, by the next ones where that leaves both point and marker alone.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The points.
+    ways : sequence of ndarray of intp, shape (n_points,)
+        Marker of each point by each way, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
+    frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    marker_of_point = ways[0]
+    for other in ways[1:]:
+        taken = np.zeros((cloud.n_frames, n_markers), dtype=np.bool_)
+        owned = marker_of_point >= 0
+        taken[frames[owned], marker_of_point[owned]] = True
+        free = (marker_of_point < 0) & (other >= 0) & ~taken[frames, other]
+        marker_of_point = np.where(free, other, marker_of_point)
+    return marker_of_point
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:

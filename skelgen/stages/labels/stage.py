@@ -137,7 +137,9 @@ def check_labels(
 def refit_labels(
     cloud: PointCloud, tracks: Ints, marker_of_point: Ints, parameters: LabelParameters, monitor: Monitor = SILENT
 ) -> Ints:
-    """Label points by a skeleton that is fitted to labels of their own take; the labels as they were, if that is worse.
+    """Label points by a skeleton that is fitted to labels of their own take, all or those that have no label yet.
+
+    What explains the take best is kept, which may be the labels as they were.
 
     A skeleton of another take says roughly which marker a point is. Where markers are when this body does what it does
     here, only this take tells.
@@ -169,8 +171,13 @@ def refit_labels(
     same = np.full(together.shape[1] + 1, -1, dtype=np.intp)
     same[columns] = np.where(together[rows, columns] > 0, rows, -1)
     after = same[found]
-    evidence, chance = _evidence(task, before)
-    return after if _evidence(task, after)[0] > evidence + chance else marker_of_point
+    n_markers = len(together)
+    best, chance = _evidence(task, before)
+    best, chosen = best + chance, marker_of_point
+    for labels in (after, point_labels.filled_labels(cloud, [marker_of_point, after], n_markers)):
+        if (evidence := _evidence(task, labels)[0]) > best:
+            best, chosen = evidence, labels
+    return chosen
 
 
 def _labelled(

@@ -19,7 +19,14 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, refit_labels, typical_spacing
+from skelgen.stages.labels import (
+    LabelParameters,
+    PoseFilter,
+    SkeletonLabels,
+    filled_labels,
+    refit_labels,
+    typical_spacing,
+)
 from skelgen.stages.subject.points import PlacedTrack, TrackedPoints, place_tracks, tracked_points
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject
 
@@ -129,7 +136,10 @@ def _proposed(
 ) -> tuple[Ints, bool]:
     """Markers of the points by what explains most of them, and whether that is the names of the take."""
     ways = _followed_both_ways(points, skeleton, monitor)
-    proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_track_votes(points, ways, len(names)), False)]
+    proposals = [
+        (filled_labels(points.cloud, ways, len(names)), False),
+        (by_track_votes(points, ways, len(names)), False),
+    ]
     # Markers by the names of the take, if the skeleton has any of them
     known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
     named = known[points.tracks] if (known >= 0).any() else None
@@ -148,18 +158,6 @@ def _followed_both_ways(points: TrackedPoints, skeleton: Skeleton, monitor: Moni
     if not ((alone > 0) & (missing > 0)).any():
         return [forward]
     return [forward, _followed(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
-
-
-def _frame_by_frame(points: TrackedPoints, ways: list[Ints], n_markers: int) -> Ints:
-    """Markers by the first way, by the next ones where that leaves both point and marker alone."""
-    marker_of_point = ways[0]
-    for other in ways[1:]:
-        taken = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
-        owned = marker_of_point >= 0
-        taken[points.frames[owned], marker_of_point[owned]] = True
-        free = (marker_of_point < 0) & (other >= 0) & ~taken[points.frames, other]
-        marker_of_point = np.where(free, other, marker_of_point)
-    return marker_of_point
 
 
 def _followed(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
@@ -195,7 +193,9 @@ def _reassigned_and_posed(
     """
     marker_of_point, poses = _refined(points, marker_of_point, skeleton, gates, monitor)
     n_markers = len(skeleton.limb_of_marker)
-    tried = _frame_by_frame(points, [marker_of_point, by_track_votes(points, [marker_of_point], n_markers)], n_markers)
+    tried = filled_labels(
+        points.cloud, [marker_of_point, by_track_votes(points, [marker_of_point], n_markers)], n_markers
+    )
     if not np.array_equal(marker_of_point, tried):
         other, poses_of_other = _refined(points, tried, skeleton, gates, monitor)
         if (other >= 0).sum() > (marker_of_point >= 0).sum():
@@ -218,7 +218,7 @@ def _with_rest_of_tracks(points: TrackedPoints, marker_of_point: Ints, predicted
     agreed = held > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
-    return _frame_by_frame(points, [marker_of_point, np.where(near, most, -1)], n_markers)
+    return filled_labels(points.cloud, [marker_of_point, np.where(near, most, -1)], n_markers)
 
 
 def _refined(
