@@ -81,7 +81,7 @@ class Link:
     @property
     def turn(self) -> Floats:
         """Limb from body, shape (3, 3): robots turn about z, so the body of a hinge has its (last) axis there."""
-        return frame_along(self.axes[-1]) if self.kind in {"hinge", "universal"} else np.eye(3)
+        return rotation_of_z_to(self.axes[-1]) if self.kind in {"hinge", "universal"} else np.eye(3)
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -184,7 +184,7 @@ def range_of(values: Floats, rest: float, least: float) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def frame_along(direction: Floats) -> Floats:
+def rotation_of_z_to(direction: Floats) -> Floats:
     """Return the rotation, shape (3, 3), by the smallest angle that turns z to a direction of any length but zero."""
     turn = np.cross([0.0, 0.0, 1.0], direction)
     sine = float(np.linalg.norm(turn))
@@ -302,7 +302,7 @@ _MOST_INSET = 0.45  # of the bone, from either end: a capsule without length is 
 
 
 @dataclass(frozen=True, eq=False)
-class Capsule:
+class LimbCapsule:
     """A limb's body.
 
     Attributes
@@ -346,7 +346,7 @@ class Capsule:
         return float(disc * np.linalg.norm(self.end - self.start)), float(disc * self.radius * 4 / 3)
 
 
-def capsule_of(skeleton: Skeleton, limb: int, density: float) -> Capsule:
+def capsule_of(skeleton: Skeleton, limb: int, density: float) -> LimbCapsule:
     """Return the capsule along a limb's bone.
 
     Parameters
@@ -365,4 +365,4 @@ def capsule_of(skeleton: Skeleton, limb: int, density: float) -> Capsule:
     aside = np.linalg.norm(markers - np.outer(markers @ along, along), axis=1)
     radius = max(float(aside.mean()) if len(aside) else 0.0, _THINNEST)
     inset = min(radius, _MOST_INSET * length) * along
-    return Capsule(inset * M_PER_MM, (end - inset) * M_PER_MM, radius * M_PER_MM, density)
+    return LimbCapsule(inset * M_PER_MM, (end - inset) * M_PER_MM, radius * M_PER_MM, density)

@@ -27,11 +27,11 @@ from skelgen_formats.articulated import (
     Link,
     add_choices,
     capsule_of,
-    frame_along,
     links_of,
     markers_on,
     range_of,
     remarks_on_joints,
+    rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
@@ -141,7 +141,9 @@ def _add_joint(joints: Element, link: Link) -> None:
         _add(coordinate, "default_value", repr(rest))
         _add(coordinate, "range", number_text(range_of(values, rest, margin)))
     owned = SubElement(element, "frames")
-    orientation = euler_angles("XYZ", frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
+    orientation = (
+        euler_angles("XYZ", rotation_of_z_to(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
+    )
     place = np.zeros(3) if link.kind == "free" else link.place
     _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
     _add_frame(owned, frames[1], f"/bodyset/{link.name}", np.zeros(3), orientation)

@@ -27,11 +27,11 @@ from skelgen_formats.articulated import (
     add_choices,
     bones_of,
     capsule_of,
-    frame_along,
     links_of,
     markers_on,
     range_of,
     remarks_on_joints,
+    rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import write_motion
@@ -163,7 +163,7 @@ def _add_inertial(
 def _add_bone(body: Element, end: Floats) -> None:
     """Add a cylinder from the limb's joint to another of its joints, for people to see."""
     visual = SubElement(body, "visual")
-    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=_rpy(frame_along(end)))
+    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=_rpy(rotation_of_z_to(end)))
     geometry = SubElement(visual, "geometry")
     SubElement(geometry, "cylinder", radius=_BONE_RADIUS_M, length=repr(float(np.linalg.norm(end)) * M_PER_MM))
 
@@ -177,7 +177,9 @@ def _singles(link: Link) -> list[_Single]:
     turns = zip(link.angle_names, link.axes, link.angles.T, strict=True)
     if link.kind in {"hinge", "universal"}:
         about_z = np.array([0.0, 0.0, 1.0])
-        return [_Single(name, "revolute", about_z, frame_along(axis), values, "rad") for name, axis, values in turns]
+        return [
+            _Single(name, "revolute", about_z, rotation_of_z_to(axis), values, "rad") for name, axis, values in turns
+        ]
     revolute = [_Single(name, "revolute", axis, np.eye(3), values, "rad") for name, axis, values in turns]
     return [*_shifts(link), *revolute]
 

@@ -17,7 +17,14 @@ from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import body_files
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of
-from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project, source_of
+from skelgen.app.project_file.archive import (
+    SUFFIX,
+    find_result,
+    is_project_file,
+    open_project,
+    recorded_file_of,
+    save_project,
+)
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
@@ -81,7 +88,7 @@ def open_input(
         taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
     take = registry.read_take(path, format, sample=sample, **options)
-    source = source_of(Path(path), format or registry.recognise(Path(path)).name, options)
+    source = recorded_file_of(Path(path), format or registry.recognise(Path(path)).name, options)
     return Project(take, seed or 0, identities=given_identities(identities), source=source)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from skelgen.errors import InputError
 from skelgen.model import Project
 
-__all__ = ["SAMPLES", "Sample", "compile_ahead", "open_sample"]
+__all__ = ["SAMPLES", "SampleTake", "compile_ahead", "open_sample"]
 
 _FAULTS = {"noise": 0.3, "dropouts": 0.01}
 _SHORT = 60  # frames, of the takes that are run to compile
@@ -20,7 +20,7 @@ _NICENESS = 10  # work ahead gives way to the user's
 
 
 @dataclass(frozen=True)
-class Sample:
+class SampleTake:
     """A take that the simulation makes.
 
     Attributes
@@ -43,22 +43,24 @@ class Sample:
 
 
 SAMPLES = (
-    Sample(
+    SampleTake(
         "person",
         "A person who walks",
         "Markers with names, as a gait laboratory records them, with soft tissue and some gaps",
         "human",
         {"n_frames": 600, "motion": "walk", "marker_set": "plug-in-gait", "soft_tissue": "realistic", **_FAULTS},
     ),
-    Sample("machine", "A machine", "Three rods on joints, with exact markers", "rods", {"n_frames": 600, "noise": 0.1}),
-    Sample(
+    SampleTake(
+        "machine", "A machine", "Three rods on joints, with exact markers", "rods", {"n_frames": 600, "noise": 0.1}
+    ),
+    SampleTake(
         "animal",
         "An animal",
         "A body on four legs, with markers on all limbs",
         "quadruped",
         {"n_frames": 600} | _FAULTS,
     ),
-    Sample(
+    SampleTake(
         "unlabelled",
         "Points without names",
         "A person who squats, as cameras see it: points in each frame, some of them false",
@@ -88,7 +90,7 @@ def open_sample(key: str) -> Project:
     return _made(sample)
 
 
-def _made(sample: Sample, **changes: Any) -> Project:
+def _made(sample: SampleTake, **changes: Any) -> Project:
     from skelgen.simulation import simulate  # noqa: PLC0415 - takes time to load
 
     options = {**sample.options, **changes}

@@ -36,7 +36,7 @@ _ANIMAL_RANGE = 0.7  # of the quadruped's amplitudes
 
 
 @dataclass(frozen=True)
-class Body:
+class FoundBody:
     """What was found of one body.
 
     Attributes
@@ -133,13 +133,13 @@ def _animal(seed: int) -> Structure:
     return resized(animal, {name: factors[segment] for name, segment in zip(animal.limb_names, segments, strict=True)})
 
 
-def _judged(case: SimulatedTake, motion: str, marker_set: str, seed: int) -> Body:
+def _judged(case: SimulatedTake, motion: str, marker_set: str, seed: int) -> FoundBody:
     found = evaluate(reconstruct(case.take, seed=seed), case.truth)
     limbs, tree = found.limbs, found.topology
     peers = dict(zip(case.truth.joint_names, _means(score_distances(case)), strict=True))
     both = [(joint.mean, peers[joint.name]) for joint in found.joints if joint.mean and np.isfinite(peers[joint.name])]
     error, score = np.mean(both, axis=0) if both else (np.nan, np.nan)
-    return Body(
+    return FoundBody(
         motion=motion,
         marker_set=marker_set,
         has_tree=tree is not None and tree.is_exact,
@@ -155,7 +155,7 @@ def _means(distances: np.ndarray) -> list[float]:
     return [float(np.nanmean(column)) if np.isfinite(column).any() else np.nan for column in distances.T]
 
 
-def _rows(groups: Iterable[tuple[str, Sequence[Body]]], *, is_judged: bool = False) -> list[tuple[str, ...]]:
+def _rows(groups: Iterable[tuple[str, Sequence[FoundBody]]], *, is_judged: bool = False) -> list[tuple[str, ...]]:
     """A row of every group that somebody belongs to."""
     rows = []
     for name, bodies in groups:

@@ -31,7 +31,7 @@ from skelgen.capture.bodies.prediction import (
 )
 from skelgen.capture.calibration.joints import trees_of
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope
-from skelgen.capture.target_chain import N_POSE, ChainState, TargetChain, moved_pose, pose_error
+from skelgen.capture.target_chain import N_POSE, ChainState, TargetChain, pose_error, turned_and_shifted
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import (
     cross_matrix,
@@ -298,7 +298,7 @@ class ChainFilter:
             if name in bodies:
                 found, left = bodies[name], self._open(poses, name)
                 part = np.linalg.solve(left + found.covariance, left).T
-                pose = moved_pose(poses[name], part @ pose_error(poses[name], found.world_from_body))
+                pose = turned_and_shifted(poses[name], part @ pose_error(poses[name], found.world_from_body))
                 out.append(replace(found, world_from_body=pose, covariance=spread + left - part @ left))
             elif name in seen:
                 covariance = spread + self._open(poses, name)

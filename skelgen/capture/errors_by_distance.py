@@ -41,7 +41,7 @@ AXES, IN_ALL, JOINED = ("x", "y", "z"), "in all", "held by the joint"
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ErrorCurve:
     """Errors of one thing at some distances.
 
     Attributes
@@ -72,13 +72,13 @@ class RigErrors:
         From the middle between the cameras, along the line in the middle of both views.
     noise : float, px
         Standard deviation of a ball's centre that the errors come from; they grow in proportion.
-    curves : tuple of Curve
+    curves : tuple of ErrorCurve
         For a ball, each body, each joint.
     """
 
     distances: Floats
     noise: float
-    curves: tuple[Curve, ...]
+    curves: tuple[ErrorCurve, ...]
 
 
 def errors_by_distance(
@@ -139,35 +139,37 @@ def typical_joints() -> tuple[TargetJoint, TargetJoint]:
     )
 
 
-def _of_ball(rig: StereoRig, places: Floats) -> Curve:
+def _of_ball(rig: StereoRig, places: Floats) -> ErrorCurve:
     """Figure 6.1: one ball, along the axes of the left camera; z is depth."""
     covariances = point_covariances(rig, places)
     covariances[~seen_by_both(rig, places)] = np.nan
-    return Curve("ball", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
+    return ErrorCurve("ball", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
 
 
-def _of_calibration(rig: StereoRig, places: Floats) -> Curve:
+def _of_calibration(rig: StereoRig, places: Floats) -> ErrorCurve:
     """What the cameras' calibration adds to the errors of a ball, the same in all frames."""
     covariances = calibration_covariances(rig, places)
     covariances[~seen_by_both(rig, places)] = np.nan
-    return Curve("place, by the cameras' calibration", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
+    return ErrorCurve(
+        "place, by the cameras' calibration", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances))
+    )
 
 
-def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[Curve]:
+def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[ErrorCurve]:
     """Figure 6.2: position of the middle of a target's balls, and its orientation, along the left camera's axes."""
     centred = BodyTarget(body.name, body.points - body.points.mean(axis=0), body.std)
     covariances = _covariances_where_seen(rig, centred, _placed(turns, places, np.zeros(3)))
     shifts = _std_with_sum(_averaged(_in_left(rig, covariances[..., 3:, 3:])))
     turned = _std_with_sum(_averaged(_in_left(rig, covariances[..., :3, :3])))
     return [
-        Curve(f"position of {body.name}", "mm", (*AXES, IN_ALL), shifts),
-        Curve(f"orientation of {body.name}", "degrees", (*AXES, IN_ALL), np.degrees(turned)),
+        ErrorCurve(f"position of {body.name}", "mm", (*AXES, IN_ALL), shifts),
+        ErrorCurve(f"orientation of {body.name}", "degrees", (*AXES, IN_ALL), np.degrees(turned)),
     ]
 
 
 def _of_joint(
     rig: StereoRig, joint: TargetJoint, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
-) -> Curve:
+) -> ErrorCurve:
     """Figures 6.3 and 6.4: angles of a joint, each body posed alone, and both held together by the joint."""
     parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
     bends = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (len(turns), 3))
@@ -184,7 +186,7 @@ def _of_joint(
     )
     columns = ("angle", JOINED) if joint.kind == HINGE else (*AXES, IN_ALL, JOINED)
     std = np.degrees(np.column_stack([alone if joint.kind != HINGE else alone[:, :1], joined[:, -1]]))
-    return Curve(f"angle of {joint.name}", "degrees", columns, std)
+    return ErrorCurve(f"angle of {joint.name}", "degrees", columns, std)
 
 
 def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:

@@ -148,7 +148,7 @@ def pose_error(pose: Floats, found: Floats) -> Floats:
     return np.concatenate([vector_from_matrix(found[:3, :3] @ pose[:3, :3].T), found[:3, 3] - pose[:3, 3]])
 
 
-def moved_pose(pose: Floats, step: Floats) -> Floats:
+def turned_and_shifted(pose: Floats, step: Floats) -> Floats:
     """Return a pose after a small motion.
 
     Parameters

@@ -64,12 +64,12 @@ def motion_capture(
     """Capture live, with two cameras or a room's: write poses and joint angles of every moment, tab-separated."""
     from skelgen.app.room import read_rig_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
-    from skelgen.cli.capture_terminal import Columns, watched_interrupt, watched_keys
+    from skelgen.cli.capture_terminal import CaptureColumns, watched_interrupt, watched_keys
     from skelgen.cli.process import ReaderGoneError
     from skelgen.model.rig import RoomSettings
 
     rig = read_rig_settings(settings)
-    columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
+    columns = CaptureColumns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
     stream = _stream(rig, source, record or [], prediction, frames)
     word, cameras = ("sets of images", rig.rig.names) if isinstance(rig, RoomSettings) else ("pairs", ())

@@ -25,7 +25,7 @@ _TURN = ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
-class Columns:
+class CaptureColumns:
     """What is printed.
 
     Attributes

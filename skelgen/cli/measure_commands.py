@@ -12,7 +12,7 @@ from skelgen.cli.options import AsJson, Quiet
 from skelgen.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from skelgen.capture.errors_by_distance import Curve, RigErrors
+    from skelgen.capture.errors_by_distance import ErrorCurve, RigErrors
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
 Suites = Annotated[
@@ -95,7 +95,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     screen.json({"noise_px": errors.noise, "distances_mm": errors.distances.tolist(), "curves": curves})
 
 
-def _rows(errors: RigErrors, curve: Curve) -> list[dict[str, object]]:
+def _rows(errors: RigErrors, curve: ErrorCurve) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for distance, row in zip(errors.distances, curve.std, strict=True):
         numbers = [round(float(value), 4) if math.isfinite(value) else None for value in row]

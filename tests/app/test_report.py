@@ -16,7 +16,7 @@ from skelgen.app.drawing.colours import limb_colour, ramp_rgba
 from skelgen.app.drawing.graph import find_cost_graph
 from skelgen.app.drawing.poses import find_views
 from skelgen.app.drawing.scales import envelope, ticks
-from skelgen.app.drawing.wording import counted, digits, duration, percent, shortened
+from skelgen.app.drawing.wording import as_many_as_fit, counted, digits, duration, percent
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
 from skelgen.app.report.matrix import png_uri
@@ -307,7 +307,7 @@ def test_numbers_read_well():
     assert counted(1, "limb") == "1 limb"
     assert duration(59.999).endswith("s")
     assert percent(0.99999) != percent(1.0)
-    assert shortened(["LANK", "LHEE", "LTOE"], 13) == "LANK, LHEE +1"
+    assert as_many_as_fit(["LANK", "LHEE", "LTOE"], 13) == "LANK, LHEE +1"
 
 
 def test_joints_and_limbs_are_called_by_their_names():

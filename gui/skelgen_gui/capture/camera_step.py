@@ -10,7 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture import save_cameras
-from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
+from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
 from skelgen.capture.calibration.board import Board
 from skelgen.progress import Monitor
@@ -209,7 +209,7 @@ class CameraStep(Step[BoardShot]):
         self.state.setText(self._summary(views))
         self.follow()
 
-    def _summary(self, views: tuple[View, ...]) -> str:
+    def _summary(self, views: tuple[CollectedView, ...]) -> str:
         """How many views there are, and what is missing."""
         n_whole = sum(view.is_whole for view in views)
         if not n_whole:

@@ -11,7 +11,7 @@ from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from skelgen.app.capture_jobs.board_views import View, sides
+from skelgen.app.capture_jobs.board_views import CollectedView, sides
 from skelgen.capture.calibration.board import LEAST_CORNERS, BoardView, coverage
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats
@@ -56,14 +56,14 @@ class CoverageView(QWidget):
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)
 
-    def show_views(self, views: Sequence[View]) -> None:
+    def show_views(self, views: Sequence[CollectedView]) -> None:
         """Show what views cover."""
         self._corners = sides(views)
         if views:
             self._size = views[0].size
         self.update()
 
-    def mark_views(self, views: Sequence[View]) -> None:
+    def mark_views(self, views: Sequence[CollectedView]) -> None:
         """Let the corners of some views stand out."""
         self._marked = sides(views)
         self.update()
@@ -130,14 +130,14 @@ class ViewList(ValueTable):
         titles = self.tr("View"), self.tr("Left"), self.tr("Right"), self.tr("Used")
         self.describe(self.tr("Views of the board"), tip, titles)
         self.setFixedHeight(_LIST_HEIGHT)
-        self._views: tuple[View, ...] = ()
+        self._views: tuple[CollectedView, ...] = ()
 
-    def show_views(self, views: Sequence[View], fits: Mapping[str, Fit]) -> None:
+    def show_views(self, views: Sequence[CollectedView], fits: Mapping[str, Fit]) -> None:
         """Show views, with how they fit where that is known.
 
         Parameters
         ----------
-        views : sequence of View
+        views : sequence of CollectedView
             The views.
         fits : mapping of str to Fit
             How well views fit, by their names, where that is known.
@@ -154,7 +154,7 @@ class ViewList(ValueTable):
             self.scrollToBottom()
 
     @property
-    def selected_views(self) -> list[View]:
+    def selected_views(self) -> list[CollectedView]:
         """The chosen views."""
         rows = sorted({index.row() for index in self.selectedIndexes()})
         return [self._views[row] for row in rows if row < len(self._views)]

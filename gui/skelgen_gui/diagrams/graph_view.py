@@ -8,7 +8,7 @@ from PySide6.QtGui import QContextMenuEvent, QKeyEvent, QMouseEvent, QPainter, Q
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from skelgen.app.drawing.graph import CostGraph, JointCost
-from skelgen.app.drawing.wording import shortened
+from skelgen.app.drawing.wording import as_many_as_fit
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
@@ -101,7 +101,7 @@ class GraphView(QWidget):
         if limb is not None and project is not None:
             markers = project.limbs.markers_of(limb).tolist()
             count = self.tr("{0}: {1} markers") if len(markers) != 1 else self.tr("{0}: 1 marker")
-            names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
+            names = as_many_as_fit([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
             return count.format(limb_words(project, limb), len(markers)) + f"\n{names}"
         if joint is not None and self._graph is not None:
             return joint_sentences(self._graph.joints[joint], self._called)

@@ -21,7 +21,7 @@ _NAME = 0
 _LEAST_ROWS = 6  # in sight, one of them for the heads
 
 
-class MarkerModel(RowModel[MarkerRow]):
+class MarkerTableModel(RowModel[MarkerRow]):
     """Markers as rows, whatever their number."""
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -68,7 +68,7 @@ class MarkerTable(QTableView):
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._session, self._is_following = session, False
-        self.markers, self.filtered = MarkerModel(self), QSortFilterProxyModel(self)
+        self.markers, self.filtered = MarkerTableModel(self), QSortFilterProxyModel(self)
         self.filtered.setSourceModel(self.markers)
         self.filtered.setSortRole(Role.UserRole)
         self.filtered.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)

@@ -51,7 +51,7 @@ class GapRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Preview:
+class FillPreview:
     """What would be stated, and what comes of it.
 
     Attributes
@@ -106,7 +106,7 @@ def mates_of(project: Project, marker: int) -> tuple[int, ...]:
     return () if limb < 0 else tuple(mate for mate in project.limbs.markers_of(limb).tolist() if mate != marker)
 
 
-def preview_fill(project: Project, gap: tuple[int, int, int], method: str, donors: Sequence[int]) -> Preview | str:
+def preview_fill(project: Project, gap: tuple[int, int, int], method: str, donors: Sequence[int]) -> FillPreview | str:
     """Return what fills a gap in one way, or a sentence on why nothing does.
 
     Parameters
@@ -140,7 +140,7 @@ def preview_fill(project: Project, gap: tuple[int, int, int], method: str, donor
         return str(error)
     if not len(found.frames):
         return translate("Gaps", "Nothing fills this gap in this way")
-    return Preview(correction, marker, found, _deviation_words(found, method, last - first + 1))
+    return FillPreview(correction, marker, found, _deviation_words(found, method, last - first + 1))
 
 
 def _deviation_words(found: GapFill, method: str, length: int) -> str:
@@ -173,7 +173,7 @@ def _filled_part(filled: Filled, gap: tuple[int, int, int]) -> GapFill:
     return GapFill(frames, filled.positions[frames, marker], filled.std[frames, marker], 0)
 
 
-def preview_smooth(project: Project, markers: Sequence[int], span: tuple[int, int], cutoff: float) -> Preview | str:
+def preview_smooth(project: Project, markers: Sequence[int], span: tuple[int, int], cutoff: float) -> FillPreview | str:
     """Return markers without what is faster than a frequency, or why that cannot be; the path is that of the first.
 
     Parameters
@@ -201,11 +201,11 @@ def preview_smooth(project: Project, markers: Sequence[int], span: tuple[int, in
     words = translate("Gaps", "Smoothing moves positions by {value} mm (root mean square), {most} mm at most")
     words = words.format(value=digits(change), most=digits(most))
     path = GapFill(frames, paths[0], np.full(len(frames), np.nan), 0)
-    return Preview(Correction("smooth", names, *whole, f"{cutoff:g}"), markers[0], path, words)
+    return FillPreview(Correction("smooth", names, *whole, f"{cutoff:g}"), markers[0], path, words)
 
 
 def marker_panels(
-    project: Project, markers: Sequence[int], quantity: str, preview: Preview | None = None
+    project: Project, markers: Sequence[int], quantity: str, preview: FillPreview | None = None
 ) -> tuple[Panel, ...]:
     """Return the curves of markers, with what the user states for their gaps, and what is previewed.
 
@@ -217,7 +217,7 @@ def marker_panels(
         Which are drawn; at most six of them are.
     quantity : str
         One of `QUANTITIES`. Distances are those of all pairs, of a single marker those to its limb mates.
-    preview : Preview, optional
+    preview : FillPreview, optional
         Drawn in a colour of its own, with a band of 95 %.
     """
     drawn = list(markers)[:_MOST_CURVES]
@@ -287,7 +287,7 @@ def _stated_parts(
     )
 
 
-def _spread(project: Project, preview: Preview) -> Floats:
+def _spread(project: Project, preview: FillPreview) -> Floats:
     """The previewed path over all frames, with a measured frame at either side of what fills, shape (n_frames, 3)."""
     values = np.full((project.trajectories.n_frames, 3), np.nan)
     frames = preview.path.frames
@@ -303,7 +303,7 @@ def _speed(path: Floats, project: Project) -> Floats:
     return np.concatenate([steps[:1], steps])
 
 
-def _distances(project: Project, pairs: Sequence[tuple[int, int]], preview: Preview | None) -> tuple[Panel, ...]:
+def _distances(project: Project, pairs: Sequence[tuple[int, int]], preview: FillPreview | None) -> tuple[Panel, ...]:
     """Distances of pairs of markers [mm]."""
     title = translate("Curves", "Distance")
     about = translate("Curves", "Distances to the limb mates of a marker, or between the markers that are selected.")

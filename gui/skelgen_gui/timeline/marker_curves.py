@@ -10,8 +10,8 @@ from skelgen.model.corrections import Correction
 from skelgen_gui.model.curves import Panel
 from skelgen_gui.model.marker_curves import (
     QUANTITIES,
+    FillPreview,
     GapRow,
-    Preview,
     gap_rows,
     marker_panels,
     mates_of,
@@ -30,7 +30,7 @@ _WIDTH = 300  # px, of the gaps
 _AROUND = 1.5  # lengths of a gap that are shown before and behind it
 _LEAST_AROUND = 20  # frames
 
-Found = tuple[tuple[Panel, ...], Preview | str | None]
+Found = tuple[tuple[Panel, ...], FillPreview | str | None]
 
 
 class MarkerCurves(PanelWhileSeen):
@@ -50,7 +50,7 @@ class MarkerCurves(PanelWhileSeen):
         super().__init__()
         self._session, self._span, self._apply = session, span, apply
         self.range: tuple[int, int] | None = None  # frames to be smoothed, where the user has chosen some
-        self.preview: Preview | None = None
+        self.preview: FillPreview | None = None
         self._is_following = False
         self._smooths = False  # whether smoothing is previewed, and not what fills a gap
         self.deriver, self._lister = Deriver(self), Deriver(self)
@@ -111,9 +111,9 @@ class MarkerCurves(PanelWhileSeen):
         self._smooths = smooths
         self._follow()
 
-    def _state_smooth(self, found: Preview | str) -> None:
+    def _state_smooth(self, found: FillPreview | str) -> None:
         self.tools.words.setText(found if isinstance(found, str) else found.words)
-        if isinstance(found, Preview):
+        if isinstance(found, FillPreview):
             self._apply(found.correction)
 
     def _list_project(self) -> None:
@@ -198,7 +198,7 @@ class MarkerCurves(PanelWhileSeen):
         if row is not None:
             markers = [row.marker, *(marker for marker in markers if marker != row.marker)]
         donors = [self.tools.donor.currentIndex()] if self.tools.method == "pattern" else markers[1:]
-        preview: Callable[[], Preview | str | None] = _nothing
+        preview: Callable[[], FillPreview | str | None] = _nothing
         if self._smooths:
             preview = partial(preview_smooth, project, markers, *self._smoothing(project))
         elif row is not None:
@@ -206,20 +206,22 @@ class MarkerCurves(PanelWhileSeen):
         wanted = partial(_derived, project, markers, str(self.quantity.currentData()), preview)
         self.deriver.derive(wanted, lambda found: self._show(*found))
 
-    def _show(self, panels: tuple[Panel, ...], preview: Preview | str | None) -> None:
+    def _show(self, panels: tuple[Panel, ...], preview: FillPreview | str | None) -> None:
         hint = "" if panels else self.tr("Select markers, or a gap in the list")
         self.plot.show_panels(panels, hint)
-        self.preview = preview if isinstance(preview, Preview) else None
+        self.preview = preview if isinstance(preview, FillPreview) else None
         self.tools.words.setText(preview if isinstance(preview, str) else "" if preview is None else preview.words)
         for button in (self.tools.fill, self.tools.fill_all):
             button.setEnabled(self.preview is not None and not self._smooths)
         self.tools.smooth.setEnabled(bool(self._session.selection.markers))
 
 
-def _derived(project: Project, markers: list[int], quantity: str, preview: Callable[[], Preview | str | None]) -> Found:
+def _derived(
+    project: Project, markers: list[int], quantity: str, preview: Callable[[], FillPreview | str | None]
+) -> Found:
     """The curves, and what would be stated."""
     found = preview()
-    return marker_panels(project, markers, quantity, found if isinstance(found, Preview) else None), found
+    return marker_panels(project, markers, quantity, found if isinstance(found, FillPreview) else None), found
 
 
 def _nothing() -> None:

@@ -20,7 +20,7 @@ NEW = 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CollectedView:
     """One pair of images of the board.
 
     Attributes
@@ -49,7 +49,7 @@ class ViewCollection:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._views: tuple[View, ...] = ()
+        self._views: tuple[CollectedView, ...] = ()
         self._n_added = 0
 
     @property
@@ -59,18 +59,18 @@ class ViewCollection:
             return str(self._n_added + 1)
 
     @property
-    def views(self) -> tuple[View, ...]:
+    def views(self) -> tuple[CollectedView, ...]:
         """All views, in the order in which they came."""
         with self._lock:
             return self._views
 
-    def add(self, view: View) -> None:
+    def add(self, view: CollectedView) -> None:
         """Keep one more."""
         with self._lock:
             self._views = (*self._views, view)
             self._n_added += 1
 
-    def remove(self, views: Sequence[View]) -> None:
+    def remove(self, views: Sequence[CollectedView]) -> None:
         """Forget some."""
         with self._lock:
             self._views = tuple(view for view in self._views if view not in views)
@@ -81,14 +81,14 @@ class ViewCollection:
             self._views = ()
 
 
-def is_steady(before: View | None, now: View) -> bool:
+def is_steady(before: CollectedView | None, now: CollectedView) -> bool:
     """Tell whether the board was held still from one pair to the next.
 
     Parameters
     ----------
-    before : View or None
+    before : CollectedView or None
         The pair before, if there is one.
-    now : View
+    now : CollectedView
         The pair.
     """
     if before is None or not (before.is_whole and now.is_whole):
@@ -97,14 +97,14 @@ def is_steady(before: View | None, now: View) -> bool:
     return all(one is not None and two is not None and _moved(one, two) < STEADY * now.size[0] for one, two in pairs)
 
 
-def is_new(view: View, others: Sequence[View]) -> bool:
+def is_new(view: CollectedView, others: Sequence[CollectedView]) -> bool:
     """Tell whether the board is elsewhere, or leans otherwise, than in all other views.
 
     Parameters
     ----------
-    view : View
+    view : CollectedView
         The view.
-    others : sequence of View
+    others : sequence of CollectedView
         The others.
     """
     return all(
@@ -113,7 +113,7 @@ def is_new(view: View, others: Sequence[View]) -> bool:
     )
 
 
-def gaps(views: Sequence[View]) -> tuple[list[str], list[str]]:
+def gaps(views: Sequence[CollectedView]) -> tuple[list[str], list[str]]:
     """Return the names of the ninths of both images where the board has never been."""
     whole = [view for view in views if view.is_whole]
     size = whole[0].size if whole else (1, 1)
@@ -121,7 +121,7 @@ def gaps(views: Sequence[View]) -> tuple[list[str], list[str]]:
     return uncovered(left, size), uncovered(right, size)
 
 
-def sides(views: Sequence[View]) -> tuple[list[Floats], list[Floats]]:
+def sides(views: Sequence[CollectedView]) -> tuple[list[Floats], list[Floats]]:
     """Return the corners of the views that are whole, in the left and in the right images."""
     return (
         [view.left.corners for view in views if view.left is not None and view.right is not None],

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.app.capture_jobs.board_views import View, ViewCollection, is_new, is_steady
+from skelgen.app.capture_jobs.board_views import CollectedView, ViewCollection, is_new, is_steady
 from skelgen.app.capture_jobs.camera_images import CameraImage, camera_images_of
 from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
@@ -107,12 +107,12 @@ class BoardCollector(_Collector):
             if any(view.size != source.size for view in self._views.views):
                 raise InputError("these images have another size than those of the views before: clear the views first")
             names: tuple[str, ...] = getattr(source, "names", ())  # of image files; others are counted
-            before: View | None = None
+            before: CollectedView | None = None
             n_seen = 0
             for number, pair in enumerate(self._pairs(source, monitor)):
                 left, right = threads.map(partial(find_board, board=self._board), (pair.left, pair.right))
                 name = names[number] if number < len(names) else self._views.next_name
-                now = View(name, left, right, source.size)
+                now = CollectedView(name, left, right, source.size)
                 if source.rate is None or self._is_kept(now, before):
                     self._views.add(now)
                 before = now
@@ -121,7 +121,7 @@ class BoardCollector(_Collector):
             if before is not None and not n_seen and not self._control.stop.is_set():
                 raise InputError(absence((pair.left, pair.right), self._board))
 
-    def _is_kept(self, now: View, before: View | None) -> bool:
+    def _is_kept(self, now: CollectedView, before: CollectedView | None) -> bool:
         """Whether a view of a stream is kept."""
         if not now.is_whole:
             return False

@@ -132,7 +132,7 @@ def listed(parts: Iterable[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else ""
 
 
-def shortened(names: Sequence[str], room: int) -> str:
+def as_many_as_fit(names: Sequence[str], room: int) -> str:
     """Return as many names as fit into `room` characters, and how many are left.
 
     Parameters
@@ -144,7 +144,7 @@ def shortened(names: Sequence[str], room: int) -> str:
 
     Examples
     --------
-    >>> shortened(["LANK", "LHEE", "LTOE"], 13), shortened(["LANK", "LHEE", "LTOE"], 30)
+    >>> as_many_as_fit(["LANK", "LHEE", "LTOE"], 13), as_many_as_fit(["LANK", "LHEE", "LTOE"], 30)
     ('LANK, LHEE +1', 'LANK, LHEE, LTOE')
     """
     whole = ", ".join(names)

@@ -312,7 +312,7 @@ def _store(archive: zipfile.ZipFile, name: str, *parts: bytes | memoryview) -> N
                 member.write(part[start : start + _PIECE])
 
 
-def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
+def recorded_file_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
     """Return what is known of a recording that is about to be read.
 
     Parameters

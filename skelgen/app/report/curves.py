@@ -20,7 +20,7 @@ from skelgen.model import Motion, PointCloud
 from skelgen.model.arrays import Floats
 
 if TYPE_CHECKING:
-    from skelgen.capture.errors_by_distance import Curve, RigErrors
+    from skelgen.capture.errors_by_distance import ErrorCurve, RigErrors
 
 _WIDTH, _HEIGHT = 900.0, 260.0
 _BOTTOM = 36.0
@@ -229,7 +229,7 @@ def write_rig_errors(errors: RigErrors, path: Path) -> None:
         temporary.write_text(str(page), encoding="utf-8")
 
 
-def _panel(metres: Floats, curve: Curve) -> Markup:
+def _panel(metres: Floats, curve: ErrorCurve) -> Markup:
     """One thing's standard deviations against the distance [m], a curve for each component."""
     largest = float(np.nanmax(curve.std)) if np.isfinite(curve.std).any() else 0.0
     axes = Axes(_PANEL_WIDTH, _PANEL_HEIGHT, _BOTTOM, float(metres.max()), _HEADROOM * largest or 1.0)

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
-from skelgen.app.drawing.wording import clipped, counted, digits, shortened
+from skelgen.app.drawing.wording import as_many_as_fit, clipped, counted, digits
 from skelgen.model import Project
 
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
@@ -97,7 +97,7 @@ def _caption(names: list[str]) -> str:
     common = "".join(letters[0] for letters in same).rstrip(" 0123456789_-.:")
     if len(names) > 1 and len(common) >= _LEAST_COMMON:
         return clipped(common, _NAME_ROOM)
-    return shortened(names, _NAME_ROOM)
+    return as_many_as_fit(names, _NAME_ROOM)
 
 
 def _edge(project: Project, lengths: list[measures.Length], places: list[_Place], joint: int) -> Markup:

@@ -115,7 +115,7 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
-        limbs, size = (joint.parent, joint.child), limb_size(skeleton, joint.child)
+        limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
         sentence = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
         if joint.kind == "undetermined":
             unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its type"
@@ -161,7 +161,7 @@ def _missing_motion(limb: int, motion: RangeOfMotion, open_direction: Floats | N
     return f"turn limb {limb} about its long axis" if is_long else f"swing limb {limb} in another plane"
 
 
-def limb_size(skeleton: Skeleton, limb: int) -> float:
+def size_of_limb(skeleton: Skeleton, limb: int) -> float:
     """Return the root mean square distance [mm] of a limb's markers from its joint; of all markers where it has none.
 
     Parameters

@@ -39,7 +39,7 @@ GOLDEN = (1 + math.sqrt(5)) / 2
 """By this Brent's bracket grows where no parabola says better."""
 
 
-class Sample(NamedTuple):
+class LineSample(NamedTuple):
     """Value and slope at one step along a line."""
 
     step: float
@@ -57,19 +57,19 @@ class Line:
         Value and gradient at a point.
     point, direction : ndarray
         Where the line starts and leads.
-    start : Sample
+    start : LineSample
         At step 0.
     """
 
     objective: Objective
     point: Floats
     direction: Floats
-    start: Sample
+    start: LineSample
 
-    def at(self, step: float) -> Sample:
+    def at(self, step: float) -> LineSample:
         """Value and slope at a step."""
         value, gradient = self.objective(self.point + step * self.direction)
-        return Sample(step, value, float((gradient * self.direction).sum()))
+        return LineSample(step, value, float((gradient * self.direction).sum()))
 
 
 LineSearch = Callable[[Line, float, DescentParameters], float]
@@ -114,7 +114,9 @@ def brent_step(line: Line, step: float, parameters: DescentParameters) -> float:
     return best.step
 
 
-def _brent_move(best: Sample, others: tuple[Sample, Sample], bounds: tuple[float, float], before: float) -> float:
+def _brent_move(
+    best: LineSample, others: tuple[LineSample, LineSample], bounds: tuple[float, float], before: float
+) -> float:
     """The shorter secant step that stays within the bounds and shrinks fast enough, else half of the downhill part."""
     low, high = bounds
     secants = [
@@ -129,7 +131,9 @@ def _brent_move(best: Sample, others: tuple[Sample, Sample], bounds: tuple[float
     return ((low if best.slope >= 0 else high) - best.step) / 2
 
 
-def _bracket_by_values(line: Line, step: float, parameters: DescentParameters) -> tuple[Sample, Sample, Sample]:
+def _bracket_by_values(
+    line: Line, step: float, parameters: DescentParameters
+) -> tuple[LineSample, LineSample, LineSample]:
     """Three samples of which the middle one is lowest: by parabolas, within the limits (Press et al. 1992, 10.1)."""
     low, middle = line.start, line.at(step)
     if middle.value > low.value or not math.isfinite(middle.value):
@@ -157,7 +161,7 @@ def _bracket_by_values(line: Line, step: float, parameters: DescentParameters) -
     return low, middle, high
 
 
-def _parabola(low: Sample, middle: Sample, high: Sample) -> float:
+def _parabola(low: LineSample, middle: LineSample, high: LineSample) -> float:
     """The step at which the parabola through three samples has its extremum; infinite for a straight line."""
     one = (middle.step - low.step) * (middle.value - high.value)
     two = (middle.step - high.step) * (middle.value - low.value)
@@ -286,7 +290,7 @@ def _descend(
     best = Minimum(point, value, 0)
     for iteration in range(1, parameters.max_iterations + 1):
         slope = float((uphill.gradient * direction).sum())
-        line = Line(objective, point, direction, Sample(0.0, value, slope))
+        line = Line(objective, point, direction, LineSample(0.0, value, slope))
         step = search(line, max(step, LEAST_STEP), parameters) if slope < 0 else 0.0
         moved = point + step * direction
         if random is not None:

@@ -270,13 +270,13 @@ def place_in_blocks(
         frames = sample_frames(len(block), how.parameters)
         segments = make_segments([block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)], frames)
         kept, _ = place_joints(segments, frames, parents, how, SILENT, guesses)
-        raw[first:last] = side_by_side(kept, parents, len(block))
+        raw[first:last] = positions_of_joints(kept, parents, len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False
     return raw
 
 
-def side_by_side(joints: dict[int, JointGuess], parents: Ints, n_frames: int) -> Floats:
+def positions_of_joints(joints: dict[int, JointGuess], parents: Ints, n_frames: int) -> Floats:
     """Return the positions of joints [mm], shape (n_frames, n_joints, 3), from the roots outward.
 
     Parameters

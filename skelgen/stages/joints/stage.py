@@ -18,7 +18,7 @@ from skelgen.stages.joints.costs import comparable_costs, with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair
-from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
+from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.tree import (
     Tree,
@@ -132,7 +132,7 @@ class JointSearch:
         tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
         n_frames = len(segments[0].points)
-        raw = side_by_side(joints, tree.parents, n_frames)
+        raw = positions_of_joints(joints, tree.parents, n_frames)
         if n_frames < trajectories.n_frames:
             raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
         topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)

@@ -23,8 +23,8 @@ from skelgen.stages.limbs.worn_sets import (
     MOTION_WEIGHT,
     STRENGTH,
     WITHOUT_PARTNER,
-    Comparison,
     Match,
+    SetComparison,
     Shape,
     WornSet,
     agreement,
@@ -182,7 +182,7 @@ def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Float
     differences = shape.distances[np.ix_(markers, markers)] - places.mean.distances[np.ix_(taken, taken)]
     known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
     size = float(np.median(known)) if len(known) else 0.0
-    return Comparison(Shape(shape.distances - size, shape.motions), places).misfits(markers, taken)
+    return SetComparison(Shape(shape.distances - size, shape.motions), places).misfits(markers, taken)
 
 
 def _mirror_images(places: WornSet) -> Ints:

@@ -285,7 +285,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    outlines, comparison = _outline_misfits(shape, worn.mean), Comparison(shape, worn)
+    outlines, comparison = _outline_misfits(shape, worn.mean), SetComparison(shape, worn)
     best, visited = None, set()
     for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(seed, outlines.shape[1])
@@ -308,7 +308,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
 
 
-class Comparison:
+class SetComparison:
     """Distances of a take beside those of a set: what each marker is taken for is compared once, however often asked.
 
     Parameters

@@ -37,7 +37,7 @@ _BENDING, _MOST_BENDING = 20.0, 8.0  # log odds for a sine of 1
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class BodyPlan:
     """What a tree is, as far as its shape tells.
 
     Attributes
@@ -65,7 +65,7 @@ class _Leg:
     length: float
 
 
-def find_quadruped(tree: MovingTree) -> Shape | None:
+def find_quadruped(tree: MovingTree) -> BodyPlan | None:
     """Return the four-legged animal that a tree is, or None if it is none."""
     best, least = None, _MOST_MISFIT
     if len(tree.ends) > _MOST_ENDS:  # every four of them are tried
@@ -117,7 +117,7 @@ def _middle(pair: tuple[_Leg, ...]) -> Floats:
     return np.asarray((pair[0].joints[0] + pair[1].joints[0]) / 2)
 
 
-def _animal(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...]]) -> Shape:
+def _animal(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...]]) -> BodyPlan:
     in_legs = {limb for pair in pairs for leg in pair for limb in leg.limbs}
     front = _front_evidence(tree, hubs, pairs, in_legs)
     if front < 0:
@@ -135,7 +135,7 @@ def _animal(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...
     for limb in tree.limbs:
         if limb not in in_legs:
             segments[limb] = _part_of_trunk(tree, limb, hubs, in_legs)
-    return Shape(segments, sides, abs(front))
+    return BodyPlan(segments, sides, abs(front))
 
 
 def _up(pairs: list[tuple[_Leg, ...]]) -> Floats:
@@ -169,7 +169,7 @@ def _part_of_trunk(tree: MovingTree, limb: int, hubs: tuple[int, int], in_legs: 
     return "head" if is_last else "neck"
 
 
-def find_hand(tree: MovingTree) -> Shape | None:
+def find_hand(tree: MovingTree) -> BodyPlan | None:
     """Return the hand that a tree is, or None if it is none."""
     if len(tree.ends) != _FINGERS:
         return None
@@ -188,7 +188,7 @@ def find_hand(tree: MovingTree) -> Shape | None:
     return _hand(tree, palm, fingers)
 
 
-def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> Shape:
+def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> BodyPlan:
     """Name the fingers: the thumb begins farthest behind the others, the index is next to it."""
 
     def behind(number: int) -> float:
@@ -211,16 +211,16 @@ def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> Shape:
     segments = {palm: "hand"}
     for name, finger in zip(("thumb", *FINGERS), (first, *others), strict=True):
         segments |= {limb: f"{name} {number}" for number, limb in enumerate(finger.limbs, start=1)}
-    return Shape(segments, dict.fromkeys(segments, 0), evidence)
+    return BodyPlan(segments, dict.fromkeys(segments, 0), evidence)
 
 
 def _after(finger: _Leg) -> Floats:
     return finger.joints[2] if len(finger.joints) > 2 else finger.tip
 
 
-def find_chain(tree: MovingTree) -> Shape | None:
+def find_chain(tree: MovingTree) -> BodyPlan | None:
     """Return the links of a tree without branches, from the end that moves least, or None if it has some."""
     if len(tree.ends) != 2 or len(tree.limbs) < 3:
         return None
     first, last = sorted(tree.ends, key=lambda end: float(tree.centres[end].std(axis=0).sum()))
-    return Shape({limb: f"link {number}" for number, limb in enumerate(tree.path(first, last), start=1)}, {}, 0.0)
+    return BodyPlan({limb: f"link {number}" for number, limb in enumerate(tree.path(first, last), start=1)}, {}, 0.0)

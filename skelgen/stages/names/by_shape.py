@@ -10,7 +10,7 @@ import numpy as np
 
 from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
-from skelgen.stages.names.animals import Shape, find_chain, find_hand, find_quadruped
+from skelgen.stages.names.animals import BodyPlan, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
 from skelgen.stages.names.likely_segments import OfSet
 from skelgen.stages.names.moving_tree import MovingTree, moving_trees, together, tree_of_chain
@@ -30,7 +30,7 @@ _STATED = 99.0
 _MIRRORED = "a mirrored recording cannot be told from a true one by its shape"
 
 
-_FOUND: WeakKeyDictionary[Motion, tuple[list[str], list[tuple[MovingTree, str, Shape]]]] = WeakKeyDictionary()
+_FOUND: WeakKeyDictionary[Motion, tuple[list[str], list[tuple[MovingTree, str, BodyPlan]]]] = WeakKeyDictionary()
 """What was found in a motion: names that the user states later change nothing of it."""
 
 
@@ -98,7 +98,7 @@ def names_by_shape(
     return ShapeNames(unique_names(named, skeleton.n_limbs), tuple(sentences))
 
 
-def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tuple[MovingTree, str, Shape]]:
+def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tuple[MovingTree, str, BodyPlan]]:
     """What trees are, in words, and their shapes; trees that are nothing by themselves may be pieces of one person."""
     found, rest, others = [], [], list(trees)
     for one in worn:
@@ -153,7 +153,7 @@ def contradicts_sides(skeleton: Skeleton, motion: Motion) -> bool:
     return False
 
 
-def _recognised(tree: MovingTree) -> tuple[str, Shape] | None:
+def _recognised(tree: MovingTree) -> tuple[str, BodyPlan] | None:
     """What a tree is, in words, and its shape."""
     for what, find in (("a hand", find_hand), ("a four-legged animal", find_quadruped), (_CHAIN, find_chain)):
         shape = find(tree)
@@ -173,7 +173,7 @@ def _of_set(worn: WornShape) -> dict[int, OfSet]:
     return found
 
 
-def _person(tree: MovingTree, is_whole: bool = True, worn: Mapping[int, OfSet] | None = None) -> Shape | None:
+def _person(tree: MovingTree, is_whole: bool = True, worn: Mapping[int, OfSet] | None = None) -> BodyPlan | None:
     """The shape of the person that a tree is, or None if it is none; the sides of pieces without joints stay unsure."""
     person = find_person(tree, worn)
     if person is None:
@@ -181,10 +181,10 @@ def _person(tree: MovingTree, is_whole: bool = True, worn: Mapping[int, OfSet] |
     signs = side_evidence(tree, person)
     knees, total = signs["knees"], sum(signs.values())
     agrees = knees * total > 0 and (total - knees) * np.sign(knees) >= _LEAST_OTHERS and is_whole
-    return Shape(dict(person.segments), dict(person.sides), total if agrees else 0.0)
+    return BodyPlan(dict(person.segments), dict(person.sides), total if agrees else 0.0)
 
 
-def _stated_evidence(shape: Shape, stated: Mapping[int, str]) -> float:
+def _stated_evidence(shape: BodyPlan, stated: Mapping[int, str]) -> float:
     """Log odds by the sides in names that the user gave: the majority decides."""
     votes = 0
     for limb, name in stated.items():
@@ -194,7 +194,7 @@ def _stated_evidence(shape: Shape, stated: Mapping[int, str]) -> float:
     return _STATED * votes
 
 
-def _name(shape: Shape, limb: int, evidence: float) -> str:
+def _name(shape: BodyPlan, limb: int, evidence: float) -> str:
     segment = shape.segments[limb]
     if limb not in shape.sides:
         return segment
@@ -204,7 +204,7 @@ def _name(shape: Shape, limb: int, evidence: float) -> str:
     return f"{SIDES[side if evidence > 0 else 1 - side]} {segment}"
 
 
-def _sentence(what: str, shape: Shape, evidence: float) -> str:
+def _sentence(what: str, shape: BodyPlan, evidence: float) -> str:
     sentence = f"by shape and motion the limbs are those of {what}"
     if not shape.sides:
         return sentence

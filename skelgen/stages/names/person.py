@@ -25,7 +25,7 @@ _LEG_OF = 2  # segments that both legs have, at least
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class LimbChain:
     """An arm or a leg.
 
     Attributes
@@ -41,14 +41,14 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class RecognisedPerson:
     """A person by shape: two legs whose sides are not known, and the rest.
 
     Attributes
     ----------
-    legs : tuple of Chain
+    legs : tuple of LimbChain
         The first and the second side.
-    arms : tuple of Chain
+    arms : tuple of LimbChain
         On the same sides; none if they are not found, or if it is unsure which is on which side.
     chest : ndarray, shape (n_frames, 3), mm
         Middle of the upper trunk.
@@ -58,14 +58,14 @@ class Person:
         0 for limbs on the side of the first leg, 1 on the other.
     """
 
-    legs: tuple[Chain, Chain]
-    arms: tuple[Chain, ...]
+    legs: tuple[LimbChain, LimbChain]
+    arms: tuple[LimbChain, ...]
     chest: Floats
     segments: Mapping[int, str]
     sides: Mapping[int, int]
 
 
-def find_person(tree: MovingTree, worn: Mapping[int, OfSet] | None = None) -> Person | None:
+def find_person(tree: MovingTree, worn: Mapping[int, OfSet] | None = None) -> RecognisedPerson | None:
     """Return the person that a tree is, or None if it is none.
 
     Parameters
@@ -98,7 +98,7 @@ def find_person(tree: MovingTree, worn: Mapping[int, OfSet] | None = None) -> Pe
             arms, sides = [], {limb: side for limb, side in sides.items() if limb not in in_arms}
         elif alike < 0:
             arms, sides = arms[::-1], sides | {limb: 1 - sides[limb] for limb in in_arms}
-    return Person((legs[0], legs[1]), tuple(arms), tree.middle(upper), segments, sides)
+    return RecognisedPerson((legs[0], legs[1]), tuple(arms), tree.middle(upper), segments, sides)
 
 
 def _likely_labels(tree: MovingTree, worn: Mapping[int, OfSet]) -> dict[int, tuple[str, int]]:
@@ -109,7 +109,7 @@ def _likely_labels(tree: MovingTree, worn: Mapping[int, OfSet]) -> dict[int, tup
     return dict(zip(tree.limbs, between, strict=True)) if likely.odds >= _LEAST_ODDS else {}
 
 
-def _chain(tree: MovingTree, labels: Mapping[int, tuple[str, int]], segments: Sequence[str], side: int) -> Chain:
+def _chain(tree: MovingTree, labels: Mapping[int, tuple[str, int]], segments: Sequence[str], side: int) -> LimbChain:
     """The arm or leg on one side."""
     limbs = {
         segment: found
@@ -122,10 +122,10 @@ def _chain(tree: MovingTree, labels: Mapping[int, tuple[str, int]], segments: Se
         places.append(_meeting(tree, inner, found))
         inner = found
     places += [tree.middle(inner)] * 3
-    return Chain(limbs, (places[0], places[1], places[2]))
+    return LimbChain(limbs, (places[0], places[1], places[2]))
 
 
-def _is_forefoot(tree: MovingTree, leg: Chain, limb: int) -> bool:
+def _is_forefoot(tree: MovingTree, leg: LimbChain, limb: int) -> bool:
     """Whether a limb that moves against the foot is a piece of it: toes are farther from the ankle."""
     _, knee, ankle = leg.joints
     return distance(ankle, tree.centres[limb]) < _TOES * distance(knee, ankle)
@@ -142,7 +142,7 @@ def _meeting(tree: MovingTree, inner: Sequence[int], outer: Sequence[int]) -> Fl
     return np.asarray((one[:, a] + other[:, b]) / 2)
 
 
-def _alike(tree: MovingTree, legs: Sequence[Chain], arms: Sequence[Chain]) -> float:
+def _alike(tree: MovingTree, legs: Sequence[LimbChain], arms: Sequence[LimbChain]) -> float:
     """Mean cosine of the ways from the second to the first leg and arm."""
     ways = []
     for chains in (legs, arms):
@@ -159,14 +159,14 @@ _EXTREME = 5.0  # percentile
 _LEAST_STEPS = 0.5  # m/s: who goes faster goes forward, mostly
 
 
-def side_evidence(tree: MovingTree, person: Person) -> dict[str, float]:
+def side_evidence(tree: MovingTree, person: RecognisedPerson) -> dict[str, float]:
     """Return the log odds that the first leg is the left one, by sign: knees, feet, elbows, hands, thighs, way.
 
     Parameters
     ----------
     tree : MovingTree
         The limbs in motion.
-    person : Person
+    person : RecognisedPerson
         The person that it is.
     """
     legs, arms = person.legs, person.arms
@@ -187,17 +187,17 @@ def side_evidence(tree: MovingTree, person: Person) -> dict[str, float]:
     return found | {name: float(np.clip(_OTHERS * sign, -_MOST_OTHERS, _MOST_OTHERS)) for name, sign in others.items()}
 
 
-def _middle(tree: MovingTree, chain: Chain) -> Floats:
+def _middle(tree: MovingTree, chain: LimbChain) -> Floats:
     return tree.middle(limb for limbs in chain.limbs.values() for limb in limbs)
 
 
-def _bending(chain: Chain, left: Floats) -> float:
+def _bending(chain: LimbChain, left: Floats) -> float:
     """Sine of how far a knee or an elbow bends about the axis to the left, positive for knees."""
     start, middle, end = chain.joints
     return _spread(along(np.cross(unit(middle - start), unit(end - middle)), left))
 
 
-def _pointing(tree: MovingTree, leg: Chain, left: Floats) -> float:
+def _pointing(tree: MovingTree, leg: LimbChain, left: Floats) -> float:
     """By how much a foot reaches farther forward than backward from the shank, of its length."""
     limbs = [*leg.limbs.get("foot", ()), *leg.limbs.get("toes", ())]
     if not limbs:
@@ -210,7 +210,7 @@ def _pointing(tree: MovingTree, leg: Chain, left: Floats) -> float:
     return float((reach.max() + reach.min()) / length) if length > 0 else 0.0
 
 
-def _reaching(arm: Chain, forward: Floats) -> float:
+def _reaching(arm: LimbChain, forward: Floats) -> float:
     """How far a hand is before its shoulder rather than behind it, of the arm's length."""
     reach = arm.joints[2] - arm.joints[0]
     length = float(np.median(np.linalg.norm(np.diff(np.stack(arm.joints), axis=0), axis=2).sum(axis=0)))

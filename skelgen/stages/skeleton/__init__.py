@@ -4,13 +4,13 @@
 and `loops`, `posing` finds its poses without outliers, `long_takes` does so block by block.
 """
 
-from skelgen.stages.skeleton.assembly import Body, StructuredTake, assemble
+from skelgen.stages.skeleton.assembly import BodyOfTake, StructuredTake, assemble
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, without_outliers
 from skelgen.stages.skeleton.stage import fit_skeleton
 
 __all__ = [
-    "Body",
+    "BodyOfTake",
     "ConstrainedChain",
     "SkeletonParameters",
     "StructuredTake",

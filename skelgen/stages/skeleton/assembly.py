@@ -20,7 +20,7 @@ from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class BodyOfTake:
     """One tree of limbs, cut out of the take.
 
     Attributes
@@ -73,11 +73,11 @@ class StructuredTake:
         raw = self.topology.raw_joint_positions[frames]
         return StructuredTake(some, self.limbs, replace(self.topology, raw_joint_positions=raw))
 
-    def bodies(self) -> list[Body]:
+    def bodies(self) -> list[BodyOfTake]:
         """Return the trees, in the order of their roots; limbs of each in order outward from the root."""
         return [self._body(int(root)) for root in self.topology.roots]
 
-    def _body(self, root: int) -> Body:
+    def _body(self, root: int) -> BodyOfTake:
         topology, limb_of_marker = self.topology, self.limbs.limb_of_marker
         tree = topology.limbs_of_tree(root)
         order = [limb for limb in outward_order(topology.parents).tolist() if limb in tree]
@@ -87,7 +87,7 @@ class StructuredTake:
         for column, child in enumerate(topology.children.tolist()):
             if child in index:
                 raw[:, index[child]] = topology.raw_joint_positions[:, column]
-        return Body(
+        return BodyOfTake(
             limbs=np.array(order, dtype=np.intp),
             parents=np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp),
             markers=markers,
@@ -97,12 +97,12 @@ class StructuredTake:
         )
 
 
-def assemble(body: Body, parameters: SkeletonParameters, frames: Ints) -> tuple[Chain, int]:
+def assemble(body: BodyOfTake, parameters: SkeletonParameters, frames: Ints) -> tuple[Chain, int]:
     """Make a chain of a body's mean limbs, whose axes are the world's in the reference frame.
 
     Parameters
     ----------
-    body : Body
+    body : BodyOfTake
         The tree with its markers and raw joints.
     parameters : SkeletonParameters
         Their `outlier`, `joints_for_poses`, `rotation` and `flatness`.

@@ -25,7 +25,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.limbs import worn_body
 from skelgen.stages.names import segments_by_shape
 from skelgen.stages.skeleton import joints as body_joints
-from skelgen.stages.skeleton.assembly import Body, assemble
+from skelgen.stages.skeleton.assembly import BodyOfTake, assemble
 from skelgen.stages.skeleton.loops import FOUND, ClosedLoops, closed_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, without_outliers
@@ -46,7 +46,7 @@ class FittedBody:
 
     Attributes
     ----------
-    body : Body
+    body : BodyOfTake
         What was fitted.
     chain : Chain
         Rigid limbs; their frames have the world's axes in the reference frame.
@@ -78,7 +78,7 @@ class FittedBody:
         Limbs below joints that motion alone places out of reach: they lie where they are expected.
     """
 
-    body: Body
+    body: BodyOfTake
     chain: Chain
     poses: ChainPoses
     seen: Bools
@@ -101,12 +101,12 @@ class FittedBody:
         return ConstrainedChain(self.chain, articulation, None if self.loops is None else self.loops.joints)
 
 
-def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses: bool = False) -> FittedBody:
+def fit_body(body: BodyOfTake, parameters: SkeletonParameters, loops: Ints, are_poses: bool = False) -> FittedBody:
     """Fit one tree of limbs to its markers.
 
     Parameters
     ----------
-    body : Body
+    body : BodyOfTake
         The tree with its markers and raw joints.
     parameters : SkeletonParameters
         How.
@@ -197,7 +197,7 @@ class _Fit:
 
 
 def _fitted_chain(
-    body: Body, parameters: SkeletonParameters, chain: Chain, loops: Ints, are_poses: bool
+    body: BodyOfTake, parameters: SkeletonParameters, chain: Chain, loops: Ints, are_poses: bool
 ) -> tuple[_Fit, Bools, bool]:
     """Fit a chain from assembled limbs; also return which rotations are fixed, and whether residuals last."""
     fitter = _Fitter(body, parameters, are_poses)
@@ -221,7 +221,7 @@ def _fitted_chain(
 class _Fitter:
     """The steps of the fit of one body, each from the result of the one before."""
 
-    def __init__(self, body: Body, parameters: SkeletonParameters, are_poses: bool) -> None:
+    def __init__(self, body: BodyOfTake, parameters: SkeletonParameters, are_poses: bool) -> None:
         self._body, self._parameters, self._are_poses = body, parameters, are_poses
         stated = ((place, parameters.stated_type(limb)) for place, limb in enumerate(body.limbs.tolist()))
         self._stated = {place: kind for place, kind in stated if kind}

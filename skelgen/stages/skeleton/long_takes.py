@@ -20,7 +20,7 @@ from skelgen.kinematics.inverse.motion import PosedMotion
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread, runs_of
 from skelgen.progress import Monitor
-from skelgen.stages.skeleton.assembly import Body, StructuredTake
+from skelgen.stages.skeleton.assembly import BodyOfTake, StructuredTake
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import without_outliers
@@ -132,7 +132,7 @@ def _blocks(n_frames: int) -> Iterator[tuple[slice, slice, slice]]:
 
 
 def _pose_block(
-    one: FittedBody, body: Body, parameters: SkeletonParameters, found: _Found, inner: slice, part: slice
+    one: FittedBody, body: BodyOfTake, parameters: SkeletonParameters, found: _Found, inner: slice, part: slice
 ) -> None:
     """Pose one tree in a block, and keep what is found in the frames of the block without its margins."""
     inliers, poses, fixed = without_outliers(body, one.chain, parameters)

@@ -22,7 +22,7 @@ from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_p
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.skeleton.assembly import Body
+from skelgen.stages.skeleton.assembly import BodyOfTake
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 LEAST_PART = 0.02
@@ -110,12 +110,14 @@ class ConstrainedChain:
         return poses
 
 
-def without_outliers(body: Body, chain: Chain, parameters: SkeletonParameters) -> tuple[Floats, ChainPoses, Bools]:
+def without_outliers(
+    body: BodyOfTake, chain: Chain, parameters: SkeletonParameters
+) -> tuple[Floats, ChainPoses, Bools]:
     """Pose a body from the root outward, and leave positions out that cannot be right.
 
     Parameters
     ----------
-    body : Body
+    body : BodyOfTake
         The measured markers and raw joints.
     chain : Chain
         Its limbs.

@@ -27,7 +27,7 @@ from skelgen.stages.labels import (
     refit_labels,
     typical_spacing,
 )
-from skelgen.stages.subject.points import PlacedTrack, TrackedPoints, place_tracks, tracked_points
+from skelgen.stages.subject.points import FollowedPoints, PlacedTrack, place_tracks, tracked_points
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject
 
 GATE = 5.0
@@ -54,7 +54,7 @@ class SubjectLabels:
     ----------
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point; beyond those of the skeleton new ones; -1 for none.
-    points : TrackedPoints
+    points : FollowedPoints
         The points.
     poses : SubjectPoses
         Of the skeleton, by the points at their places.
@@ -69,7 +69,7 @@ class SubjectLabels:
     """
 
     marker_of_point: Ints
-    points: TrackedPoints
+    points: FollowedPoints
     poses: SubjectPoses
     moved: tuple[PlacedTrack, ...]
     new: tuple[PlacedTrack, ...]
@@ -132,7 +132,7 @@ def label_by_subject(
 
 
 def _proposed(
-    points: TrackedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
+    points: FollowedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
 ) -> tuple[Ints, bool]:
     """Markers of the points by what explains most of them, and whether that is the names of the take."""
     ways = _followed_both_ways(points, skeleton, monitor)
@@ -149,7 +149,7 @@ def _proposed(
     return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
 
 
-def _followed_both_ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
+def _followed_both_ways(points: FollowedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
     """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
     spacing, n_frames = typical_spacing(points.cloud), points.cloud.n_frames
     forward = _followed(points, skeleton, spacing, range(n_frames), monitor)
@@ -160,7 +160,7 @@ def _followed_both_ways(points: TrackedPoints, skeleton: Skeleton, monitor: Moni
     return [forward, _followed(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
 
 
-def _followed(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
+def _followed(points: FollowedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
     model = SkeletonLabels(skeleton)
     starts = points.cloud.frame_starts
     marker_of_point = np.full(points.cloud.n_points, -1, dtype=np.intp)
@@ -173,7 +173,7 @@ def _followed(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames:
     return marker_of_point
 
 
-def _n_explained(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
+def _n_explained(points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
     """Number of positions at their places in some frames."""
     frames = spread_frames(points.cloud.n_frames, JUDGED_FRAMES)
     positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
@@ -184,7 +184,7 @@ def _n_explained(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleto
 
 
 def _reassigned_and_posed(
-    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
 ) -> tuple[Ints, SubjectPoses]:
     """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
 
@@ -203,7 +203,7 @@ def _reassigned_and_posed(
     return _with_rest_of_tracks(points, marker_of_point, poses.markers(skeleton)), poses
 
 
-def _with_rest_of_tracks(points: TrackedPoints, marker_of_point: Ints, predicted: Floats) -> Ints:
+def _with_rest_of_tracks(points: FollowedPoints, marker_of_point: Ints, predicted: Floats) -> Ints:
     """Give a marker what its track shows in between: skin may move farther than in the calibrated take.
 
     The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
@@ -222,7 +222,7 @@ def _with_rest_of_tracks(points: TrackedPoints, marker_of_point: Ints, predicted
 
 
 def _refined(
-    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
 ) -> tuple[Ints, SubjectPoses]:
     """Assign points to markers and pose, again and again, until nothing changes."""
     n_markers = len(skeleton.limb_of_marker)
@@ -237,7 +237,7 @@ def _refined(
     return marker_of_point, poses
 
 
-def _reassigned(points: TrackedPoints, marker_of_point: Ints, predicted: Floats, gates: Floats) -> Ints:
+def _reassigned(points: FollowedPoints, marker_of_point: Ints, predicted: Floats, gates: Floats) -> Ints:
     own = np.maximum(marker_of_point, 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     kept = np.where((marker_of_point >= 0) & (away < gates[own]), marker_of_point, -1)
@@ -261,7 +261,7 @@ def _n_carried(skeleton: Skeleton) -> int:
     return int((skeleton.limb_of_marker >= 0).sum())
 
 
-def by_track_votes(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
+def by_track_votes(points: FollowedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
     """Return the marker of each point by the votes of all frames of its track.
 
     Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined,
@@ -269,7 +269,7 @@ def by_track_votes(points: TrackedPoints, owners: Iterable[Ints], n_markers: int
 
     Parameters
     ----------
-    points : TrackedPoints
+    points : FollowedPoints
         The take.
     owners : iterable of ndarray of intp, shape (n_points,)
         Markers of the points, -1 for none, from each way of following them.

@@ -15,7 +15,7 @@ from skelgen.stages.subject.posing import SubjectPoses
 
 
 @dataclass(frozen=True, eq=False)
-class TrackedPoints:
+class FollowedPoints:
     """Points of a take, and which of them are one point in several frames.
 
     Attributes
@@ -53,7 +53,7 @@ class TrackedPoints:
 
 def tracked_points(
     take: PointCloud | Trajectories, parameters: LabelParameters, monitor: Monitor = SILENT
-) -> TrackedPoints:
+) -> FollowedPoints:
     """Return the points of a take in tracks.
 
     Parameters
@@ -68,12 +68,12 @@ def tracked_points(
     if isinstance(take, PointCloud):
         frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)
         marker_of_point, _ = follow_points(take, parameters, monitor)
-        return TrackedPoints(take, frames, np.asarray(marker_of_point, dtype=np.intp), ())
+        return FollowedPoints(take, frames, np.asarray(marker_of_point, dtype=np.intp), ())
     frames, columns = np.nonzero(~np.isnan(take.positions[:, :, 0]))
     starts = np.searchsorted(frames, np.arange(take.n_frames + 1))
     times = np.arange(take.n_frames) / take.rate
     cloud = PointCloud(take.positions[frames, columns], starts, times, name=take.name)
-    return TrackedPoints(cloud, frames, columns, take.names)
+    return FollowedPoints(cloud, frames, columns, take.names)
 
 
 LEAST_FRAMES = 30
@@ -112,7 +112,7 @@ class PlacedTrack:
 
 
 def place_tracks(
-    points: TrackedPoints,
+    points: FollowedPoints,
     marker_of_point: Ints,
     skeleton: Skeleton,
     poses: SubjectPoses,
@@ -123,7 +123,7 @@ def place_tracks(
 
     Parameters
     ----------
-    points : TrackedPoints
+    points : FollowedPoints
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
@@ -164,7 +164,7 @@ def _as(one: PlacedTrack, marker: int) -> PlacedTrack:
 
 
 def _alone(
-    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SubjectPoses, gate: float
+    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SubjectPoses, gate: float
 ) -> list[PlacedTrack]:
     """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
@@ -191,7 +191,7 @@ def _alone(
     return found
 
 
-def _joined(found: list[PlacedTrack], points: TrackedPoints, gate: float) -> list[PlacedTrack]:
+def _joined(found: list[PlacedTrack], points: FollowedPoints, gate: float) -> list[PlacedTrack]:
     """Join found at one place of a limb that are never seen together: one marker, lost and found again."""
     joined: list[PlacedTrack] = []
     for one in sorted(found, key=lambda one: -len(one.points)):

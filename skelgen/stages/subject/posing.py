@@ -17,7 +17,7 @@ from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton import Body, ConstrainedChain, SkeletonParameters, out_of_line, without_outliers
+from skelgen.stages.skeleton import BodyOfTake, ConstrainedChain, SkeletonParameters, out_of_line, without_outliers
 
 BLOCK_FRAMES = 8_192
 """Frames posed at once: a take of forty markers needs some 10 KB for each."""
@@ -116,7 +116,7 @@ def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters
     own, _ = pose_by_own_markers(chain, positions, parameters.flatness)
     joints = own[..., :3, 3]  # they place limbs that show too little: a pelvis without markers between its neighbours
     joints[:, 0] = np.nan
-    body = Body(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
+    body = BodyOfTake(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
     inliers, start, fixed = without_outliers(body, chain, parameters)
     poses = held.fit_in_time(held.projected(start), inliers, fixed)
     outliers = out_of_line(held, poses, inliers, parameters.robust)

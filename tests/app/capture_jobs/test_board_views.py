@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.app.capture_jobs.board_views import View, ViewCollection, gaps, is_new, is_steady
+from skelgen.app.capture_jobs.board_views import CollectedView, ViewCollection, gaps, is_new, is_steady
 from skelgen.capture.calibration.board import BoardView
 
 SIZE = (640, 480)
@@ -13,7 +13,7 @@ GRID = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1
 
 def view_at(x, y, step=8.0, name="view"):
     board = BoardView(np.array([x, y]) + step * GRID, 3.0)
-    return View(name, board, board, SIZE)
+    return CollectedView(name, board, board, SIZE)
 
 
 def test_a_board_that_moves_is_not_steady():
@@ -21,14 +21,14 @@ def test_a_board_that_moves_is_not_steady():
     assert is_steady(here, view_at(100.5, 100.5))
     assert not is_steady(here, view_at(105, 100))
     assert not is_steady(None, here)
-    assert not is_steady(here, View("lost", None, here.right, SIZE))
+    assert not is_steady(here, CollectedView("lost", None, here.right, SIZE))
 
 
 def test_a_board_that_was_numbered_from_its_other_end_is_the_same():
     here = view_at(100, 100)
     turned = BoardView(here.left.corners[::-1], 3.0)
-    assert is_steady(here, View("turned", turned, turned, SIZE))
-    assert not is_new(View("turned", turned, turned, SIZE), [here])
+    assert is_steady(here, CollectedView("turned", turned, turned, SIZE))
+    assert not is_new(CollectedView("turned", turned, turned, SIZE), [here])
 
 
 def test_a_view_is_new_elsewhere_or_nearer():
@@ -40,7 +40,7 @@ def test_a_view_is_new_elsewhere_or_nearer():
 
 def test_gaps_are_told_for_each_image():
     left, right = view_at(20, 20), view_at(450, 350)
-    mixed = View("mixed", left.left, right.right, SIZE)
+    mixed = CollectedView("mixed", left.left, right.right, SIZE)
     empty_left, empty_right = gaps([mixed])
     assert "upper left" not in empty_left
     assert "lower right" in empty_left

@@ -12,7 +12,7 @@ from skelgen_gui.capture.joint_step import RequestList
 from skelgen_gui.capture.measured import MotionTable, TurnView
 from skelgen_gui.widgets.theme import is_dark, theme_palette
 
-from skelgen.app.capture_jobs.board_views import View
+from skelgen.app.capture_jobs.board_views import CollectedView
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.calibration.joints import JointMotion
 from skelgen.capture.values import JointRequest
@@ -127,5 +127,5 @@ def test_covered_parts_are_coloured_on_light_and_dark_windows(shown, has_colour)
         picture.setPalette(theme_palette(dark=dark))
         shown(picture, 340, 126)
         assert not has_colour(picture, QColor(COVERED[dark]))
-        picture.show_views([View("one", board, board, (640, 480))])
+        picture.show_views([CollectedView("one", board, board, (640, 480))])
         assert has_colour(picture, QColor(COVERED[dark]), least=5)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skelgen.stages.classic.conjugate_gradients import Line, Sample, brent_step, minimise, secant_step
+from skelgen.stages.classic.conjugate_gradients import Line, LineSample, brent_step, minimise, secant_step
 from skelgen.stages.classic.parameters import DescentParameters
 
 METHODS = ("polak-ribiere", "fletcher-reeves")
@@ -124,7 +124,7 @@ def line_of(name):
     def objective(point):
         return value(float(point[0])), np.array([slope(float(point[0]))])
 
-    return Line(objective, np.zeros(1), np.ones(1), Sample(0.0, value(0.0), slope(0.0))), least
+    return Line(objective, np.zeros(1), np.ones(1), LineSample(0.0, value(0.0), slope(0.0))), least
 
 
 @pytest.mark.parametrize("name", ["parabola", "quartic", "steep on one side"])

@@ -14,7 +14,7 @@ from skelgen.stages.limbs.worn_sets import (
     OUTLINE,
     STRENGTH,
     UNKNOWN,
-    Comparison,
+    SetComparison,
     best_match,
     nearest_set,
     shape_of,
@@ -91,7 +91,7 @@ def test_hands_of_two_markers_are_found_without_names() -> None:
 def test_what_a_marker_is_taken_for_is_compared_as_defined_however_often_asked() -> None:
     rng, worn = np.random.default_rng(0), worn_sets()[0]
     shape = shape_of(rng.normal(0.0, 500.0, (20, 6, 3)))
-    comparison, mean, spread = Comparison(shape, worn), worn.mean, worn.spread
+    comparison, mean, spread = SetComparison(shape, worn), worn.mean, worn.spread
     for markers, of_set in (([1, 4], [3, 7]), ([1, 4, 5], [3, 8, 9]), ([1, 4], [3, 7])):
         expected = np.zeros((6, len(worn.segments)))
         for marker, place in zip(markers, of_set, strict=True):

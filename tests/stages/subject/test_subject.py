@@ -17,7 +17,7 @@ from skelgen.stages.labels import LabelParameters
 from skelgen.stages.subject import fit_subject
 from skelgen.stages.subject.changes import N_SPANS, compare_places
 from skelgen.stages.subject.labels import by_track_votes
-from skelgen.stages.subject.points import TrackedPoints, tracked_points
+from skelgen.stages.subject.points import FollowedPoints, tracked_points
 from skelgen.stages.subject.posing import pose_subject
 
 FRAMES = 300
@@ -118,7 +118,7 @@ def tracked(tracks, frames, n_frames):
     """Points of tracks, in the order of their frames."""
     starts = np.searchsorted(frames, np.arange(n_frames + 1))
     cloud = PointCloud(np.zeros((len(tracks), 3)), starts, np.arange(n_frames) / 100)
-    return TrackedPoints(cloud, np.array(frames), np.array(tracks), ())
+    return FollowedPoints(cloud, np.array(frames), np.array(tracks), ())
 
 
 def test_track_is_the_marker_for_which_most_frames_vote():

@@ -19,7 +19,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import LimbParameters, find_limbs
-from skelgen.stages.skeleton import Body, SkeletonParameters, StructuredTake, assemble
+from skelgen.stages.skeleton import BodyOfTake, SkeletonParameters, StructuredTake, assemble
 
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
@@ -83,7 +83,7 @@ class Tree(NamedTuple):
     markers: Ints
 
 
-class Structure(NamedTuple):
+class FoundStructure(NamedTuple):
     """Which marker of a core is on which limb, and how limbs are joined."""
 
     limbs: Limbs
@@ -96,7 +96,7 @@ class MarkerModel:
 
     Attributes
     ----------
-    structure : Structure
+    structure : FoundStructure
         Limbs of the core and their tree.
     trees : list of Tree
         Limbs with the markers of the core, posed by these.
@@ -114,7 +114,7 @@ class MarkerModel:
         Predictions with wider gates are not used.
     """
 
-    structure: Structure
+    structure: FoundStructure
     trees: list[Tree]
     core: Ints
     limb_of_marker: Ints
@@ -156,7 +156,7 @@ class MarkerModel:
 
 
 def fit_model(
-    markers: Trajectories, core: Ints, widest: float, seed: int, structure: Structure | None = None
+    markers: Trajectories, core: Ints, widest: float, seed: int, structure: FoundStructure | None = None
 ) -> MarkerModel | None:
     """Fit a skeleton to the markers found so far; None if they show no limb.
 
@@ -170,14 +170,14 @@ def fit_model(
         Predictions with wider gates are not used.
     seed : int
         Random seed of the stages that build the model.
-    structure : Structure, optional
+    structure : FoundStructure, optional
         Limbs of the core and their tree in these frames, if they are known.
     """
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     if structure is None:
         try:
             limbs = find_limbs(chosen, BY_MOTION, seed=seed)
-            structure = Structure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
+            structure = FoundStructure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
         except InputError:
             return None
     limbs = structure.limbs
@@ -266,7 +266,7 @@ def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
     return np.asarray(np.einsum("fmij,mj->fmi", pose[..., :3, :3], offsets) + pose[..., :3, 3])
 
 
-def _tree(body: Body, core: Ints) -> Tree:
+def _tree(body: BodyOfTake, core: Ints) -> Tree:
     """Fit rigid limbs and joints to one tree."""
     frames = np.flatnonzero((~np.isnan(body.positions[:, :, 0])).any(axis=1))
     chain, _ = assemble(body, SkeletonParameters(), frames)

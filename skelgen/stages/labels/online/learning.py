@@ -14,7 +14,7 @@ from skelgen.geometry.orientation import fit_transform
 from skelgen.model import Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
+from skelgen.stages.labels.online.pose_filter import PoseFilter, PosePrediction
 from skelgen.stages.limbs import find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
@@ -127,7 +127,7 @@ class LearnedPose:
         self.follow(points, labels, UNKNOWN_STEPS)
         return True
 
-    def follow(self, points: Floats, labels: Ints, n_steps: int) -> Prediction:
+    def follow(self, points: Floats, labels: Ints, n_steps: int) -> PosePrediction:
         """Follow the pose into a frame, and predict all markers.
 
         Parameters

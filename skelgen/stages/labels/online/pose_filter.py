@@ -51,7 +51,7 @@ _LOWER: Bools = np.tri(6, dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class PosePrediction:
     """Predicted markers.
 
     Attributes
@@ -134,7 +134,7 @@ class PoseFilter:
         self.origins = self.origins + fade * self._steps
         self._spread = np.minimum(self._spread + n_steps * TURN_NOISE**2, MOST_SPREAD**2)
 
-    def fit(self, points: Floats, markers: Ints) -> Prediction:
+    def fit(self, points: Floats, markers: Ints) -> PosePrediction:
         """Fit the pose to the points of known markers, and predict all markers.
 
         Parameters
@@ -160,7 +160,7 @@ class PoseFilter:
         columns = _columns(places - self.origins[self.limb])
         spread = columns @ own[self.limb] @ columns.swapaxes(1, 2)
         spread = spread + np.eye(3) * (self.deviation**2)[:, np.newaxis, np.newaxis]
-        return Prediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
+        return PosePrediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
 
     def learn_motion(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
         """Take the motion since an earlier pose as what continues.

@@ -57,7 +57,7 @@ PROOF = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class PoseCandidates:
     """Poses that one limb may have.
 
     Attributes
@@ -74,17 +74,17 @@ class Candidates:
     scores: Floats
     used: Bools
 
-    def joined(self, other: Candidates) -> Candidates:
+    def joined(self, other: PoseCandidates) -> PoseCandidates:
         """The best of both."""
         scores = np.concatenate([self.scores, other.scores])
         order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
         poses, used = np.concatenate([self.poses, other.poses]), np.concatenate([self.used, other.used])
-        return Candidates(poses[order], scores[order], used[order])
+        return PoseCandidates(poses[order], scores[order], used[order])
 
-    def without(self, points: Bools) -> Candidates:
+    def without(self, points: Bools) -> PoseCandidates:
         """The candidates that explain none of some points."""
         kept = ~(self.used & points).any(axis=1)
-        return Candidates(self.poses[kept], self.scores[kept], self.used[kept])
+        return PoseCandidates(self.poses[kept], self.scores[kept], self.used[kept])
 
 
 def find_pose(skeleton: PoseFilter, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
@@ -127,8 +127,8 @@ def find_pose(skeleton: PoseFilter, points: Floats, spacing: float) -> tuple[Flo
 
 
 def _limb_candidates(
-    skeleton: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
-) -> Candidates:
+    skeleton: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[PoseCandidates] | None = None
+) -> PoseCandidates:
     """Find poses of one limb in which points lie where its markers belong.
 
     Parameters
@@ -137,7 +137,7 @@ def _limb_candidates(
         As `find_pose`.
     limb : int
         Which limb.
-    neighbours : list of Candidates, optional
+    neighbours : list of PoseCandidates, optional
         Poses of all limbs: where they put the limb's joints counts like points, so that two markers can be enough.
     """
     own = np.flatnonzero(skeleton.carried & (skeleton.limb == limb))
@@ -152,13 +152,13 @@ def _limb_candidates(
         sources.extend([marks.offsets[list(triple)]] * len(matches))
         targets.append(matches)
     if not sources:
-        return Candidates(np.empty((0, 4, 4)), np.empty(0), np.empty((0, len(points)), dtype=np.bool_))
+        return PoseCandidates(np.empty((0, 4, 4)), np.empty(0), np.empty((0, len(points)), dtype=np.bool_))
     target = np.concatenate(targets)
     poses = fit_transform(np.array(sources), target, np.ones(target.shape[:2], dtype=np.bool_))
     scores, used = _scores(poses, skeleton.offsets[own], skeleton.deviation[own], points, spacing)
     order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
     order = order[scores[order] > 0]
-    return Candidates(poses[order], scores[order], used[order])
+    return PoseCandidates(poses[order], scores[order], used[order])
 
 
 def chance(spacing: float) -> float:
@@ -174,7 +174,7 @@ class _Marks:
     deviation: Floats
     targets: list[Floats]
 
-    def with_joints(self, skeleton: PoseFilter, limb: int, neighbours: list[Candidates]) -> _Marks:
+    def with_joints(self, skeleton: PoseFilter, limb: int, neighbours: list[PoseCandidates]) -> _Marks:
         """Add the limb's joints, which may be where the poses of its neighbours put them."""
         places, targets = [], []
         for joint, (parent, child) in enumerate(zip(skeleton.parents, skeleton.children, strict=True)):
@@ -239,7 +239,7 @@ def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, s
     return np.maximum(gain, 0.0).sum(axis=1), used
 
 
-def _best_combination(skeleton: PoseFilter, found: list[Candidates], spacing: float) -> Ints:
+def _best_combination(skeleton: PoseFilter, found: list[PoseCandidates], spacing: float) -> Ints:
     """Index of the chosen candidate of each limb, -1 where none fits, for the largest sum of scores."""
     totals = [np.concatenate([candidates.scores, [0.0]]) for candidates in found]  # the last one: no candidate
     choices: dict[int, Ints] = {}
@@ -256,7 +256,7 @@ def _best_combination(skeleton: PoseFilter, found: list[Candidates], spacing: fl
     return np.array([-1 if chosen[limb] == len(found[limb].scores) else chosen[limb] for limb in range(len(found))])
 
 
-def _conflict(found: list[Candidates], chosen: Ints) -> tuple[int, Bools]:
+def _conflict(found: list[PoseCandidates], chosen: Ints) -> tuple[int, Bools]:
     """The weaker of two limbs that explain the same point, -1 for none; and the points of the stronger one."""
     limbs = np.flatnonzero(chosen >= 0)
     if not len(limbs):

@@ -6,7 +6,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.online.learning import LearnedPose, Learner
 from skelgen.stages.labels.online.links import TrackLabels
 from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, MarkerHistory
-from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
+from skelgen.stages.labels.online.pose_filter import PoseFilter, PosePrediction
 from skelgen.stages.labels.online.pose_search import chance, find_group
 from skelgen.stages.labels.online.skeleton_labels import explained
 
@@ -79,7 +79,7 @@ class RigidLabels:
         self._votes: dict[tuple[int, int], int] = {}
         self._learner = Learner()
         self._learned: LearnedPose | None = None
-        self._prediction: Prediction | None = None
+        self._prediction: PosePrediction | None = None
         self._n_labels = 0
         self._frame = 0
         self._time = 0.0

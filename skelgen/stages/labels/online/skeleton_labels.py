@@ -5,7 +5,7 @@ import numpy as np
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.online.links import TrackLabels
-from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
+from skelgen.stages.labels.online.pose_filter import PoseFilter, PosePrediction
 from skelgen.stages.labels.online.pose_search import chance, find_pose
 
 ROUNDS = 2
@@ -148,7 +148,7 @@ def _nearest(points: Floats, followed: Ints, pose: PoseFilter) -> Ints:
 
 
 def _corrected(
-    points: Floats, labels: Ints, usable: Bools, prediction: Prediction, spacing: float
+    points: Floats, labels: Ints, usable: Bools, prediction: PosePrediction, spacing: float
 ) -> tuple[Ints, bool]:
     """Labels without those that do not fit and with those that do, and whether any changed."""
     corrected = labels.copy()
@@ -170,14 +170,14 @@ def _corrected(
     return corrected, bool((corrected != labels).any())
 
 
-def explained(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:
+def explained(points: Floats, prediction: PosePrediction, markers: Ints, spacing: float) -> Floats:
     """Log likelihood of points by some markers, over that by chance [nats], shape (n_points, n_markers); at least 0.
 
     Parameters
     ----------
     points : ndarray, shape (n_points, 3), mm
         Points.
-    prediction : Prediction
+    prediction : PosePrediction
         All markers.
     markers : ndarray of intp, shape (n_markers,)
         Which of them are compared.
