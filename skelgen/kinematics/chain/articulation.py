@@ -267,8 +267,8 @@ def _slices(sizes: list[int], first: int) -> list[slice]:
 
 
 def across(axis: Floats) -> Floats:
-    """Return two unit vectors across an axis, as columns, shape (3, 2)."""
-    return np.asarray(np.linalg.svd(axis[np.newaxis])[2][1:].T)
+    """Return two unit vectors across each axis, as columns, shape (..., 3, 2) from (..., 3)."""
+    return np.asarray(np.linalg.svd(axis[..., np.newaxis, :])[2][..., 1:, :].swapaxes(-1, -2))
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -12,7 +12,7 @@ where the sum runs over the joints b between the root and the limb. Turning limb
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -72,10 +72,7 @@ class Chain:
 
     def ancestry(self) -> Bools:
         """Return whether limb b is limb a or lies beyond it, shape (n_limbs a, n_limbs b)."""
-        below = np.eye(self.n_limbs, dtype=bool)
-        for limb in range(1, self.n_limbs):
-            below[:, limb] |= below[:, self.parents[limb]]
-        return below
+        return ancestry(self.parents.tolist())
 
     def arms(self) -> Floats:
         """Return the arm of each limb for each marker, in the limb's frame [mm], shape (n_markers, n_limbs, 3).
@@ -90,6 +87,20 @@ class Chain:
                 arms[marker, parent] = self.joints[beyond]
                 beyond = parent
         return arms
+
+
+def ancestry(parents: Sequence[int]) -> Bools:
+    """Return whether limb b is limb a or lies beyond it, shape (n_limbs a, n_limbs b).
+
+    Parameters
+    ----------
+    parents : sequence of int
+        Of each limb, before it in their order; of the first -1.
+    """
+    below = np.eye(len(parents), dtype=bool)
+    for limb in range(1, len(parents)):
+        below[:, limb] |= below[:, parents[limb]]
+    return below
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ the poses of a frame and the constants is called their coupling.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,7 +16,16 @@ from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE
 from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, residuals, rows, world_arms, writable
+from skelgen.kinematics.chain.chain import (
+    Chain,
+    ChainPoses,
+    ObservedChain,
+    ancestry,
+    residuals,
+    rows,
+    world_arms,
+    writable,
+)
 from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000
@@ -202,27 +212,35 @@ def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints
     articulation : Articulation
         What their joints allow.
     """
-    n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
-    below = chain.ancestry()
-    order = sorted(range(n_limbs), key=lambda limb: [int(one) for one in np.flatnonzero(below[:, limb])])
+    structure = tuple(chain.parents.tolist()), tuple(chain.limb_of_marker.tolist()), tuple(articulation.types)
+    limbs, places = _layout(*structure)
+    directions = np.zeros((chain.n_limbs, 2, 3))
+    tilted = limbs[:, N_TILTS] > 0
+    if tilted.any():
+        directions[tilted] = across(articulation.in_parent[tilted]).swapaxes(1, 2)
+    return Columns(limbs, directions.reshape(-1, 3)), places
+
+
+@lru_cache(maxsize=4)
+def _layout(parents: tuple[int, ...], limb_of_marker: tuple[int, ...], types: tuple[str, ...]) -> tuple[Ints, Ints]:
+    """Where constants stand by the structure alone, found once for all steps of a fit."""
+    n_limbs, n_offsets = len(parents), 3 * len(limb_of_marker)
+    below = ancestry(parents)
+    order = sorted(range(n_limbs), key=lambda limb: np.flatnonzero(below[:, limb]).tolist())
+    ends = n_offsets + 3 * (n_limbs - 1) + np.cumsum([AXIS_CONSTANTS[kind] for kind in types])
     own = []
-    for limb in range(n_limbs):
+    for limb, kind in enumerate(types):
         joint = np.arange(3) + n_offsets + 3 * (limb - 1) if limb else np.zeros(0, dtype=np.intp)
-        axes = articulation.constant_columns[limb]
-        tilts = np.arange(axes.start, axes.stop) + n_offsets + 3 * (n_limbs - 1)
-        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        tilts = np.arange(ends[limb] - AXIS_CONSTANTS[kind], ends[limb])
+        markers = np.flatnonzero(np.array(limb_of_marker) == limb)
         own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
     sizes = np.array([len(one) for one in own])
     limbs = np.zeros((n_limbs, 4), dtype=np.intp)
     limbs[:, ORDER] = order
     limbs[order, FIRST] = np.cumsum(sizes[order]) - sizes[order]
     limbs[:, LAST] = limbs[:, FIRST] + below @ sizes
-    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.types]
-    directions = np.zeros((n_limbs, 2, 3))
-    for limb in np.flatnonzero(limbs[:, N_TILTS]).tolist():
-        directions[limb] = across(articulation.in_parent[limb]).T
-    places = np.concatenate([own[limb] for limb in order]).astype(np.intp)
-    return Columns(limbs, directions.reshape(-1, 3)), places
+    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in types]
+    return limbs, np.concatenate([own[limb] for limb in order]).astype(np.intp)
 
 
 def normal_equations(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:
