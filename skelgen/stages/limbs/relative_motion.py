@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import rotation_by_quaternion
+from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 
 TEST_FRAMES = 150
@@ -221,8 +222,8 @@ def _displacements(shape: Floats) -> Floats:
     """Three translations and three small rotations of points, of like size, shape (3 n, 6)."""
     from_middle = shape - shape.mean(axis=0)
     size = float(np.sqrt((from_middle**2).sum(axis=1).mean())) or 1.0
-    rotations = np.cross(np.eye(3)[:, np.newaxis], from_middle / size)
-    translations = np.broadcast_to(np.eye(3)[:, np.newaxis], rotations.shape)
+    translations = np.broadcast_to(np.eye(3)[:, np.newaxis], (3, *shape.shape))
+    rotations = -cross_matrix(from_middle / size).transpose(2, 0, 1)  # its columns are v x e
     return np.concatenate([translations, rotations]).reshape(6, -1).T
 
 
