@@ -38,7 +38,7 @@ _Role = QPalette.ColorRole
 
 
 class _State(Enum):
-    """Of the result of a step."""
+    """State of the result of a step."""
 
     OPEN = "open"
     STALE = "stale"

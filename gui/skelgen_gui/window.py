@@ -50,7 +50,7 @@ _PART = 0.92  # of the screen's room that the window takes at most at first: the
 
 
 class Window(QMainWindow):
-    """The window.
+    """The main window.
 
     Parameters
     ----------

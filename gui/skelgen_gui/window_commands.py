@@ -246,7 +246,7 @@ _TEXT = Path(__file__).with_name("tutorial.md")
 
 
 class Tutorial(QTextBrowser):
-    """Shows the text.
+    """Shows the first steps.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ class ViewList(ValueTable):
 
 
 class VerdictLabel(QLabel):
-    """What a calibration is worth, or why there is none.
+    """The verdict on a calibration, or why there is none.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class FileField(QWidget):
 
 
 class SourceField(QComboBox):
-    """Where images come from: a text, with an example of each kind to choose.
+    """The field for the source of images: a text, with an example of each kind to choose.
 
     Parameters
     ----------

@@ -209,7 +209,7 @@ class RequestList(QWidget):
 
     @property
     def _request(self) -> JointRequest:
-        """What the fields say."""
+        """The values of the fields."""
         kind, start = self._types[self.kind.currentText()], self.start.text().strip()
         names = self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText()
         return JointRequest(*names, kind, start_from_text(start) if start else None)

@@ -145,7 +145,7 @@ class Pictures(QWidget):
 
 
 def _grid(count: int, ratio: float, size: tuple[int, int]) -> tuple[int, tuple[float, float]]:
-    """How many columns let pictures be largest, and the room for each."""
+    """Return the number of columns with which pictures are largest, and the room for each."""
     best, largest = (count, (1.0, 1.0)), 0.0
     for columns in range(count, 0, -1):
         rows = -(-count // columns)

@@ -213,7 +213,7 @@ class BodyTable(_ShotTable):
 
 
 class Notices(QListWidget):
-    """What the user should know, the newest first.
+    """Notices for the user, the newest first.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ class RoomStep(Step[WandShot]):
         self.save.setEnabled(is_free and self.found is not None)
 
     def _guide(self, progress: WandProgress) -> str:
-        """What is missing; that it is enough if nothing is."""
+        """Say what is missing, or that it is enough."""
         missing = progress.sentences()
         if progress.is_enough:
             missing = [self.tr("Enough: stop waving, and calibrate."), *missing]

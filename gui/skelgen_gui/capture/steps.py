@@ -1,4 +1,4 @@
-"""What the calibration steps have in common: a job collects images until it is told to stop, then calibrates."""
+"""The calibration steps share this: a job collects images until it is told to stop, then calibrates."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
@@ -198,7 +198,7 @@ _CalibrationT = TypeVar("_CalibrationT", bound=_Calibration)
 
 @dataclass(frozen=True)
 class Plan(Generic[_CollectorT, _CalibrationT, _ProgressT]):
-    """What a step does on another thread; made of what its form says, without widgets.
+    """The work of a calibration step on another thread, made from the values of its form, without widgets.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ _LETTERS = 10  # of marker sets that are called by long words
 
 
 class _State(NamedTuple):
-    """What the pane shows of a project."""
+    """The part of a project that the pane shows."""
 
     rows: tuple[MarkerRow, ...]
     questions: tuple[Question, ...]

@@ -1,4 +1,4 @@
-"""What the labels leave open, as a list of questions with their answers: what settles most comes first."""
+"""Open questions of the labels as a list with their answers: the question that settles most comes first."""
 
 from functools import partial
 

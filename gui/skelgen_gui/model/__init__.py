@@ -1,4 +1,4 @@
-"""What the window shows, in plain numbers and texts, without Qt: scene, camera, graph, matrix, lanes, curves.
+"""View models: what the window shows, in numbers and texts without Qt: scene, camera, graph, matrix, lanes, curves.
 
 Texts of the view models pass through `translate`, so that the window can have Qt translate them.
 """

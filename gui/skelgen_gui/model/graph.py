@@ -207,7 +207,7 @@ def place_words(
 
 
 def _touched(boxes: Floats, half: Floats, places: Floats) -> Floats:
-    """How many places lie in each box, given by middles and half sizes."""
+    """Count the places in each box, given by middles and half sizes."""
     inside = np.abs(places - boxes[:, np.newaxis]) < half
     return np.asarray(inside.all(axis=2).sum(axis=1), dtype=np.float64)
 

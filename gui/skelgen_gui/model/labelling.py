@@ -160,7 +160,7 @@ def _stretch(project: Project, marker: int, frame: int) -> Span:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the user may say to a question.
+    """An answer that the user can give to a question.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is known of every marker in every frame, as runs of frames, and the picture of these runs."""
+"""The state of every marker in every frame (seen, doubtful, missing ...), as runs of frames, and their picture."""
 
 import math
 from operator import attrgetter

@@ -52,7 +52,7 @@ class GapRow:
 
 @dataclass(frozen=True, eq=False)
 class FillPreview:
-    """What would be stated, and what comes of it.
+    """A filling or a smoothing that the user tries: its statement, and the positions that it gives.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ def _by_skeleton(trajectories: Trajectories, skeleton: Skeleton, motion: Motion)
 
 
 def _filled_part(filled: Filled, gap: tuple[int, int, int]) -> GapFill:
-    """What is filled of a gap: marker, first and last frame."""
+    """The part of a gap that is filled: marker, first and last frame."""
     marker, first, last = gap
     frames = np.arange(first, last + 1)
     frames = frames[filled.filled[frames, marker]]
@@ -261,7 +261,7 @@ def _previewed(values: Floats, std: Floats | None) -> Curve:
 
 
 def _path(project: Project, marker: int) -> Floats:
-    """Where a marker is, in gaps as the user states, shape (n_frames, 3)."""
+    """Positions of a marker, with gaps filled as the user states, shape (n_frames, 3)."""
     name = project.trajectories.names[marker]
     stated = [one for one in project.corrections if one.kind == "fill" and one.names[0] == name]
     positions = np.array(project.trajectories.positions[:, marker])
@@ -278,7 +278,7 @@ def _path(project: Project, marker: int) -> Floats:
 def _stated_parts(
     trajectories: Trajectories, of_skeleton: tuple[Skeleton, Motion] | None, marker: int, stated: tuple[Correction, ...]
 ) -> tuple[GapFill, ...]:
-    """What is stated for the gaps of a marker; kept, since every other curve needs it again."""
+    """The fillings that the user states for a marker; kept, since every other curve needs them again."""
     base = unfilled(trajectories) if of_skeleton is None else _by_skeleton(trajectories, *of_skeleton)
     filled, last = with_stated(base, list(stated)), trajectories.n_frames - 1
     return tuple(

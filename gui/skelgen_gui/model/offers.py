@@ -1,4 +1,4 @@
-"""What can be corrected of a selection: the entries of the menus of corrections."""
+"""Corrections that the user can make of a selection: the entries of the menus of corrections."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -175,7 +175,7 @@ def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -
 
 
 def _of_joint(project: Project, joint: int) -> list[Offer]:
-    """What can be said of a joint of the tree."""
+    """Corrections of a joint of the tree."""
     ends, words = ends_of_joint(project, joint), _words(project, project.topology.edges[joint].tolist())
     found = [Offer("part", ends, about=words)]
     if project.has("skeleton"):
@@ -185,7 +185,7 @@ def _of_joint(project: Project, joint: int) -> list[Offer]:
 
 
 def _of_pair(project: Project, selection: Selection) -> list[Offer]:
-    """What can be said of two limbs: of their joint if they have one, otherwise that they have one."""
+    """Corrections of two limbs: of their joint if they have one, otherwise the statement that they have one."""
     edges = [set(edge) for edge in project.topology.edges.tolist()]
     if set(selection.limbs) in edges:
         return _of_joint(project, edges.index(set(selection.limbs)))
@@ -199,7 +199,7 @@ def _of_pair(project: Project, selection: Selection) -> list[Offer]:
 
 
 def _words(project: Project, limbs: Iterable[int]) -> tuple[str, ...]:
-    """What limbs are called."""
+    """Names of limbs."""
     return tuple(limb_words(project, limb) for limb in sorted(limbs))
 
 

@@ -77,7 +77,7 @@ class Canvas:
 
 @dataclass(frozen=True)
 class FrameView:
-    """Which frame is painted, from where, and what of it.
+    """A picture to paint: its frame, the viewpoint, and the parts that are drawn.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a project holds in one frame, as arrays to draw.
+"""A project in one frame, as arrays to draw.
 
 Rows are taken when a frame is shown: opening a project costs nothing.
 """
@@ -101,7 +101,7 @@ class Scene:
 
     @cached_property
     def bones(self) -> Bones:
-        """Which lines make the bones; before the joints stage each limb is a star about its middle."""
+        """Lines that make the bones; before the joints stage each limb is a star about its middle."""
         edges = self.project.topology.edges if self.project.has("joints") else np.zeros((0, 2), dtype=np.intp)
         return find_bones(edges, self.limb_of_marker)
 

@@ -1,4 +1,4 @@
-"""What is selected, what lies under the pointer, and what a click selects."""
+"""The selection, the thing under the pointer, and the thing that a click selects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NO_MARKERS: frozenset[int] = frozenset()
 
 @dataclass(frozen=True)
 class Selection:
-    """What is selected.
+    """The selected markers, limbs and joint.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ def _nearest(distances: Floats, depths: Floats, reach: float) -> int | None:
 
 @dataclass(frozen=True)
 class Marked:
-    """What stands out.
+    """Markers, limbs and joints that are highlighted.
 
     Attributes
     ----------

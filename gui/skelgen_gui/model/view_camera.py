@@ -1,4 +1,4 @@
-"""What the 3-D view looks at, from where, and above which floor."""
+"""The camera of the 3-D view: its target, its viewpoint, and the floor beneath."""
 
 import math
 from dataclasses import dataclass, replace

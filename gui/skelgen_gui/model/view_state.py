@@ -24,7 +24,7 @@ MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
 
 @dataclass(frozen=True)
 class Shown:
-    """Which parts are drawn.
+    """The parts that are drawn.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class ViewState:
-    """What the window shows.
+    """The state of the window.
 
     Attributes
     ----------

@@ -199,7 +199,7 @@ _DISTANCE = 1000.0  # mm, to what is looked at, if nothing is seen
 
 @dataclass(frozen=True, eq=False)
 class ShownCamera:
-    """As much of a camera as is shown.
+    """A camera as the view draws it.
 
     Attributes
     ----------

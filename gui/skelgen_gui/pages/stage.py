@@ -44,7 +44,7 @@ _Outcome = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
 
 class StagePage(QWidget):
-    """One stage.
+    """The page of one stage.
 
     Parameters
     ----------

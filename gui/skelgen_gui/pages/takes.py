@@ -27,7 +27,7 @@ _OWN, _OF_PROJECT = "own", "project"
 
 @dataclass(frozen=True)
 class _Row:
-    """A take, and what became of it."""
+    """A take of a batch, and its outcome."""
 
     path: Path
     outcome: str = ""

@@ -1,4 +1,4 @@
-"""Which cameras took the recording that is open."""
+"""The cameras that took the open recording."""
 
 from collections.abc import Callable
 from functools import partial

@@ -20,7 +20,7 @@ _SELECTION = Qt.ItemDataRole.UserRole
 
 
 class ComparisonPanel(QWidget):
-    """What is the same in both results, and a line for all that is not; a click selects it.
+    """A panel that says how much is the same in both results, and lists each difference; a click selects it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every page is given, with the runner of stages, and the entry of a page in the table of pages."""
+"""The context that every page gets, with the runner of stages, and the entry of a page in the table of pages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HOME = "open"
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What pages read and change.
+    """The values that pages read and change.
 
     Attributes
     ----------

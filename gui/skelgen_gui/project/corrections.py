@@ -290,7 +290,7 @@ def _ask_frames(
 
 
 class CorrectionList(QWidget):
-    """What was corrected by hand.
+    """The corrections that the user made by hand.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from skelgen_gui.project.session import Session
 
 
 class _Step(QUndoCommand):
-    """From one project to another."""
+    """A step of undo: from one project to another."""
 
     def __init__(
         self, text: str, show: Callable[[Project], None], before: Project, after: Project, *, is_done: bool = False

@@ -1,4 +1,4 @@
-"""How a recording is opened: as its file says, with options, or from where it was moved to."""
+"""The dialog that opens a recording: as its file says, with options, or from the place to which it was moved."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ _WIDTH = 440  # px
 
 @dataclass(frozen=True)
 class Opening:
-    """What is opened, and how.
+    """A file to open, and how to read it.
 
     Attributes
     ----------

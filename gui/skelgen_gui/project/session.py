@@ -13,7 +13,7 @@ from skelgen_gui.model.selection import Selection, carried
 
 
 class Session(QObject):
-    """What the window shows.
+    """The open project, the frame that is shown, and the selection.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Session(QObject):
 
     @property
     def folder(self) -> Path | None:
-        """Where the project's file is, otherwise its recording; None if neither is known."""
+        """Path of the project's file, otherwise of its recording; None if neither is known."""
         if self._path is not None:
             return self._path.parent
         source = None if self._project is None else self._project.source
@@ -106,7 +106,7 @@ class Session(QObject):
 
     @property
     def selection(self) -> Selection:
-        """What is selected."""
+        """The selection."""
         return self._selection
 
     def open(self, project: Project, path: Path | None = None, *, is_saved: bool = True) -> None:

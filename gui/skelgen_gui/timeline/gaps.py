@@ -101,7 +101,7 @@ class GapTable(QTableView):
 
 
 class _Cutoff(QDoubleSpinBox):
-    """A frequency; to come to it is to ask what smoothing does."""
+    """The field of the cutoff; as it gets the focus, the window shows what smoothing does."""
 
     asked = Signal()
 

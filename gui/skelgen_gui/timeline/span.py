@@ -25,7 +25,7 @@ _PAN = 0.1  # of what is in sight, per notch
 
 
 class VisibleSpan(QObject):
-    """Which frames are in sight; frame f lies from f to f + 1.
+    """The frames that are in sight; frame f lies from f to f + 1.
 
     Parameters
     ----------

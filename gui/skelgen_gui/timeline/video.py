@@ -122,7 +122,7 @@ class VideoPane(QWidget):
 
     @property
     def kept(self) -> Mapping[str, Any]:
-        """What a project keeps: file, offset [s] and rate [Hz]; empty without a video."""
+        """The video as a project keeps it: file, offset [s] and rate [Hz]; empty without a video."""
         if self._video is None:
             return self._lost
         return {"path": str(self._video.path), "offset": self.offset.value(), "rate": self.rate.value()}

@@ -1,4 +1,4 @@
-"""What does not change while a take plays: background, floor grid, axes of the world."""
+"""Paint the parts that stay the same while a take plays: background, floor grid, axes of the world."""
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt

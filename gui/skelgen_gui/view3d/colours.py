@@ -25,7 +25,7 @@ MOST_SPRITES = 2000
 
 
 class Colours:
-    """What is painted in which colour.
+    """The colour of each thing that is painted.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Inks:
 
 
 class Style(Enum):
-    """What a ball looks like."""
+    """The look of a ball."""
 
     BALL = "ball"
     DOUBTFUL = "doubtful"

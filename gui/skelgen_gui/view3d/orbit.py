@@ -26,7 +26,7 @@ _WHEEL = 1.0012  # per eighth of a degree: a notch, 120, is 15 %
 
 
 class DragKind(Enum):
-    """What is going on while a button is down."""
+    """The act of a drag while a button is down."""
 
     CLICK = "click"
     """The pointer has not moved yet, or only trembled."""
@@ -36,7 +36,7 @@ class DragKind(Enum):
 
 
 class Drag:
-    """A button that is down.
+    """A drag of the mouse: the button that is down, and what it moves.
 
     Attributes
     ----------

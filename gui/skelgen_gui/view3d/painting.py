@@ -36,7 +36,7 @@ _SOLID, _CAP, _FLAT = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenCapS
 
 @dataclass(frozen=True, eq=False)
 class Brushes:
-    """What painting needs besides the picture.
+    """The tools of painting: all that it needs besides the picture.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ from skelgen_gui.view3d.painting import Brushes, Figure
 from skelgen_gui.widgets.painting import draw_lines
 
 NO_FRUSTUMS = np.zeros((0, 2, 3))
-"""What to paint of cameras if there are none."""
+"""No cameras: nothing of them is painted."""
 
 _AXIS_SHARE = 0.05  # of the size of what is seen: half the length of axes
 _OTHER_OPACITY = 0.5

@@ -37,7 +37,7 @@ _Modifier = Qt.KeyboardModifier
 
 
 class View3D(QWidget):
-    """What a session shows, in space.
+    """The 3-D view of a session.
 
     Dragging turns the view (right or middle button: shifts it), the wheel zooms at the pointer. A click selects what is
     under it, with control it is added or taken away; shift and drag selects the markers in a rectangle.

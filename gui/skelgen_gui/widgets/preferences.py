@@ -56,7 +56,7 @@ class PreferenceValues(StageParameters):
 
 
 class Preferences(QObject):
-    """What is kept between runs.
+    """Settings of the window that are kept between runs.
 
     Signals
     -------

@@ -300,7 +300,7 @@ _ROUND = 4.0  # px
 
 
 class FocusRing(QFocusFrame):
-    """Is where the focus is, while it is moved by keys.
+    """A ring around the widget that has the focus, shown while keys move it.
 
     Parameters
     ----------

@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
@@ -205,6 +206,22 @@ def _packed(chain: Chain) -> Floats:
 def level_of_tilts(chain: Chain) -> float:
     """Return how many mm^2 a tilt of 1 rad^2 is worth: it moves what is a limb away."""
     return max(3 * float((chain.offsets**2).mean()), 1.0)
+
+
+def turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:
+    """Return poses of all frames with the frames of limbs turned as a fit to some frames turned them.
+
+    Parameters
+    ----------
+    fit, before : ObservedChain
+        The fit to some frames, and what it began with.
+    poses : ChainPoses
+        Of all frames, as they were before.
+    """
+    after, earlier = (one.poses.rotations.swapaxes(0, 1).reshape(fit.chain.n_limbs, -1, 3) for one in (fit, before))
+    turn = nearest_rotation(earlier.swapaxes(1, 2) @ after)
+    rotations = fit.articulation.projected(fit.chain.parents, poses.rotations @ turn)
+    return ChainPoses(poses.root, rotations)
 
 
 def information_of(fit: ObservedChain, most: int) -> Floats:

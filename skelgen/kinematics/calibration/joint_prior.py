@@ -27,7 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix, nearest_rotation
+from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration.calibrate import (
     FREE_SHARE,
     STEP_FRAMES,
@@ -35,6 +35,7 @@ from skelgen.kinematics.calibration.calibrate import (
     FittedChain,
     information_of,
     level_of_tilts,
+    turned_like,
 )
 from skelgen.kinematics.calibration.joint_places import (
     NO_TAIL,
@@ -62,7 +63,7 @@ from skelgen.kinematics.calibration.mirrored_halves import (
     twin_residuals,
     twins,
 )
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain
+from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.model.arrays import Floats, Ints, spread_frames
@@ -164,7 +165,7 @@ def with_joint_prior(
     guess = _along_hinges(joints_of_body(_drawn_back(some, known.joints), limbs), known)
     state = _converged(_Weighed(FittedChain.of(guess), known, weight))
     chain, articulation = state.fit.chain, state.fit.articulation
-    start = _turned_like(state.fit, last.poses, some)
+    start = turned_like(state.fit, last.poses, some)
     poses = fit_poses(chain, start, last.positions, articulation, last.weights)
     better = replace(last, chain=chain, articulation=articulation, poses=poses)
     if not others:
@@ -376,14 +377,6 @@ def _direction(state: _Weighed, past: Sequence[tuple[Floats, Floats]], damping: 
 def _surprise(towards: Floats, tails: Floats) -> float:
     """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
     return float((tails**2 * np.log1p((towards / tails) ** 2)).sum())
-
-
-def _turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:
-    """Poses of all frames with limbs' frames turned as they were in a fit to some."""
-    after, earlier = (one.poses.rotations.swapaxes(0, 1).reshape(fit.chain.n_limbs, -1, 3) for one in (fit, before))
-    turn = nearest_rotation(earlier.swapaxes(1, 2) @ after)
-    rotations = fit.articulation.projected(fit.chain.parents, poses.rotations @ turn)
-    return ChainPoses(poses.root, rotations)
 
 
 def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
