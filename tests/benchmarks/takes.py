@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +20,7 @@ from skelgen.app.several_takes import calibrate_together
 from skelgen.app.subject import run_with_subject
 from skelgen.evaluation import evaluate
 from skelgen.simulation import find_structure, simulate
+from skelgen.stages.labels import LabelParameters, label_markers
 
 SEEDS = (1, 2, 3)
 OTHER_MOTION = 100  # added to the seed of the other take
@@ -37,6 +40,7 @@ RECORDINGS = (
     "wheelchair/walkingOptiTrack.c3d",
 )
 LONGEST = 1200  # frames of a half
+SHOWN = 1200  # frames of a recording of a person, of which halves are labelled by each other
 WANTED_IDF1 = 0.99
 WANTED_RECALL = 0.9  # of a recording's labels
 
@@ -46,7 +50,9 @@ def main() -> None:
     show_machine()
     show_known()
     show_together()
-    show_recordings(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[3] / "shared" / "data")
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[3] / "shared" / "data"
+    show_recordings(folder)
+    show_people(folder)
 
 
 def show_known() -> None:
@@ -132,6 +138,41 @@ def _recording(folder: Path, name: str) -> tuple[str, ...]:
         f"{seconds:.1f}",
         verdict(shares[0] >= WANTED_RECALL),
     )
+
+
+def show_people(folder: Path) -> None:
+    """Halves of recordings of people as clouds with gaps and ghosts, labelled by the skeletons of the other halves."""
+    path = folder.parent / "tools" / "score_bodies.py"
+    names = sorted(one.name.removesuffix(".truth.npz") for one in (folder / "bodies").glob("*.truth.npz"))
+    if not path.exists() or not names:
+        print(f"{path} or recordings of bodies are absent")
+        return
+    spec = importlib.util.spec_from_file_location("score_bodies", path)
+    score = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(score)
+    rows = [_half(score, name, is_first) for name in names for is_first in (True, False)]
+    columns = ("recording", "labelled half", "s of it", "IDF1", "by itself", "s", "")
+    show(f"People cut in two, names taken away (wanted IDF1: {WANTED_IDF1})", columns, rows)
+
+
+def _half(score, name: str, is_first: bool) -> tuple[str, ...]:
+    positions, rate, _ = score.load(name)
+    halves = np.array_split(positions[:SHOWN], 2)
+    new, other = halves if is_first else halves[::-1]
+    names = [f"M{marker:03d}" for marker in range(positions.shape[1])]
+    known = skelgen.reconstruct(skelgen.Trajectories(other, names, rate), seed=0)
+    cloud, who = score.scattered(new, rate, np.random.default_rng(0))
+    with tempfile.TemporaryDirectory() as scratch:
+        score.write_mfml(cloud, rate, Path(scratch) / "cloud.mfml")
+        take = skelgen.read(Path(scratch) / "cloud.mfml")
+    started = time.process_time()
+    fitted = run_with_subject(skelgen.Project(take), known)
+    seconds = time.process_time() - started
+    both = fitted.trajectories, label_markers(take, LabelParameters())[0]
+    figures = [score.identity(np.asarray(one.positions), cloud, who, len(names))[0] for one in both]
+    half = "first" if is_first else "second"
+    idf1 = (f"{figure:.4f}" for figure in figures)
+    return name, half, f"{len(new) / rate:.1f}", *idf1, f"{seconds:.1f}", verdict(figures[0] >= WANTED_IDF1)
 
 
 def _without_names(take: skelgen.Trajectories) -> skelgen.PointCloud:
