@@ -7,6 +7,7 @@ of kernels are run with, to 0.68, the newest.
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 
@@ -71,17 +72,30 @@ def remembering_compiler() -> Any:
 
 
 @cache
+def _kernel_library() -> Any:
+    """Return what becomes machine code: functions that a module only names, as those of Python, are not optimised."""
+    from numba.core import codegen  # noqa: PLC0415 - half a second
+
+    library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
+
+    class KernelLibrary(library_base):  # type: ignore[misc]
+        def _optimize_functions(self, module: Any) -> None:
+            module.data_layout = self._codegen._data_layout
+            defined = [function for function in module.functions if not function.is_declaration]
+            super()._optimize_functions(SimpleNamespace(functions=defined))
+
+    return KernelLibrary
+
+
+@cache
 def _part_library() -> Any:
     """Return what is no machine code yet: a part becomes that within its kernel only.
 
     numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
     that the part is linked into.
     """
-    from numba.core import codegen  # noqa: PLC0415 - half a second
 
-    library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
-
-    class PartLibrary(library_base):  # type: ignore[misc]
+    class PartLibrary(_kernel_library()):  # type: ignore[misc]
         def finalize(self) -> None:
             for library in dict.fromkeys(self._linking_libraries):
                 self._reload_init.update(library._reload_init)
@@ -127,7 +141,7 @@ def plain_compiler() -> Any:
         typed_passes.NopythonRewrites,
         typed_passes.NoPythonSupportedFeatureValidation,
     )
-    last_uses = typed_passes.IRLegalization
+    last_uses, library = typed_passes.IRLegalization, _kernel_library()
 
     class PlainCompiler(remembering_compiler()):  # type: ignore[misc]
         def __init__(self, typing_context: Any, target_context: Any, *others: Any) -> None:
@@ -135,6 +149,9 @@ def plain_compiler() -> Any:
             self.state.targetctx.__class__ = _plain_context()  # of a copy that was made for this function
 
         def define_pipelines(self) -> Any:
+            if self.state.library is None:
+                self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+                self.state.library.enable_object_caching()
             left_out = unneeded if self.state.flags.nrt else (*unneeded, last_uses)
             return [_without(left_out, passes) for passes in super().define_pipelines()]
 
@@ -143,20 +160,32 @@ def plain_compiler() -> Any:
 
 @cache
 def _plain_context() -> Any:
-    """Return numba's target context, but that it knows at once that no array stands in for another.
+    """Return numba's target context, but that it knows at once that no array stands in for another, and keeps sizes.
 
     numba would look for a function that gives the array behind each array that is read, and read all its registries
-    again as there is none.
+    again as there is none; and have LLVM compile a module to learn how many bytes a number takes.
     """
     from numba.core import registry  # noqa: PLC0415 - half a second
 
     context_base: Any = type(registry.cpu_target.target_context)
+    sizes: dict[Any, int] = {}
+    alignments: dict[Any, int] = {}
 
     class PlainContext(context_base):  # type: ignore[misc]
         def get_function(self, function: Any, signature: Any, **others: Any) -> Any:
             if isinstance(function, str) and function == "__array__":
                 raise NotImplementedError
             return super().get_function(function, signature, **others)
+
+        def get_abi_sizeof(self, kind: Any) -> int:
+            if kind not in sizes:
+                sizes[kind] = super().get_abi_sizeof(kind)
+            return sizes[kind]
+
+        def get_abi_alignment(self, kind: Any) -> int:
+            if kind not in alignments:
+                alignments[kind] = super().get_abi_alignment(kind)
+            return alignments[kind]
 
     return PlainContext
 
