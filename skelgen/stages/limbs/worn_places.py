@@ -49,8 +49,9 @@ ENOUGH_MARKERS = 30
 MOTION_COUNTS = 0.5
 """Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
 
-PART_OF_PLACES = 2 / 3
-"""What places that are believed say of a pair beside a set that is believed."""
+PART_OF_PLACES, OF_PARTING = 2 / 3, 0.5
+"""What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
+markers: these are easily mistaken for neighbours beyond a joint."""
 
 MIRRORED = 0.5
 """Part of the word of a pair that its mirror image has, where places are believed: both sides have the same limbs."""
@@ -94,6 +95,7 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     belief = belief_in_places(match, worn, by_motion)
     share = PART_OF_PLACES * doubt * belief
     by_places = pair_odds(match, worn, n_markers, STRENGTH)
+    by_places[by_places < 0] *= OF_PARTING
     mirrored = MIRRORED * belief * (_of_mirror_images(match, worn, by_motion) - by_motion)
     return np.asarray((1.0 - share) * odds + share * by_places + mirrored)
 
