@@ -90,7 +90,8 @@ class LimbParameters(StageParameters):
     )
     flexibility: float = declare(
         0.02,
-        "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb",
+        "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb; "
+        "0: no limb bends, and what is known of soft bodies is not used",
         within=(0.0, 1.0),
         acts_with="method=rigidity",
         basic=True,

@@ -214,7 +214,7 @@ class _Grouping:
         return self._constrained(majority(votes), deviations.steady)
 
     def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
-        """Revise the limbs of soft bodies by what all pairs of markers say, unless their number is given.
+        """Revise the limbs of soft bodies by what all pairs of markers say, unless their number is given or none bends.
 
         Parameters
         ----------
@@ -225,7 +225,8 @@ class _Grouping:
         deviations : Deviations
             Of distances over these frames.
         """
-        is_open = self._parameters.method == "rigidity" and self._n_limbs is None
+        may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
+        is_open = may_bend and self._n_limbs is None
         if is_open and is_soft(groups, deviations):
             with_sets = self._parameters.marker_set != "none"
             groups = revised(groups, self._positions[frames], self._constraints, with_sets=with_sets)
