@@ -6,17 +6,8 @@ from skelgen.kinematics.calibration.known_body import KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.worn_places import ENOUGH_MARKERS, STARTS, belief_in_places, nearest_places
-from skelgen.stages.limbs.worn_sets import (
-    MARKER_DOES_NOT,
-    NOT_WORN,
-    Match,
-    WornSet,
-    belief_in_set,
-    fitting_sets,
-    nearest_set,
-    shape_of,
-)
+from skelgen.stages.limbs.worn_places import believed_places, believed_set
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, WornSet, nearest_set
 
 AGREED = 0.8
 """Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
@@ -87,24 +78,20 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
         The limb of each, numbered without holes; -1 for those on none.
     """
     odds = np.zeros((limb_of_marker.max() + 1,) * 2)
-    found, on_limb = fitting_sets(positions), limb_of_marker >= 0
-    if not found:
-        return odds
-    own = limb_of_marker[:, np.newaxis] == limb_of_marker
+    on_limb, own = limb_of_marker >= 0, limb_of_marker[:, np.newaxis] == limb_of_marker
     by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
     np.fill_diagonal(by_limbs, 0.0)
-    match, worn = found[0]
-    belief = belief_in_set(match, worn, by_limbs)
-    if belief < 1 and len(own) >= ENOUGH_MARKERS:
-        at_places = nearest_places(shape_of(positions), found[:STARTS], by_limbs)
-        belief_of_places = belief_in_places(*at_places, by_limbs)
-        if belief_of_places > belief:
-            (match, worn), belief = at_places, belief_of_places
-    if belief > 0:
-        segments = _segments_of_limbs(match, worn, limb_of_marker)
-        joined = _joined_segments(usual_person(worn.name).parents, segments)
+    best = believed_set(positions, by_limbs)
+    if best is None:
+        return odds
+    places = believed_places(positions, by_limbs) if best.belief < 1 else None
+    if places is not None and places.belief > best.belief:
+        best = places
+    if best.belief > 0:
+        segments = _segments_of_limbs(best.match, best.worn, limb_of_marker)
+        joined = _joined_segments(usual_person(best.worn.name).parents, segments)
         known = (segments[:, np.newaxis] >= 0) & (segments >= 0)
-        odds[known] = belief * np.where(joined, NEIGHBOURS, -NEIGHBOURS)[known]
+        odds[known] = best.belief * np.where(joined, NEIGHBOURS, -NEIGHBOURS)[known]
         np.fill_diagonal(odds, 0.0)
     return odds
 

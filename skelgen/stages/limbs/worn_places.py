@@ -8,6 +8,7 @@ fit best, beginning with the sets that fit best. A place that is taken on one si
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from skelgen.stages.limbs.worn_sets import (
     agreement,
     belief_in_set,
     fitting_sets,
+    nearest_set,
     part_of,
     shape_of,
 )
@@ -71,6 +73,25 @@ def worn_places() -> WornSet:
         return WornSet(EVERY_PLACE, mean, spread, table["segments"].astype(np.intp), tuple(table["markers"].tolist()))
 
 
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """What markers are taken for: those of a set, or those at usual places.
+
+    Attributes
+    ----------
+    match : Match
+        How they fit.
+    worn : WornSet
+        The set, or all places.
+    belief : float
+        How far to believe it, 0 to 1.
+    """
+
+    match: Match
+    worn: WornSet
+    belief: float
+
+
 def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     """Return the log odds that two markers share a limb by what is worn, shape (n_markers, n_markers).
 
@@ -83,57 +104,68 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    found = fitting_sets(positions)
-    if not found:
+    of_set = believed_set(positions, by_motion)
+    if of_set is None:
         return np.zeros(by_motion.shape)
-    (match, worn), n_markers = found[0], len(by_motion)
-    odds = belief_in_set(match, worn, by_motion) * pair_odds(match, worn, n_markers, STRENGTH)
-    doubt = 1.0 - float(part_of(match.misfit, BEYOND_DOUBT, DOUBTFUL))
-    if doubt == 0.0 or n_markers < ENOUGH_MARKERS:
+    odds = of_set.belief * _pair_odds(of_set, len(by_motion))
+    doubt = 1.0 - float(part_of(of_set.match.misfit, BEYOND_DOUBT, DOUBTFUL))
+    places = believed_places(positions, by_motion) if doubt > 0.0 else None
+    if places is None:
         return odds
-    match, worn = nearest_places(shape_of(positions), found[:STARTS], by_motion)
-    belief = belief_in_places(match, worn, by_motion)
-    share = PART_OF_PLACES * doubt * belief
-    by_places = pair_odds(match, worn, n_markers, STRENGTH)
+    share = PART_OF_PLACES * doubt * places.belief
+    by_places = _pair_odds(places, len(by_motion))
     by_places[by_places < 0] *= OF_PARTING
-    mirrored = MIRRORED * belief * (_of_mirror_images(match, worn, by_motion) - by_motion)
+    mirrored = MIRRORED * places.belief * (_of_mirror_images(places.match, by_motion) - by_motion)
     return np.asarray((1.0 - share) * odds + share * by_places + mirrored)
 
 
-def belief_in_places(match: Match, places: WornSet, by_motion: Floats) -> float:
-    """Return how far to believe that markers are at places, 0 to 1; see `belief_in_set`."""
+def believed_set(positions: Floats, by_motion: Floats) -> Believed | None:
+    """Return the set that fits markers best, or None if all have far more or fewer markers.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        Log odds that two markers share a limb, which bear a set out or contradict it.
+    """
+    found = nearest_set(positions)
+    return None if found is None else Believed(*found, belief_in_set(*found, by_motion))
+
+
+def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
+    """Return the usual places that fit markers best, or None if there are too few markers to tell, or no set is near.
+
+    Parameters
+    ----------
+    positions, by_motion
+        As for `believed_set`.
+    """
+    sets = fitting_sets(positions)
+    if not sets or len(by_motion) < ENOUGH_MARKERS:
+        return None
+    match, places = nearest_places(shape_of(positions), sets[:STARTS], by_motion)
     is_borne_out = part_of(agreement(match, places, by_motion), PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT)
-    return float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out)
+    return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out))
 
 
-def _of_mirror_images(match: Match, places: WornSet, by_motion: Floats) -> Floats:
+def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:
     """What motion says of the pair that mirrors each; of the pair itself where one of its markers has no image."""
-    marker_at = np.full(len(places.segments), -1)
+    mirrored = _mirror_images()
+    marker_at = np.full(len(mirrored), -1)
     marker_at[match.of_set] = match.markers
     image = np.full(len(by_motion), -1)
-    image[match.markers] = marker_at[_mirror_images(places)[match.of_set]]
+    image[match.markers] = marker_at[mirrored[match.of_set]]
     has_image = image >= 0
     known = has_image[:, np.newaxis] & has_image & (by_motion[np.ix_(image, image)] != 0)
     return np.where(known, by_motion[np.ix_(image, image)], by_motion)
 
 
-def pair_odds(match: Match, worn: WornSet, n_markers: int, strength: float) -> Floats:
-    """Return the log odds that two markers share a limb by a set that is worn, shape (n_markers, n_markers).
-
-    Parameters
-    ----------
-    match : Match
-        How markers fit it.
-    worn : WornSet
-        The set.
-    n_markers : int
-        Of the take.
-    strength : float
-        Log odds of a pair that fits.
-    """
-    odds, segments = np.zeros((n_markers, n_markers)), worn.segments[match.of_set]
-    fits = part_of(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
-    signs = np.where(segments[:, np.newaxis] == segments, strength, -strength)
+def _pair_odds(believed: Believed, n_markers: int) -> Floats:
+    """The log odds that two markers share a limb, if what they are taken for is true, (n_markers, n_markers)."""
+    match, segments = believed.match, believed.worn.segments[believed.match.of_set]
+    odds, fits = np.zeros((n_markers, n_markers)), part_of(match.misfits, MARKER_FITS, MARKER_DOES_NOT)
+    signs = np.where(segments[:, np.newaxis] == segments, STRENGTH, -STRENGTH)
     odds[np.ix_(match.markers, match.markers)] = signs * np.minimum(fits[:, np.newaxis], fits)
     np.fill_diagonal(odds, 0.0)
     return odds
@@ -156,10 +188,10 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     places = worn_places()
     wide = 2.0 * np.log(places.spread.distances) + 2.0 * MOTION_WEIGHT * np.log(places.spread.motions)
     wide = WIDE * np.nan_to_num(wide - np.nanmedian(wide))
-    mirrored, alike = _mirror_images(places), places.segments[:, np.newaxis] == places.segments
+    mirrored, alike = _mirror_images(), places.segments[:, np.newaxis] == places.segments
     best, visited = None, set()
     for match, worn in sets:
-        markers, taken = match.markers, _places_of(worn, places)[match.of_set]
+        markers, taken = match.markers, _places_of(worn)[match.of_set]
         for _ in range(ROUNDS):
             matched = markers.tobytes() + taken.tobytes()
             if matched in visited:  # another search went on from here, or this one stands still
@@ -187,15 +219,17 @@ def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Float
     return SetComparison(Shape(shape.distances - size, shape.motions), places).misfits(markers, taken)
 
 
-def _mirror_images(places: WornSet) -> Ints:
+@cache
+def _mirror_images() -> Ints:
     """The place that mirrors each; those in the middle mirror themselves."""
-    other = {"L ": "R ", "R ": "L "}
-    return np.array([places.markers.index(other.get(name[:2], name[:2]) + name[2:]) for name in places.markers])
+    other, names = {"L ": "R ", "R ": "L "}, worn_places().markers
+    return np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
 
 
-def _places_of(worn: WornSet, places: WornSet) -> Ints:
+@cache
+def _places_of(worn: WornSet) -> Ints:
     """The places of a set's markers, shape (n_markers,)."""
-    number = {name: index for index, name in enumerate(places.markers)}
+    number = {name: index for index, name in enumerate(worn_places().markers)}
     place_at = {(one.limb, *one.offset): number.get(one.name, -1) for one in worn_markers(EVERY_PLACE)}
     of_marker = {one.name: place_at[(one.limb, *one.offset)] for one in worn_markers(worn.name)}
     return np.array([of_marker[name] for name in worn.markers])
