@@ -22,6 +22,7 @@ _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _LOOKED_AT = 1 << 20  # bytes looked at at once: what stays in the processor's cache
 _LINE_END, _PARTING = 10, str.maketrans(",;", "  ")
 _SHORT = 0.5  # of the usual length of a line: only shorter ones may hold nothing
+_LEAST_LINE = 16  # bytes a line, line end included, in the mean: the index of shorter ones would outgrow the text
 
 
 @dataclass
@@ -125,13 +126,14 @@ class Lines(Sequence[str]):
     encoding : str
         Of the text.
     sample : Sample, optional
-        Which `rows` are wanted; all if left out.
+        Which `rows` are wanted; all if left out, or if lines are shorter than those of any table, as blank ones are.
     """
 
     def __init__(self, path: Path, content: bytes, encoding: str, sample: Sample | None = None) -> None:
-        self._path, self._content, self._encoding, self._sample = path, content, encoding, sample
-        self._lines = LineIndex(content) if sample else None
+        self._path, self._content, self._encoding = path, content, encoding
         self._length = content.count(b"\n") + 1
+        self._sample = sample if self._length * _LEAST_LINE <= len(content) else None
+        self._lines = LineIndex(content) if self._sample else None
         self._index, self._start = 0, 0  # of the line that was asked for last
 
     def __len__(self) -> int:

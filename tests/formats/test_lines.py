@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from skelgen_formats.lines import Sample
@@ -11,6 +13,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 
 N_FRAMES, N_MARKERS, MOST = 700, 5, 40
+FOUR_TIMES = 4  # the memory of a reader in sizes of its file, as docs/bad-input.md states
 NAMES = tuple(f"M{number}" for number in range(N_MARKERS))
 
 
@@ -126,6 +129,18 @@ def test_blank_lines_are_no_frames(positions, tmp_path):
     path, sample = made("trc", positions, tmp_path), small_sample()
     path.write_text(path.read_text().replace("\n300\t", "\n\n \t\n\f\n300\t") + "\n\n\n", encoding="utf-8")
     assert read_take(path, sample=sample).n_frames + sample.n_left_out == N_FRAMES
+
+
+def test_text_of_blank_lines_is_counted_in_memory_of_its_size(positions, tmp_path):
+    path, n_blank = made("trc", positions, tmp_path), 2_000_000
+    path.write_bytes(path.read_bytes() + b"\n" * n_blank)
+    tracemalloc.start()
+    try:
+        sample = small_sample()
+        assert read_take(path, sample=sample).n_frames + sample.n_left_out == N_FRAMES
+        assert tracemalloc.get_traced_memory()[1] < FOUR_TIMES * n_blank
+    finally:
+        tracemalloc.stop()
 
 
 def test_long_line_of_blanks_among_the_sampled_is_left_out(positions, tmp_path):
