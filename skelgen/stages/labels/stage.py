@@ -166,12 +166,7 @@ def refit_labels(
     task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, None, 0)
     before = marker_of_point.astype(np.int32)
     found = _refined(task, tracks.astype(np.int32), before, monitor)
-    together = point_labels.counts_together(before, found)[1:, 1:]
-    rows, columns = linear_sum_assignment(together, maximize=True)
-    same = np.full(together.shape[1] + 1, -1, dtype=np.intp)
-    same[columns] = np.where(together[rows, columns] > 0, rows, -1)
-    after = same[found]
-    n_markers = len(together)
+    after, n_markers = _numbered_as(marker_of_point, found), int(before.max(initial=-1)) + 1
     best, chance = _evidence(task, before)
     best, chosen = best + chance, marker_of_point
     for labels in (after, point_labels.filled_labels(cloud, [marker_of_point, after], n_markers)):
@@ -302,11 +297,16 @@ def _on_limbs(task: LabelTask, pieces: TrackletPoints, found: Ints) -> Ints:
 
 def _filled(task: LabelTask, labels: Ints, found: Ints) -> Ints:
     """Labels of pieces, with points between them as they were found: of the markers that have most in common."""
-    together = point_labels.counts_together(found, labels)[1:, 1:]
+    return point_labels.one_point_a_frame(task.cloud, np.where(labels < 0, _numbered_as(labels, found), labels))
+
+
+def _numbered_as(labels: Ints, other: Ints) -> Ints:
+    """Other labels by the numbers of the markers with which theirs have most points in common, -1 where none has."""
+    together = point_labels.counts_together(labels, other)[1:, 1:]
     rows, columns = linear_sum_assignment(together, maximize=True)
-    same = np.full(len(together) + 1, -1, dtype=labels.dtype)
-    same[rows] = columns
-    return point_labels.one_point_a_frame(task.cloud, np.where(labels < 0, same[found], labels))
+    same = np.full(together.shape[1] + 1, -1, dtype=labels.dtype)
+    same[columns] = np.where(together[rows, columns] > 0, rows, -1)
+    return same[other]
 
 
 def _grouped(task: LabelTask, tracklets: TrackletPoints, group: Ints) -> Ints:
