@@ -68,6 +68,12 @@ class WriteError(SkelgenError):
     """A file cannot be written: no rights, disk full, or a format that cannot hold the value."""
 
 
+class ReaderGoneError(SkelgenError):
+    """Nobody reads the standard output any more, as after ``| head -1``: the command ends without a word."""
+
+    exit_code = 141  # that of programs which the signal SIGPIPE ends
+
+
 class MissingPackageError(SkelgenError):
     """A package of an extra is not installed; the sentence says how to install it."""
 

@@ -4,16 +4,12 @@ A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation
 :math:`\delta` of the bodies about the world's axes rotate it by :math:`R_p^T (\delta_c - \delta_p)`.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import slopes_of_camera
 from skelgen.capture.optics import in_image, project, projection_jacobian
-from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import N_CAMERA_STD, BodyTarget, StereoRig, TargetJoint
+from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 
 
 def point_covariances(rig: StereoRig, points: Floats) -> Floats:
@@ -36,38 +32,6 @@ def point_covariances(rig: StereoRig, points: Floats) -> Floats:
     """
     slope = np.concatenate([projection_jacobian(rig.left, points), projection_jacobian(rig.right, points)], axis=-2)
     return rig.noise**2 * _inverse_where_finite(np.swapaxes(slope, -1, -2) @ slope)
-
-
-def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
-    """Return the covariance of points by the errors of the cameras' calibration, which are the same in all frames.
-
-    Parameters
-    ----------
-    rig : StereoRig
-        With the covariance of its numbers.
-    points : ndarray, shape (n, 3), mm
-        In the world, before both cameras.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 3), mm^2
-
-    Raises
-    ------
-    InputError
-        If the rig does not know its covariance.
-    """
-    if rig.covariance is None:
-        raise InputError("these cameras have no covariance: calibrate them again")
-    to_left = rig.left.camera_from_world
-    in_left = points @ to_left[:3, :3].T + to_left[:3, 3]
-    eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
-    (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
-    by_point = np.concatenate([left, right], axis=1)
-    by_numbers = np.zeros((len(points), 4, len(rig.covariance)))
-    by_numbers[:, :2, :N_CAMERA_STD], by_numbers[:, 2:, N_CAMERA_STD:] = by_left, by_right
-    moved = to_left[:3, :3].T @ np.linalg.pinv(by_point) @ by_numbers
-    return np.asarray(moved @ rig.covariance @ np.swapaxes(moved, 1, 2))
 
 
 def seen_by_both(rig: StereoRig, points: Floats) -> Bools:

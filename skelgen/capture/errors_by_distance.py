@@ -1,14 +1,14 @@
 """Errors of a rig against the distance from it, as in Gaschler (2011), figures 6.1 to 6.4."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.capture.calibration.bundle_adjustment import slopes_of_camera
 from skelgen.capture.error_propagation import (
     HINGE,
     angle_covariance,
-    calibration_covariances,
     point_covariances,
     pose_covariances,
     seen_by_both,
@@ -17,7 +17,7 @@ from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
+from skelgen.model.rig import N_CAMERA_STD, BodyTarget, CaptureSettings, StereoRig, TargetJoint
 
 WORKING_DISTANCES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1250.0, 1500.0, 1750.0, 2000.0, 2500.0, 3000.0)
 """Distances [mm] of the working space of Gaschler (2011)."""
@@ -153,6 +153,38 @@ def _of_calibration(rig: StereoRig, places: Floats) -> ErrorCurve:
     return ErrorCurve(
         "place, by the cameras' calibration", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances))
     )
+
+
+def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
+    """Return the covariance of points by the errors of the cameras' calibration, which are the same in all frames.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        With the covariance of its numbers.
+    points : ndarray, shape (n, 3), mm
+        In the world, before both cameras.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3), mm^2
+
+    Raises
+    ------
+    InputError
+        If the rig does not know its covariance.
+    """
+    if rig.covariance is None:
+        raise InputError("these cameras have no covariance: calibrate them again")
+    to_left = rig.left.camera_from_world
+    in_left = points @ to_left[:3, :3].T + to_left[:3, 3]
+    eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
+    (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
+    by_point = np.concatenate([left, right], axis=1)
+    by_numbers = np.zeros((len(points), 4, len(rig.covariance)))
+    by_numbers[:, :2, :N_CAMERA_STD], by_numbers[:, 2:, N_CAMERA_STD:] = by_left, by_right
+    moved = to_left[:3, :3].T @ np.linalg.pinv(by_point) @ by_numbers
+    return np.asarray(moved @ rig.covariance @ np.swapaxes(moved, 1, 2))
 
 
 def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[ErrorCurve]:

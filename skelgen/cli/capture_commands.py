@@ -15,7 +15,7 @@ import typer
 
 from skelgen.cli.options import AsJson, Quiet
 from skelgen.cli.screen import Screen, can_open_windows
-from skelgen.errors import InputError
+from skelgen.errors import InputError, ReaderGoneError
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -65,7 +65,6 @@ def motion_capture(
     from skelgen.app.room import read_rig_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.cli.capture_terminal import CaptureColumns, watched_interrupt, watched_keys
-    from skelgen.cli.process import ReaderGoneError
     from skelgen.model.rig import RoomSettings
 
     rig = read_rig_settings(settings)

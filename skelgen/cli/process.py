@@ -18,18 +18,12 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import TextIO
 
-from skelgen.errors import SkelgenError, WriteError
+from skelgen.errors import ReaderGoneError, WriteError
 from skelgen.interrupts import ENDING, remove_unfinished
 
 _GRACE = 10.0  # s in which an interrupted command gives back what it holds
 _SENTENCE = "skelgen: interrupted"
 _SHOW_CURSOR = b"\x1b[?25h"  # which a bar hides
-
-
-class ReaderGoneError(SkelgenError):
-    """Nobody reads the standard output any more, as after ``| head -1``: the command ends without a word."""
-
-    exit_code = 141  # that of programs which the signal SIGPIPE ends
 
 
 def run_process() -> int:

@@ -8,12 +8,12 @@ import pytest
 from skelgen.capture.bodies.finder import find_bodies
 from skelgen.capture.error_propagation import (
     angle_covariance,
-    calibration_covariances,
     point_covariances,
     pose_covariances,
 )
 from skelgen.capture.errors_by_distance import (
     ARM,
+    calibration_covariances,
     errors_by_distance,
     typical_joints,
     typical_target,

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol, Self
 
 from skelgen.capture.room.values import FrameSet
+from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
 from skelgen.capture.sources.pairs import LiveCamera, Shot
-from skelgen.capture.sources.table import CameraOptions, FireWireOptions, GenicamOptions, SourceText
 from skelgen.errors import CaptureError
 
 Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]

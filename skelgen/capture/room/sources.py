@@ -36,7 +36,7 @@ from skelgen.capture.room.values import FrameSet
 from skelgen.capture.simulated_rig import board_image, render_view
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.capture.sources.images import natural_order
-from skelgen.capture.sources.table import FileOptions, SourceText, VideoOptions, parse_source
+from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
 from skelgen.capture.sources.video import next_image
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError, FormatError, InputError

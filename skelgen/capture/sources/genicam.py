@@ -6,8 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Shot
-from skelgen.capture.sources.table import GenicamOptions
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError
 

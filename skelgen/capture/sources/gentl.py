@@ -11,8 +11,8 @@ from typing import Any
 
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
+from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
-from skelgen.capture.sources.table import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"

@@ -9,8 +9,8 @@ from typing import Any
 
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
+from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
-from skelgen.capture.sources.table import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError
 
 _EXAMPLE = "gige:10.0.0.2,10.0.0.3"

@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
+from skelgen.capture.sources.options import FileOptions
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.table import FileOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol, Self
 
-from skelgen.capture.sources.table import CameraOptions
+from skelgen.capture.sources.options import CameraOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError
 

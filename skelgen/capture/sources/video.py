@@ -7,8 +7,8 @@ from typing import Any, Self
 import numpy as np
 
 from skelgen.capture.images import opencv
+from skelgen.capture.sources.options import VideoOptions
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.sources.table import VideoOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 

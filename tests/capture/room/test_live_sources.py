@@ -7,8 +7,8 @@ import pytest
 
 from skelgen.capture.room.live_sources import LiveSets, run_together
 from skelgen.capture.room.sources import open_room_source
+from skelgen.capture.sources.options import CameraOptions
 from skelgen.capture.sources.pairs import Shot
-from skelgen.capture.sources.table import CameraOptions
 from skelgen.errors import CaptureError
 
 RATE = 100.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, grey
+from skelgen.capture.sources.options import CameraOptions
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
-from skelgen.capture.sources.table import CameraOptions
 from skelgen.errors import CaptureError
 
 RATE = 50.0

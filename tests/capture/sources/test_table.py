@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from skelgen.capture.sources import SOURCES, open_source
-from skelgen.capture.sources.table import parse_source
+from skelgen.capture.sources.options import parse_source
 from skelgen.errors import CaptureError, InputError, ParameterError
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from skelgen.capture.sources.firewire import library as dc
 from skelgen.capture.sources.firewire.camera import FireWireCamera, Modes, Setting
+from skelgen.capture.sources.options import FireWireOptions, check_two_cameras
 from skelgen.capture.sources.pairs import LivePairs, OpenPair
-from skelgen.capture.sources.table import FireWireOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "firewire:00accef000001000,00accef000001001"
