@@ -92,12 +92,13 @@ class Job:
         data = dataclasses.asdict(self)
         options = {name: value for name, value in data.pop("options").items() if value != ()}
         subjects = data.pop("subjects")  # one stands by itself, as in batches of earlier versions
-        return data | {"wishes": options, "skeleton": subjects if len(subjects) > 1 else next(iter(subjects), None)}
+        return data | {"options": options, "skeleton": subjects if len(subjects) > 1 else next(iter(subjects), None)}
 
     @property
     def fingerprint(self) -> str:
-        """Text that differs for jobs that differ."""
-        text = json.dumps(self.as_mapping(), sort_keys=True, default=str)
+        """Text that differs for jobs that differ, and is that of earlier versions: their batches are continued."""
+        data = self.as_mapping()
+        text = json.dumps(data | {"wishes": data.pop("options")}, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
 
