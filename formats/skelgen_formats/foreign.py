@@ -92,17 +92,17 @@ def is_foreign(head: bytes, path: Path) -> str:
     """
     name, text = path.name.lower(), decoded_head(head)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    told = ""
+    by_text = ""
     if text.lstrip().startswith("HIERARCHY"):
-        told = f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
+        by_text = f"BVH: bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
     elif any(line.startswith("ITEM\t") for line in lines[:6]):
-        told = (
+        by_text = (
             f"an ASCII export of Visual3D without targets; export those of the folder ORIGINAL with it, or {_MARKERS}"
         )
     elif any(line.strip(",; ") == "endheader" for line in lines):
-        told = _OPENSIM
+        by_text = _OPENSIM
     by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
     by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
     words = [word for word in _PARTING.split(lines[0]) if word] if lines else []
     is_untitled = len(words) >= _FEWEST_NUMBERS and all(map(_NUMBER.fullmatch, words))
-    return next(filter(None, (told, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")
+    return next(filter(None, (by_text, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")

@@ -77,8 +77,8 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
     titles = [cell.strip().strip('"') for cell in line.split(delimiter)]
     wanted = {"x": ("x",), "y": ("y",), "z": ("z",), "frame": _FRAMES + _TIMES, "name": _NAMES}
     found = {what: _place(titles, known) for what, known in (wanted | {"time": _TIMES, "group": _GROUPS}).items()}
-    told = {what: place for what, place in found.items() if place is not None}
-    return told if told.keys() >= wanted.keys() else {}
+    places = {what: place for what, place in found.items() if place is not None}
+    return places if places.keys() >= wanted.keys() else {}
 
 
 def _place(titles: Sequence[str], wanted: Sequence[str]) -> int | None:

@@ -143,8 +143,9 @@ def take_from_table(
     notices = [f"{notice}; `--recorded-unit` states another" for notice in notices]
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None and np.isfinite(times).all() and (np.diff(times) > 0).all():
-        told = rate_of(times)
-        rate = told if len(times) > 1 and _SLOWEST < told < _FASTEST else rate  # else they count frames or milliseconds
+        by_times = rate_of(times)
+        if len(times) > 1 and _SLOWEST < by_times < _FASTEST:  # else they count frames or milliseconds
+            rate = by_times
     if rate == AS_RECORDED_RATE:
         rate = ASSUMED_RATE
         notices.append("the file states no frame rate; 100 Hz is assumed, `--recorded-rate` states another")

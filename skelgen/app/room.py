@@ -107,12 +107,12 @@ def calibrate_room(
     source = open_room_source(waved)
     with ThreadPoolExecutor(1, "room") as looker:
         taking = WandTaking(source.cameras, wand, looker)
-        told = time.monotonic()
+        noticed = time.monotonic()
         for views, sizes in seen_in(source, detected_balls, monitor):
             taking.add(views, sizes)
-            if time.monotonic() - told > TOLD_EVERY:
+            if time.monotonic() - noticed > TOLD_EVERY:
                 monitor.notice(str(taking.progress()))
-                told = time.monotonic()
+                noticed = time.monotonic()
     found = on_floor(taking.calibrate(), ground, monitor)
     return RoomSettings(found.rig), found
 

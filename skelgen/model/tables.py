@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.errors import MissingPackageError
 from skelgen.model.arrays import Floats, Ints
@@ -16,6 +17,9 @@ from skelgen.model.skeleton import Motion, Skeleton
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+Column = NDArray[Any]
+"""Numbers or texts, one a row."""
 
 
 def angles_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
@@ -102,7 +106,7 @@ def axis_columns(pattern: str, vectors: Floats) -> dict[str, Floats]:
     return {pattern.format(axis): vectors[..., index].ravel() for index, axis in enumerate("xyz")}
 
 
-def head_columns(times: Floats, frames: Ints, items: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def head_columns(times: Floats, frames: Ints, items: Mapping[str, Sequence[str]]) -> dict[str, Column]:
     """Return frame and time of every row, and what it is about.
 
     Parameters
@@ -119,7 +123,7 @@ def head_columns(times: Floats, frames: Ints, items: Mapping[str, Sequence[str]]
     return {"frame": np.repeat(frames, n_items), "time_s": np.repeat(times[frames], n_items), **texts}
 
 
-def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[str, Any]) -> DataFrame:
+def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[str, Column]) -> DataFrame:
     """Gather columns of shape (n_frames, n_items), with frame, time and names of the items."""
     try:
         import pandas as pd  # noqa: PLC0415 - slow to load, and of the extra `tables`

@@ -107,8 +107,8 @@ def read_c3d(
     factor = _mm_per_unit(path, layout, kept, notices)
     if kept is read.positions:
         return take_from_markers(path, scaled(path, kept, factor), names, layout.rate, notices, left_out)
-    told = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
-    noted(notices, told, np.ones(len(told), dtype=bool), COMPUTED)
+    computed = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
+    noted(notices, computed, np.ones(len(computed), dtype=bool), COMPUTED)
     remaining = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if not is_out]
     return take_from_markers(path, scaled(path, kept, factor), remaining, layout.rate, notices)
 

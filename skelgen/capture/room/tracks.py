@@ -155,10 +155,10 @@ class PointTracks:
             spread += ((steps * (steps + 1) / 2) ** 2 * surprise)[:, np.newaxis, np.newaxis] * np.eye(3)
             square = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[..., np.newaxis])[..., 0])
             wrong[old] = ~is_sure & (square > CONTRADICTED**2) & (steps < DOUBTED)
-        told = off[is_sure & (steps < 1.5)]
-        if len(told):
+        sure = off[is_sure & (steps < 1.5)]
+        if len(sure):
             self._n_surprises = min(self._n_surprises + 1, SURPRISES)
-            self._surprise += (float(np.square(told).mean()) - self._surprise) / self._n_surprises
+            self._surprise += (float(np.square(sure).mean()) - self._surprise) / self._n_surprises
         return wrong
 
     def _carry(self, n_seen: int, time: float) -> None:

@@ -261,12 +261,12 @@ def minimise(
     precondition : callable, optional
         Scales gradients.
     """
-    calm = replace(parameters, anneal=False)
-    plain = _descend(objective, start, calm, search, precondition)
+    unshaken = replace(parameters, anneal=False)
+    plain = _descend(objective, start, unshaken, search, precondition)
     if not parameters.anneal:
         return plain
     shaken = _descend(objective, start, parameters, search, precondition, np.random.default_rng(seed))
-    settled = _descend(objective, shaken.point, calm, search, precondition)
+    settled = _descend(objective, shaken.point, unshaken, search, precondition)
     best = min(plain, settled, key=lambda minimum: minimum.value)
     return replace(best, n_iterations=plain.n_iterations + shaken.n_iterations + settled.n_iterations)
 

@@ -129,10 +129,10 @@ class DistanceRecord:
             return result
         partners = np.flatnonzero(self.witness[one])  # few tracklets of a long take are ever seen together
         rank = self.witness[one, partners] * self.witness[np.ix_(others, partners)]
-        told = ((rank > 0.0).sum(axis=1) >= LEAST_WITNESSES) | (self.prior[one, others] != 0.0)
-        if not told.any():
+        comparable = ((rank > 0.0).sum(axis=1) >= LEAST_WITNESSES) | (self.prior[one, others] != 0.0)
+        if not comparable.any():
             return result
-        others, rank = others[told], rank[told]
+        others, rank = others[comparable], rank[comparable]
         if len(partners) > WITNESSES:
             best = np.argpartition(-rank, WITNESSES - 1, axis=1)[:, :WITNESSES]
         else:
