@@ -141,16 +141,19 @@ def plain_compiler() -> Any:
         typed_passes.NopythonRewrites,
         typed_passes.NoPythonSupportedFeatureValidation,
     )
-    last_uses, library = typed_passes.IRLegalization, _kernel_library()
+    last_uses = typed_passes.IRLegalization
 
     class PlainCompiler(remembering_compiler()):  # type: ignore[misc]
+        library_class = _kernel_library()
+
         def __init__(self, typing_context: Any, target_context: Any, *others: Any) -> None:
             super().__init__(typing_context, target_context, *others)
             self.state.targetctx.__class__ = _plain_context()  # of a copy that was made for this function
 
         def define_pipelines(self) -> Any:
             if self.state.library is None:
-                self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+                codegen = self.state.targetctx.codegen()
+                self.state.library = self.library_class(codegen, self.state.func_id.func_qualname)
                 self.state.library.enable_object_caching()
             left_out = unneeded if self.state.flags.nrt else (*unneeded, last_uses)
             return [_without(left_out, passes) for passes in super().define_pipelines()]
@@ -193,13 +196,9 @@ def _plain_context() -> Any:
 @cache
 def part_compiler() -> Any:
     """Return numba's compiler for parts of kernels."""
-    library = _part_library()
 
     class PartCompiler(plain_compiler()):  # type: ignore[misc]
-        def define_pipelines(self) -> Any:
-            self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-            self.state.library.enable_object_caching()
-            return super().define_pipelines()
+        library_class = _part_library()
 
     return PartCompiler
 
