@@ -33,8 +33,13 @@ from skelgen.stages.labels.tracking.take import typical_spacing
 N_FRAMES = 1500
 FAULTS = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame
 GAP_SECONDS, GAP_EVERY_SECONDS = 0.25, 2.0
+PIECE_SECONDS, PIECES_SHARE = 0.1, 0.23  # median length of short gaps, and the part of each marker that they hide
+FALSE_POINTS, FALSE_REACH, REMEASURED = 0.3, 900.0, 0.3  # a frame, mm around the body, mm of noise added
+LONGEST = 1200  # frames of recorded people
+APART = (3000.0, 20.0)  # mm between two people, centre to centre; and between what they come nearest with
 LEAST_SEEN = 0.02  # of all frames: a marker that fewer show, hidden in the body, is not asked for
 PEER_GAP_SECONDS = 0.5  # over which the peers may close gaps
+PEOPLE = ("kicks", "punch", "flips")
 SUIT, MOUSE = "human/nick_freeform_001.c3d", "mouse/mouse_S15.c3d"
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
 COLUMNS = ("case", "method", "IDF1", "worst", "markers", "of", "tracklets", "limbs", "tree", "frames/s", "wanted", "")
@@ -245,22 +250,91 @@ def without_wrong_labels(take: skelgen.Trajectories) -> skelgen.Trajectories:
     return run_stages(Project(take), until_stage="labels").trajectories
 
 
-def recorded(path: Path, with_gaps: bool) -> Callable[[int], Take | None]:
-    """A recording without its labels, its points in random order, perhaps with a gap per marker every 2 s."""
+Hide = Callable[[np.ndarray, float, np.random.Generator], None]
+"""Changes what is seen, (n_frames, n_markers), of a take with a frame rate [Hz]."""
+
+
+def gaps(seen: np.ndarray, rate: float, random: np.random.Generator) -> None:
+    """A gap per marker every 2 s."""
+    every, gap = int(GAP_EVERY_SECONDS * rate), int(GAP_SECONDS * rate)
+    for marker in range(seen.shape[1]):
+        for start in range(int(random.integers(every)), len(seen), every):
+            seen[start : start + gap, marker] = False
+
+
+def pieces(seen: np.ndarray, rate: float, random: np.random.Generator) -> None:
+    """Many short gaps, their own ones included: hundreds of pieces."""
+    for marker in range(seen.shape[1]):
+        while seen[:, marker].mean() > 1.0 - PIECES_SHARE:
+            start, length = random.integers(len(seen)), random.exponential(PIECE_SECONDS / np.log(2.0))
+            seen[start : start + 1 + int(length * rate), marker] = False
+
+
+def recorded(path: Path, hide: Hide | None = None) -> Callable[[int], Take | None]:
+    """A recording without its labels, its points in random order, perhaps with more gaps."""
 
     def make(seed: int) -> Take | None:
         if not path.exists():
             return None
         take, random = without_wrong_labels(skelgen.read(path)), np.random.default_rng(seed)
         seen = take.seen.copy()
-        if with_gaps:
-            every, gap = int(GAP_EVERY_SECONDS * take.rate), int(GAP_SECONDS * take.rate)
-            for marker in range(take.n_markers):
-                for start in range(int(random.integers(every)), take.n_frames, every):
-                    seen[start : start + gap, marker] = False
+        if hide is not None:
+            hide(seen, take.rate, random)
         return unlabelled(take, seen, random)
 
     return make
+
+
+def people(folder: Path, names: tuple[str, ...], hide: Hide, apart: float = 0.0) -> Callable[[int], Take | None]:
+    """Recordings of people in one volume, measured anew with noise, gaps and false points."""
+
+    def make(seed: int) -> Take | None:
+        if not all((folder / f"{name}.c3d").exists() for name in names):
+            return None
+        random = np.random.default_rng(seed)
+        bodies = [person(folder / f"{name}.c3d") for name in names]
+        n_frames = min(len(body.positions) for body in bodies)
+        positions = [body.positions[:n_frames] for body in bodies]
+        if len(positions) == 2:
+            positions[1] = beside(*positions, apart)
+        every = np.concatenate(positions, axis=1)
+        every = every + random.normal(0.0, REMEASURED, every.shape)
+        take = skelgen.Trajectories(every, tuple(map(str, range(every.shape[1]))), bodies[0].rate)
+        seen = take.seen.copy()
+        hide(seen, take.rate, random)
+        return with_false_points(unlabelled(take, seen, random), random)
+
+    return make
+
+
+def person(path: Path) -> skelgen.Trajectories:
+    """The markers that a person wears, not those that a program computed, from a recording's first seconds."""
+    take = skelgen.read(path)
+    worn = {str(name).split(":")[-1].lower() for name in np.load(path.with_suffix(".truth.npz"))["labels"]}
+    kept = [marker for marker, name in enumerate(take.names) if name.split(":")[-1].strip().lower() in worn]
+    names = tuple(take.names[marker] for marker in kept)
+    return skelgen.Trajectories(take.positions[:LONGEST, kept], names, take.rate)
+
+
+def beside(one: np.ndarray, other: np.ndarray, apart: float) -> np.ndarray:
+    """The other person, its centre so far from the first's, or the two nearest points where that is less than 1 m."""
+    moved = other + np.nanmean(one, axis=(0, 1)) - np.nanmean(other, axis=(0, 1))
+    if apart < 1000.0:
+        apart += float((np.nanmax(one[..., 0], axis=1) - np.nanmin(moved[..., 0], axis=1)).max())
+    return moved + np.array([apart, 0.0, 0.0])
+
+
+def with_false_points(take: Take, random: np.random.Generator) -> Take:
+    """A take with points of no marker around the body, the first of their frame."""
+    cloud = take.cloud
+    counts = random.poisson(FALSE_POINTS, cloud.n_frames)
+    frames = np.repeat(np.arange(cloud.n_frames), counts)
+    centre = np.add.reduceat(cloud.points, cloud.frame_starts[:-1]) / cloud.points_per_frame[:, np.newaxis]
+    false = centre[frames] + random.uniform(-FALSE_REACH, FALSE_REACH, (len(frames), 3))
+    where = cloud.frame_starts[frames]
+    starts = cloud.frame_starts + np.concatenate([[0], np.cumsum(counts)])
+    points = np.insert(cloud.points, where, false, axis=0)
+    return Take(PointCloud(points, starts, cloud.times), np.insert(take.marker_of_point, where, -1))
 
 
 def unlabelled(take: skelgen.Trajectories, seen: np.ndarray, random: np.random.Generator) -> Take:
@@ -281,9 +355,16 @@ def all_cases(folder: Path) -> Iterator[Case]:
     tree = {"n_cameras": 6, "soft_tissue": 1.0, **FAULTS}
     yield Case("tree:10, 6 cameras, 1 mm", simulated("tree:10", **tree), 0.99)
     yield Case("human of 45, 4 cameras, 2 mm", simulated("human", **tree | {"n_cameras": 4, "soft_tissue": 2.0}))
-    yield Case("suit of 53, own gaps", recorded(folder / SUIT, with_gaps=False), one_seed=True)
-    yield Case("suit of 53, more gaps", recorded(folder / SUIT, with_gaps=True), 0.95)
-    yield Case("mouse of 11, own gaps", recorded(folder / MOUSE, with_gaps=False), one_seed=True)
+    yield Case("suit of 53, own gaps", recorded(folder / SUIT), one_seed=True)
+    yield Case("suit of 53, more gaps", recorded(folder / SUIT, gaps), 0.95)
+    yield Case("suit of 53, in pieces", recorded(folder / SUIT, pieces))
+    yield Case("mouse of 11, own gaps", recorded(folder / MOUSE), one_seed=True)
+    bodies = folder / "bodies"
+    for name in PEOPLE:
+        for hide in (gaps, pieces):
+            yield Case(f"{name} of 41, {hide.__name__}", people(bodies, (name,), hide))
+    for apart in APART:
+        yield Case(f"two people, {apart:g} mm apart", people(bodies, ("kicks", "punch"), gaps, apart), 0.985)
 
 
 if __name__ == "__main__":

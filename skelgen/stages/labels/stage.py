@@ -281,8 +281,7 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
 
 def _exchanged(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
     """Markers that go on as each other exchanged, but for those that the user states; then more may be one."""
-    stated = np.zeros(len(found), dtype=bool) if task.constraints is None else task.constraints.name_of_point >= 0
-    exchanged = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, stated)
+    exchanged = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, task.is_stated)
     if exchanged is found:
         return found
     merged = merge_again(task.cloud, tracks, exchanged, task.rate, task.spacing)

@@ -8,22 +8,23 @@ from skelgen.stages.labels.merging.exchanges import exchange_markers
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 70, 20], [20, 30, 60]], dtype=float)  # mm, on one limb
-PAUSE = slice(380, 400)
+PAUSE, SECOND = slice(380, 400), slice(460, 480)
 
 
 def limb_that_turns() -> tuple[PointCloud, np.ndarray, np.ndarray]:
-    """Five markers of a limb that turns; two of them pause at once. The cloud, true markers and tracks."""
+    """Five markers of a limb that turns; two of them pause at once, twice. The cloud, true markers and tracks."""
     angle = np.linspace(0.0, 6.0, N_FRAMES)
     turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
     positions = np.tile(PLACES, (N_FRAMES, 1, 1))
     positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
     positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
     seen = np.ones(positions.shape[:2], dtype=bool)
-    seen[PAUSE, :2] = False
+    seen[PAUSE, :2] = seen[SECOND, :2] = False
     frame, marker = np.nonzero(seen)
     starts = np.concatenate([[0], np.cumsum(seen.sum(axis=1))])
     cloud = PointCloud(positions[seen], starts, np.arange(N_FRAMES) / RATE)
-    return cloud, marker, marker + len(PLACES) * ((frame >= PAUSE.stop) & (marker < 2))
+    n_pauses = (frame >= PAUSE.stop).astype(int) + (frame >= SECOND.stop)
+    return cloud, marker, marker + len(PLACES) * np.where(marker < 2, n_pauses, 0)
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +45,22 @@ def test_markers_that_come_back_as_each_other_are_exchanged(case) -> None:
     cloud, marker, track = case
     found = exchange_markers(cloud, track, exchanged(marker, track), RATE, SPACING, no(marker))
     np.testing.assert_array_equal(found, marker)
+
+
+def test_markers_that_are_each_other_between_two_pauses_are_exchanged(case) -> None:
+    cloud, marker, track = case
+    between = (track >= len(PLACES)) & (track < 2 * len(PLACES))
+    found = exchange_markers(cloud, track, np.where(between, 1 - marker, marker), RATE, SPACING, no(marker))
+    np.testing.assert_array_equal(found, marker)
+
+
+def test_a_piece_of_one_marker_goes_back_to_the_one_that_is_not_seen_meanwhile(case) -> None:
+    cloud, marker, track = case
+    is_piece = (marker == 1) & (track >= len(PLACES)) & (track < 2 * len(PLACES))
+    hidden = (marker == 0) & (track >= len(PLACES)) & (track < 2 * len(PLACES))
+    truth = np.where(hidden, -1, marker)
+    found = exchange_markers(cloud, track, np.where(is_piece, 0, truth), RATE, SPACING, no(marker))
+    np.testing.assert_array_equal(found, truth)
 
 
 def test_right_labels_stay(case) -> None:

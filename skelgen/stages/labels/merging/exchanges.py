@@ -1,9 +1,14 @@
-r"""Markers that go on as each other after a pause: exchanged where that explains the take better.
+r"""Markers that go on as each other for a while: exchanged where that explains the take better.
 
 When several markers of a limb were hidden at once, and no limb tells which is which, they may come back under each
-other's numbers. Then each is steady before and after, but its distances to all that it is seen with jump. Two markers
-that both pause are exchanged from there on if the evidence of the whole take (`evidence_of_labels`) grows, the exchange
-that gains most first. So the evidence never falls, and what is cyclically exchanged is put right by several exchanges.
+other's numbers. Then each is steady before and after, but its distances to all that it is seen with jump; and what was
+one marker's for a moment keeps that marker's two parts from being joined. Two markers that both pause are exchanged
+from there on, or until they both pause again, if the evidence of the whole take (`evidence_of_labels`) grows, the
+exchange that gains most first. One of the two may be a marker that is not seen in that time. So the evidence never
+falls, and what is cyclically exchanged is put right by several exchanges.
+
+Which exchanges are tried is told by how well each point suits the usual distances of either marker: medians, which a
+short exchange does not change.
 """
 
 import itertools
@@ -11,16 +16,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.likelihood import explained, of_witnesses, sample_frames
+from skelgen.stages.labels.merging.likelihood import (
+    EXISTENCE,
+    LEAST_DEVIATION,
+    WITNESSES,
+    explained,
+    of_witnesses,
+    sample_frames,
+)
 
 LEAST_GAIN = 12.0
 """nats; what is gained by less may be chance: distances on soft limbs vary with the pose, too."""
 
 NEAR = 2.0
-"""Spacings between markers that may be exchanged; others are told apart by where they are."""
+"""Spacings between markers that may be exchanged unasked; others are if their points suit each other's distances."""
 
 MOST_DISTANCES = 1_000_000
 """Distances that are held at once: of long takes, fewer moments are looked at."""
@@ -28,22 +41,28 @@ MOST_DISTANCES = 1_000_000
 MOST_MARKERS = 200
 """Of more, no pairs are tried."""
 
+TRIED = 8
+"""Spans in which two markers are exchanged for trial, those in which the other marker's distances suit best."""
+
+MOST_MISFIT = 5.0
+"""nats that one distance says at most against a point."""
+
 
 class _Exchange(NamedTuple):
-    """What an exchange of two markers gains [nats], and from which moment and frame on."""
+    """What an exchange of two markers gains [nats], and its first moment and frame, and those behind its last."""
 
     gain: float
-    moment: int
-    frame: int
+    moments: tuple[int, int]
+    frames: tuple[int, int]
 
 
-NOTHING = _Exchange(-np.inf, 0, 0)
+NOTHING = _Exchange(-np.inf, (0, 0), (0, 0))
 
 
 def exchange_markers(
     cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float, fixed: Bools
 ) -> Ints:
-    """Exchange markers after pauses while the take is explained better.
+    """Exchange markers between pauses while the take is explained better.
 
     Parameters
     ----------
@@ -61,31 +80,41 @@ def exchange_markers(
     Returns
     -------
     ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none; the given array if nothing is exchanged.
+        Marker of each point, -1 for none, numbered without holes; the given array if nothing is exchanged.
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1
-    if n_markers > MOST_MARKERS:
+    if not n_markers or n_markers > MOST_MARKERS:
         return marker_of_point
     moments = sample_frames(rate, 0, cloud.n_frames)
     moments = moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
-    held = np.bincount(marker_of_point[fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
+    is_held = np.bincount(marker_of_point[fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
     search = _Search(cloud, track_of_point, marker_of_point, moments, spacing)
-    free = np.flatnonzero(~held).tolist()
-    found = {pair: search.best(*pair) for pair in itertools.combinations(free, 2)}
-    while found:
-        pair = max(found, key=lambda one: found[one].gain)
-        if found[pair].gain < LEAST_GAIN:
+    found: dict[tuple[int, int], _Exchange] = {}
+    changed = set(np.flatnonzero(~is_held).tolist())
+    free = frozenset(changed)
+    while True:
+        promising = search.promising()
+        for pair in itertools.combinations(sorted(free), 2):
+            if changed & set(pair):
+                found[pair] = search.best(*pair) if promising[pair] else NOTHING
+        pair = max(found, key=lambda one: found[one].gain, default=(0, 0))
+        best = found.get(pair, NOTHING)
+        if best.gain < LEAST_GAIN:
             break
         found[pair] = search.best(*pair)  # others may have been exchanged since
+        changed = set()
         if found[pair].gain < LEAST_GAIN:
             continue
         search.exchange(*pair, found[pair])
-        found |= {other: search.best(*other) for other in found if set(other) & set(pair)}
-    return search.marker_of_point
+        changed = set(pair)
+    if search.marker_of_point is marker_of_point:
+        return marker_of_point
+    counts = np.bincount(search.marker_of_point[search.marker_of_point >= 0], minlength=1)
+    return point_labels.renumbered(search.marker_of_point, counts > 0)
 
 
 class _Search:
-    """Markers at some moments, and what exchanging them from a moment on gains."""
+    """Markers at some moments, and what exchanging them for a while gains."""
 
     def __init__(self, cloud: PointCloud, track: Ints, marker: Ints, moments: Ints, spacing: float) -> None:
         self.marker_of_point = marker
@@ -95,47 +124,83 @@ class _Search:
         self._pauses = [self._pauses_of(one) for one in range(self._places.shape[1])]
         self._measure()
 
+    def promising(self) -> Bools:
+        """Which pairs are worth a trial: near ones, and those whose points suit each other's distances for a while."""
+        count, total, _ = self._sums
+        is_near = (count > 0) & (total <= NEAR * self._spacing * count)
+        both = self._suits + self._suits.transpose(0, 2, 1)
+        best, run = np.zeros((2, *both.shape[1:]))
+        for moment in both:
+            run = np.maximum(run + moment, 0.0)
+            best = np.maximum(best, run)
+        return np.asarray(is_near | (best > LEAST_GAIN))
+
     def best(self, one: int, other: int) -> _Exchange:
         """The exchange of two markers that gains most."""
-        count, total, _ = self._sums[:, one, other]
-        if count > 0 and total > NEAR * self._spacing * count:
+        moments, frames = self._spans(one, other)
+        if not len(moments):
             return NOTHING
+        pair = [one, other]
+        first, end = (self._before[moments[:, side]][:, :, pair] for side in (0, 1))
+        inside = end - first  # span, kind, of two, marker
+        sums = self._sums[:, pair] - inside + inside[:, :, ::-1]
+        seen = np.stack([inside[:, 0, 0, one], inside[:, 0, 1, other]], axis=1)
+        before = self._sums[0, pair, pair]
+        n_fewer = (before > 0).sum() - (before - seen + seen[:, ::-1] > 0).sum(axis=1)
+        sums[..., pair] = 0.0
+        gains = explained(np.moveaxis(sums, 1, 0), self._spacing)
+        gains[:, 0, other] = gains[:, 1, one] = self._gains[one, other]
+        best = int((of_witnesses(gains).sum(axis=1) + EXISTENCE * n_fewer).argmax())
+        changed = self._gains.copy()
+        changed[pair] = gains[best]
+        changed[:, pair] = gains[best].T
+        gain = float((of_witnesses(changed) - of_witnesses(self._gains)).sum() + EXISTENCE * n_fewer[best])
+        (first, end), (begin, behind) = moments[best].tolist(), frames[best].tolist()
+        return _Exchange(gain, (first, end), (begin, behind))
+
+    def exchange(self, one: int, other: int, chosen: _Exchange) -> None:
+        """Exchange two markers in a span."""
+        inside = self._places[chosen.moments[0] : chosen.moments[1]]
+        inside[:, [one, other]] = inside[:, [other, one]]
+        points = (self._frame >= chosen.frames[0]) & (self._frame < chosen.frames[1])
+        marker = self.marker_of_point.copy()
+        marker[points & (self.marker_of_point == one)] = other
+        marker[points & (self.marker_of_point == other)] = one
+        self.marker_of_point = marker
+        self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
+        self._measure()
+
+    def _spans(self, one: int, other: int) -> tuple[Ints, Ints]:
+        """Spans between common pauses in which an exchange may gain: first and end as moments and frames, (n, 2)."""
+        moment, frame = self._common_pauses(one, other)
+        first, end = np.triu_indices(len(moment), 1)
+        both = self._suits[:, one, other] + self._suits[:, other, one]
+        total = np.concatenate([[0.0], both.cumsum()])[moment]
+        gain = total[end] - total[first]
+        # All that is outside exchanged is the same, but for the numbers; and what begins with the take ends elsewhere
+        gain = np.where(first > 0, np.maximum(gain, total[-1] - gain), -np.inf)
+        count, distance, _ = self._sums[:, one, other]
+        is_last = end == len(moment) - 1 if count > 0 and distance <= NEAR * self._spacing * count else False
+        ranked = np.argsort(-gain, kind="stable")
+        is_tried = np.zeros(len(gain), dtype=bool)
+        is_tried[ranked[:TRIED]] = True
+        chosen = np.flatnonzero((first > 0) & (is_last | (is_tried & (gain > 0.0))))
+        spans = np.stack([first[chosen], end[chosen]], axis=1)
+        return moment[spans], frame[spans]
+
+    def _common_pauses(self, one: int, other: int) -> tuple[Ints, Ints]:
+        """Moments before which two markers both pause, and the frames, the longest pause of each; and both ends."""
         frames = np.union1d(self._pauses[one][1], self._pauses[other][1])
         begin, end = np.zeros_like(frames), np.full_like(frames, self._n_frames)
         for last, following in (self._pauses[one], self._pauses[other]):
             pause = np.minimum(np.searchsorted(following, frames), len(last) - 1)
             begin, end = np.maximum(begin, last[pause]), np.minimum(end, following[pause])
         longest = np.argsort(begin - end, kind="stable")
-        frames = frames[longest[((begin < frames) & (frames <= end))[longest]]]  # in which both pause, longest first
+        frames = frames[longest[((begin < frames) & (frames <= end))[longest]]]
         moment, place = np.unique(np.searchsorted(self._moments, frames), return_index=True)
-        tried, frames = moment[moment > 0], frames[place[moment > 0]]
-        if not len(tried):
-            return NOTHING
-        before = self._sums_before([one, other], tried)  # kind, moment, of two, marker
-        after = self._sums[:, np.newaxis, [one, other]] - before
-        sums = before + after[:, :, ::-1]
-        sums[..., [one, other]] = 0.0
-        gains = explained(sums, self._spacing)
-        between = self._gains[one, other]
-        gains[:, 0, other] = gains[:, 1, one] = between
-        best = int(of_witnesses(gains).sum(axis=1).argmax())
-        changed = self._gains.copy()
-        changed[[one, other]] = gains[best]
-        changed[:, [one, other]] = gains[best].T
-        gain = float((of_witnesses(changed) - of_witnesses(self._gains)).sum())
-        return _Exchange(gain, int(tried[best]), int(frames[best]))
-
-    def exchange(self, one: int, other: int, chosen: _Exchange) -> None:
-        """Exchange two markers from a frame on."""
-        later = self._places[chosen.moment :]
-        later[:, [one, other]] = later[:, [other, one]]
-        later_points = self._frame >= chosen.frame
-        marker = self.marker_of_point.copy()
-        marker[later_points & (self.marker_of_point == one)] = other
-        marker[later_points & (self.marker_of_point == other)] = one
-        self.marker_of_point = marker
-        self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
-        self._measure()
+        inner = (moment > 0) & (moment < len(self._moments))
+        moment = np.concatenate([[0], moment[inner], [len(self._moments)]])
+        return moment, np.concatenate([[0], frames[place[inner]], [self._n_frames]])
 
     def _pauses_of(self, marker: int) -> tuple[Ints, Ints]:
         """Last frames before pauses of a marker and first ones after them; where another track begins, it may pause."""
@@ -147,16 +212,29 @@ class _Search:
         return last, following
 
     def _measure(self) -> None:
-        """Sums of all distances, and what they explain."""
-        every = np.arange(self._places.shape[1])
-        self._sums = self._sums_before(every.tolist(), np.array([len(self._moments)]))[:, 0]
-        self._gains = explained(self._sums, self._spacing)
-
-    def _sums_before(self, markers: list[int], tried: Ints) -> Floats:
-        """Number, sum and sum of squares of distances of some markers to all, before some moments."""
-        distance = np.linalg.norm(self._places[:, markers, np.newaxis] - self._places[:, np.newaxis], axis=3)
+        """Sums of all distances before each moment, what they explain, and how points suit other markers."""
+        distance = np.linalg.norm(self._places[:, :, np.newaxis] - self._places[:, np.newaxis], axis=3)
         known = ~np.isnan(distance)
-        distance = np.where(known, distance, 0.0)
-        return np.stack(
-            [table.cumsum(axis=0)[tried - 1] for table in (known.astype(np.float64), distance, distance**2)]
-        )
+        filled = np.where(known, distance, 0.0)
+        self._before = np.zeros((len(distance) + 1, 3, *distance.shape[1:]))
+        for kind, table in enumerate((known, filled, filled**2)):
+            np.cumsum(table, axis=0, out=self._before[1:, kind])
+        self._sums = self._before[-1]
+        self._gains = explained(self._sums, self._spacing)
+        self._suits = self._advantages(distance)
+
+    def _advantages(self, distance: Floats) -> Floats:
+        """How much better a marker's point suits another one's usual distances [nats], (n_moments, n, n)."""
+        n_moments, n_markers = distance.shape[:2]
+        usual = median_of_known(distance.reshape(n_moments, -1)).reshape(n_markers, n_markers)
+        spread = median_of_known(np.abs(distance - usual).reshape(n_moments, -1)).reshape(n_markers, n_markers)
+        deviation = np.maximum(SIGMA_OF_MEDIAN * spread, LEAST_DEVIATION * self._spacing)
+        misfits = np.empty((n_moments, n_markers, n_markers))
+        for marker, gain in enumerate(self._gains):
+            witnesses = np.argsort(-gain, kind="stable")[:WITNESSES]
+            witnesses = witnesses[gain[witnesses] > 0.0]
+            squares = ((distance[:, :, witnesses] - usual[marker, witnesses]) / deviation[marker, witnesses]) ** 2
+            squares[:, witnesses, np.arange(len(witnesses))] = np.nan  # its own distance to itself
+            misfits[:, :, marker] = np.minimum(np.nan_to_num(squares / 2), MOST_MISFIT).sum(axis=2)
+        own = misfits.diagonal(axis1=1, axis2=2)[:, :, np.newaxis]
+        return np.asarray(own - misfits)

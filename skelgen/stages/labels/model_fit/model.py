@@ -27,7 +27,7 @@ GATE_DEVIATIONS = 6.0
 BY_MOTION = LimbParameters(marker_set="none")
 """How limbs are found: a set that is believed holds markers on a limb that the model does not predict well."""
 
-ROUGH_JOINTS = JointParameters(samples=100, n_nearest=4, max_iterations=10, max_fallback=0)
+ROUGH_JOINTS = JointParameters(samples=100, n_nearest=4, max_iterations=10, max_fallback=0, known_neighbours=False)
 """How pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
 
 BLIND_GATE = 0.5

@@ -17,9 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.exchanges import exchange_markers
+from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
@@ -79,6 +81,13 @@ class LabelTask:
     seed: int = 0
 
     @property
+    def is_stated(self) -> Bools:
+        """Points whose marker the user states, shape (n_points,)."""
+        if self.constraints is None:
+            return np.zeros(self.cloud.n_points, dtype=bool)
+        return np.asarray(self.constraints.name_of_point >= 0)
+
+    @property
     def least_alone(self) -> float:
         """Frames in which a marker that no limb carries must be seen."""
         n_frames = self.cloud.n_frames
@@ -111,6 +120,7 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
     modelled = marker_of_point
     for turn in range(task.parameters.rounds):
         merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
+        merged = exchange_markers(cloud, track_of_point, merged, rate, spacing, task.is_stated)
         positions = point_labels.sampled_positions(cloud, merged, frames)
         sample = Trajectories(
             positions, point_labels.marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames
@@ -134,7 +144,8 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         if n_changed <= UNCHANGED * cloud.n_points:
             break
     merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
-    return join_duplicates(cloud, merged, rate, spacing)
+    merged = join_duplicates(cloud, merged, rate, spacing)
+    return label_leftovers(cloud, track_of_point, merged, rate, spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:

@@ -1,0 +1,140 @@
+r"""Short tracks that were left without a marker: given to the marker whose distances they keep.
+
+A track of a tenth of a second is one moment: too little to say how much its distances vary, and often between the
+moments at which tracklets are compared. But when markers are known, their distances are. With the mean
+:math:`\mu_{mj}` and the deviation :math:`\tau_{mj}` of marker m's distance to a marker j that is seen beside the track
+at the distance d, the track is m's with the evidence
+
+.. math:: E_m = \sum_j \log \frac{t(d - \mu_{mj};\; \tau_{mj}^2)}{t(d - \mu_{mj};\; \tau_{mj}^2 + w^2)}
+
+over the six markers j whose distances to m vary least; w is the spacing of markers, t Student's distribution. It gets
+the marker of most evidence that is not seen meanwhile, if no other has nearly as much.
+"""
+
+import itertools
+
+import numpy as np
+
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.likelihood import (
+    EVIDENCE,
+    LEAST_DEVIATION,
+    LEAST_WITNESSES,
+    SEEN_ENOUGH,
+    WITNESSES,
+)
+from skelgen.stages.labels.merging.markers import LEAST_POINTS, sampled_distances
+
+FREEDOM = 4.0
+"""Of Student's distribution: a distance may be in a pose that was never seen."""
+
+TRACKS_AT_ONCE = 500
+"""Tracks that are compared with all markers at once."""
+
+
+def label_leftovers(
+    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float
+) -> Ints:
+    """Give tracks without a marker to the markers whose distances they keep.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
+        Track and marker of each point, -1 for none.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; the given array if nothing is added.
+    """
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    points, track = _lasting(track_of_point, marker_of_point)
+    if not len(points) or n_markers <= LEAST_WITNESSES:
+        return marker_of_point
+    frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
+    laws = _laws(cloud, marker_of_point, rate, spacing)
+    result = marker_of_point.copy()
+    starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
+    for begin, end in itertools.pairwise(starts):
+        part = slice(begin, end)
+        pieces = points[part], track[part] - track[begin], frame[part]
+        result[points[part]] = _given(cloud, result, pieces, laws, spacing)
+    return result if (result != marker_of_point).any() else marker_of_point
+
+
+def _lasting(track_of_point: Ints, marker_of_point: Ints) -> tuple[Ints, Ints]:
+    """Points without a marker whose tracks last, track by track, and their tracks numbered from 0."""
+    free = np.flatnonzero((marker_of_point < 0) & (track_of_point >= 0))
+    _, place, counts = np.unique(track_of_point[free], return_inverse=True, return_counts=True)
+    lasts = counts >= LEAST_POINTS
+    number = np.where(lasts, np.cumsum(lasts) - 1, -1)[place]
+    order = np.argsort(number, kind="stable")
+    order = order[number[order] >= 0]
+    return free[order], number[order]
+
+
+def _laws(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> tuple[Floats, Floats]:
+    """Mean distances of markers [mm] and their variances [mm^2], infinite where hardly seen."""
+    count, total, squares = sampled_distances(cloud, marker_of_point, rate)
+    mean = total / np.maximum(count, 1.0)
+    scatter = np.maximum(squares - count * mean**2, 0.0)
+    variance = (2.0 * (LEAST_DEVIATION * spacing) ** 2 + scatter) / (2.0 + np.maximum(count - 1.0, 0.0))
+    variance[(count < SEEN_ENOUGH) | np.eye(len(count), dtype=bool)] = np.inf
+    return mean, variance
+
+
+def _given(
+    cloud: PointCloud,
+    marker_of_point: Ints,
+    pieces: tuple[Ints, Ints, Ints],
+    laws: tuple[Floats, Floats],
+    spacing: float,
+) -> Ints:
+    """Marker of each point of some tracks, -1 for none."""
+    points, track, frame = pieces
+    n_tracks, n_markers = int(track[-1]) + 1, len(laws[0])
+    used, row = np.unique(frame, return_inverse=True)
+    beside = point_labels.sampled_positions(cloud, marker_of_point, used)[row]
+    distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
+    known = ~np.isnan(distance)
+    starts = np.searchsorted(track, np.arange(n_tracks))
+    count = np.add.reduceat(known.astype(np.float64), starts, axis=0)
+    mean = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0) / np.maximum(count, 1.0)
+    evidence = _evidence(count, mean, laws, spacing)
+    evidence[count > 0] = -np.inf  # markers that are seen meanwhile
+    best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
+    margin = ranked[:, -1] - np.maximum(ranked[:, -2], 0.0)
+    taken = np.zeros((len(used), n_markers), dtype=bool)
+    result = np.full(len(points), -1, dtype=marker_of_point.dtype)
+    ends = np.append(starts[1:], len(track))
+    for one in np.argsort(-margin, kind="stable")[: int((margin >= EVIDENCE).sum())].tolist():
+        part = slice(starts[one], ends[one])
+        if not taken[row[part], best[one]].any():
+            taken[row[part], best[one]] = True
+            result[part] = best[one]
+    return result
+
+
+def _evidence(count: Floats, distance: Floats, laws: tuple[Floats, Floats], spacing: float) -> Floats:
+    """Evidence [nats] that each track is each marker, by mean distances [mm] to those beside, (n_tracks, n_markers)."""
+    evidence = np.full(count.shape, -np.inf)
+    for marker, (mean, variance) in enumerate(zip(*laws, strict=True)):
+        near = np.argsort(variance, kind="stable")
+        near = near[variance[near] < spacing**2]
+        valid = count[:, near] > 0
+        valid &= valid.cumsum(axis=1) <= WITNESSES
+        squares, narrow = (distance[:, near] - mean[near]) ** 2 / FREEDOM, variance[near]
+        wide = narrow + spacing**2
+        gain = 0.5 * np.log(wide / narrow)
+        gain = gain + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
+        told = valid.sum(axis=1) >= LEAST_WITNESSES
+        evidence[told, marker] = np.where(valid, gain, 0.0).sum(axis=1)[told]
+    return evidence

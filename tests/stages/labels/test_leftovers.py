@@ -1,0 +1,59 @@
+"""Short tracks that have no marker get the one whose distances they keep, and no other."""
+
+import numpy as np
+import pytest
+
+from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.leftovers import label_leftovers
+
+RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
+PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70]], dtype=float)  # mm, on one limb
+PIECES = (slice(101, 110), slice(203, 213))  # of the first two markers, between the moments that are sampled or not
+AWAY = 500.0  # mm
+
+
+@pytest.fixture(scope="module")
+def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+    """A limb that turns: the cloud, true markers, and tracks; the first two markers have a short track of their own."""
+    angle = np.linspace(0.0, 6.0, N_FRAMES)
+    turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
+    positions = np.tile(PLACES, (N_FRAMES, 1, 1))
+    positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
+    positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    frame, marker = np.indices((N_FRAMES, len(PLACES))).reshape(2, -1)
+    cloud = PointCloud(positions.reshape(-1, 3), np.arange(N_FRAMES + 1) * len(PLACES), np.arange(N_FRAMES) / RATE)
+    track = marker.copy()
+    for number, piece in enumerate(PIECES):
+        track[(marker == number) & (frame >= piece.start) & (frame < piece.stop)] = len(PLACES) + number
+    return cloud, marker, track
+
+
+def test_short_tracks_get_the_marker_whose_distances_they_keep(case) -> None:
+    cloud, marker, track = case
+    labels = np.where(track < len(PLACES), marker, -1)
+    np.testing.assert_array_equal(label_leftovers(cloud, track, labels, RATE, SPACING), marker)
+
+
+def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
+    cloud, marker, track = case
+    labels = np.where(track < len(PLACES), marker, -1)
+    points = cloud.points.copy()
+    twin, other = track == len(PLACES), (marker == 2) & (np.isin(np.arange(len(track)) // 5, np.arange(101, 110)))
+    points[twin] = points[other] + 1.0
+    moved = PointCloud(points, cloud.frame_starts, cloud.times)
+    found = label_leftovers(moved, track, labels, RATE, SPACING)
+    assert (found[twin] != 2).all()
+
+
+def test_false_points_away_from_all_places_get_no_marker(case) -> None:
+    cloud, marker, track = case
+    labels = np.where(track < len(PLACES), marker, -1)
+    points = cloud.points.copy()
+    points[track >= len(PLACES)] += AWAY
+    moved = PointCloud(points, cloud.frame_starts, cloud.times)
+    assert label_leftovers(moved, track, labels, RATE, SPACING) is labels
+
+
+def test_labels_without_leftovers_stay(case) -> None:
+    cloud, marker, track = case
+    assert label_leftovers(cloud, track, marker, RATE, SPACING) is marker
