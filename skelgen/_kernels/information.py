@@ -38,7 +38,8 @@ from skelgen._kernels.chain import (
     world_axis,
 )
 from skelgen._kernels.joint_models import PARENT
-from skelgen._kernels.posing import (
+from skelgen._kernels.posing import Room
+from skelgen._kernels.quadratic_forms import (
     BY_SHIFT,
     BY_TURN,
     MIXED,
@@ -46,7 +47,6 @@ from skelgen._kernels.posing import (
     SHIFT,
     TURN,
     VARIANCE,
-    Room,
     carry_form,
     find_forms,
     take_axis,

@@ -20,7 +20,8 @@ from skelgen._kernels.chain import (
     forward_kinematics,
 )
 from skelgen._kernels.joint_models import PARENT
-from skelgen._kernels.posing import (
+from skelgen._kernels.posing import Room, eliminate
+from skelgen._kernels.quadratic_forms import (
     AXIS,
     BY_SHIFT,
     BY_TURN,
@@ -30,8 +31,6 @@ from skelgen._kernels.posing import (
     N_AXIS,
     SHIFT,
     VARIANCE,
-    Room,
-    eliminate,
     find_forms,
 )
 from skelgen._kernels.small_matrices import (
