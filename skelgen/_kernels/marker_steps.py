@@ -292,7 +292,7 @@ def _write_strayed(positions: Floats, expected: Floats, factor: float, found: Bo
 
 
 def fitted_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats) -> Floats:
-    """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space.
+    """Step of a marker [mm] by least squares, from the steps of its distances and from its step as seen in space.
 
     Parameters
     ----------

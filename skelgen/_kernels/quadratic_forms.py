@@ -96,7 +96,19 @@ def find_forms(table: ChainTable, place: Place, forms: Floats) -> tuple[float, f
 
 @kernel_part
 def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
-    """Minimise a free turn out of a limb's form."""
+    """Minimise a free turn out of a limb's form.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms of the limbs.
+    limb : int
+        The limb.
+    level : float
+        Ridge under the matrices of the turns.
+    solved : ndarray, shape (n_limbs, 22)
+        Receives the turns that are minimised out.
+    """
     form = symmetric(forms, limb, TURN)
     trace = form[0] + form[3] + form[5]
     level = max(level, LEAST_LEVEL * trace)

@@ -1,7 +1,8 @@
 """Calibration of a room with a board that some cameras see at a time: start values for the adjustment.
 
-Each camera's lens comes from its own views. The relation of two cameras is that which most of the moments agree with in
-which both see the board; a chessboard that looks alike when it is turned by half is turned as it fits.
+Each camera's lens comes from its own views. How two cameras stand to each other is taken from the moment at which both
+see the board and with which most other moments agree; a chessboard that looks alike when it is turned by half is turned
+as it fits.
 """
 
 import re

@@ -204,7 +204,7 @@ def _packed(chain: Chain) -> Floats:
 
 
 def level_of_tilts(chain: Chain) -> float:
-    """Return how many mm^2 a tilt of 1 rad^2 is worth: it moves what is a limb away."""
+    """Return how many mm^2 a tilt of 1 rad^2 counts as: it moves points that are a limb's length away that far."""
     return max(3 * float((chain.offsets**2).mean()), 1.0)
 
 

@@ -260,7 +260,7 @@ class _Points:
         return self.motion(None)
 
     def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
-        """Rigid motion of the markers: centre (3,), mean change and rotation (3, n); the row `apart` hardly counts."""
+        """Rigid motion of the markers: centre (3,), mean change, rotation (3, n); point `apart` hardly counts."""
         anchor = slice(0, self.n_markers or None)
         centre, shift = self.place[anchor].mean(axis=0), self.change[anchor].mean(axis=0)
         weights = np.full(len(self.place), FAINT)

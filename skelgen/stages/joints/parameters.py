@@ -148,7 +148,7 @@ class JointConstraints:
         return joined
 
     def applied(self, costs: Floats) -> Floats:
-        """Return costs whose minimum spanning tree obeys: stated joints cost less than nothing, refused ones are none.
+        """Return costs whose minimum spanning tree obeys: negative for stated joints, infinite for refused ones.
 
         Parameters
         ----------

@@ -251,7 +251,7 @@ def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
 
 
 def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ...]:
-    """Of slips that happen together on markers near each other, that which distances show, and then the farthest."""
+    """Keep one of slips that happen together on neighbouring markers: one that distances show, else the farthest."""
     kept: list[Slip] = []
     for _, slip in sorted(slips, key=lambda found: (not found[1].mates, -found[0], found[1].frame, found[1].marker)):
         close = [one for one in kept if abs(one.frame - slip.frame) < window]
