@@ -116,10 +116,11 @@ class _Worker:
     def __init__(self, job: Job, timeout: float) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
+        self.process = context.Process(target=_serve, args=(theirs,), daemon=True, name="skelgen-batch")
         with _one_thread(), uninterrupted(), deaf_children():
             self.process.start()
         theirs.close()
+        self._send(job)
         self.entry: Entry | None = None
         self.is_late = False
         self.deadline = math.inf  # until its take begins
@@ -128,8 +129,11 @@ class _Worker:
     def begin(self, entry: Entry) -> None:
         """Give it a take."""
         self.entry = entry
+        self._send(entry)
+
+    def _send(self, given: Job | Entry) -> None:
         with contextlib.suppress(OSError):  # it died: `finish` will tell
-            self.connection.send(entry)
+            self.connection.send(given)
 
     def has_finished(self) -> bool:
         """Receive what it says, and return whether that is the end of its take; else the take has begun."""
@@ -200,13 +204,14 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _serve(connection: Connection[Any, Any], job: Job) -> None:
+def _serve(connection: Connection[Any, Any]) -> None:
     """What a worker process does until nobody gives it takes any more."""
     end_with_parent()  # so that nothing is written behind a new batch's back
-    from skelgen.app.batch.work import work_on  # noqa: PLC0415 - numpy must see the number of threads first
-
-    do = partial(work_on, job=job)
     with contextlib.suppress(EOFError, OSError):
+        job = connection.recv()  # here and not among the arguments: it loads packages for seconds
+        from skelgen.app.batch.work import work_on  # noqa: PLC0415 - numpy must see the number of threads first
+
+        do = partial(work_on, job=job)
         while True:
             entry = connection.recv()
             connection.send(None)  # from now on its time counts
