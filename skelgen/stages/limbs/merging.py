@@ -294,27 +294,40 @@ class _Exchange:
     def __init__(self, movements: Movements, ratio: Floats, noise: float, constraints: MarkerConstraints) -> None:
         self._movements, self._ratio, self._noise, self._constraints = movements, ratio, noise, constraints
         self._costs: dict[tuple[Group, Group], float] = {}
+        self._gains: dict[tuple[Group, Group, Group], float] = {}
 
     def moves(self, groups: Ints) -> Iterator[tuple[float, Group, int]]:
         """Gain [nats per frame] beyond what it must be at least, markers and new limb of all moves."""
         members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
+        limbs, bodies = list(members), list(members.values())
         seen = self._movements.seen_part
-        farthest = np.array([self._ratio[:, other].max(axis=1) for other in members.values()])
+        farthest = np.array([self._ratio[:, other].max(axis=1) for other in bodies])
         for block in self._constraints.blocks:
             own = members[int(groups[block[0]])]
-            rest = tuple(marker for marker in own if marker not in block)
-            if len(rest) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
+            if len(own) - len(block) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
                 continue
             near = nearest(farthest[:, list(block)].max(axis=1)[np.newaxis], EXCHANGED)[0]
-            for (limb, other), is_near in zip(members.items(), near, strict=True):
-                if other == own or len(other) < LEAST_MARKERS or not is_near:
-                    continue
-                if not self._constraints.apart[np.ix_(block, other)].any():
-                    now, then = (own, other), (rest, tuple(sorted(other + block)))
-                    # inner coordinates of pairs and of larger groups, before and after the move
-                    inner = [sum(3 * len(one) - (6 if len(one) > 2 else 5) for one in pair) for pair in (now, then)]
-                    least = LEAST_MOVE_GAIN + GAIN * abs(inner[0] - inner[1])
-                    yield self._cost(*now) - self._cost(*then) - least, block, limb
+            for index in np.flatnonzero(near).tolist():
+                other = bodies[index]
+                if other != own and len(other) >= LEAST_MARKERS:
+                    yield self._gain(own, block, other), block, limbs[index]
+
+    def _gain(self, own: Group, block: Group, other: Group) -> float:
+        """Gain of a move from one body to another beyond what it must be; it stays as long as both bodies do."""
+        if (own, block, other) not in self._gains:
+            self._gains[own, block, other] = self._tested_gain(own, block, other)
+        return self._gains[own, block, other]
+
+    def _tested_gain(self, own: Group, block: Group, other: Group) -> float:
+        if self._constraints.apart[np.ix_(block, other)].any():
+            return -np.inf
+        rest = tuple(marker for marker in own if marker not in block)
+        now, then = (own, other), (rest, tuple(sorted(other + block)))
+        # inner coordinates of pairs and of larger groups, before and after the move
+        inner = [sum(3 * len(one) - (6 if len(one) > 2 else 5) for one in pair) for pair in (now, then)]
+        least = LEAST_MOVE_GAIN + GAIN * abs(inner[0] - inner[1])
+        after = self._cost(*then)
+        return self._cost(*now) - after - least if np.isfinite(after) else -np.inf
 
     def _cost(self, first: Group, second: Group) -> float:
         first, second = min(first, second), max(first, second)
