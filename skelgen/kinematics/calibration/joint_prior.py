@@ -179,20 +179,25 @@ def with_joint_prior(
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known: of joints of any body, of limbs of this one, of a person's joints, and limbs' mirror images."""
+    """What is known of the joints of any body, this one's limbs, a person's joints, limbs' mirror images; a chain."""
 
     joints: list[JointPlace]
     limbs: list[KnownLimb]
     inward: list[InwardPlace]
     twin: Ints
+    first: Chain
 
     def residuals(self, chain: Chain) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of the prior's residuals by `places`, the residuals in deviations, and their tails."""
-        slopes, tails = place_residuals(chain, self.joints)
+        slopes, tails = self._of_joints
         more = body_residuals(chain, self.limbs), inward_residuals(chain, self.inward), twin_residuals(chain, self.twin)
         towards = np.concatenate([slopes @ places(chain).ravel(), *(off for _, off in more)])
         tails = np.concatenate([tails, np.full(len(towards) - len(tails), TAIL)])
         return np.concatenate([slopes, *(rows for rows, _ in more)]), towards, tails
+
+    @cached_property
+    def _of_joints(self) -> tuple[Floats, Floats]:
+        return place_residuals(self.first, self.joints)
 
 
 def _known(
@@ -217,6 +222,7 @@ def _known(
         limbs,
         [one for one in inward if one.place.limb not in of_build],
         twin if others else np.full(fit.chain.n_limbs, -1),
+        fit.chain,
     )
 
 
@@ -289,9 +295,9 @@ class _Weighed:
 
     @cached_property
     def total(self) -> float:
-        """Squares of the residuals, and what is surprising about the joints."""
+        """Squares of the residuals, and what is surprising about the joints: of what is hardly possible less."""
         _, towards, tails = self._residuals
-        return self.fitted.squares + self.weight * _surprise(towards, tails)
+        return self.fitted.squares + self.weight * float((tails**2 * np.log1p((towards / tails) ** 2)).sum())
 
     @cached_property
     def _equations(self) -> tuple[Floats, Floats, Floats]:
@@ -374,16 +380,8 @@ def _direction(state: _Weighed, past: Sequence[tuple[Floats, Floats]], damping: 
     return found
 
 
-def _surprise(towards: Floats, tails: Floats) -> float:
-    """Sum of squares, but those of what is hardly possible count less: bodies differ, and trees may be wrong."""
-    return float((tails**2 * np.log1p((towards / tails) ** 2)).sum())
-
-
 def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
-    """How places follow turns of their limbs' frames, and turns that displacements of places seem to be, per limb.
-
-    Nothing holds the frame of a limb: axes turn with its places.
-    """
+    """How places follow turns of their limbs' frames, which nothing holds, and turns that displacements seem to be."""
     place = places(chain)
     limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
     follow, seem = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))

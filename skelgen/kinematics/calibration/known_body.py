@@ -11,6 +11,7 @@ more, the farther a point is from the middle of its segment.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,9 @@ TAIL = 3.0
 
 FLAT = 0.05
 """Of the largest: spread of a segment's markers across their line that tells how it is turned."""
+
+ON_LINE = 1e-10
+"""Of the largest inertia: segments with less have points on one line, and no turn about it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +79,7 @@ class KnownLimb:
     expected: Floats
     n_markers: int
 
-    @property
+    @cached_property
     def deviations(self) -> Floats:
         """Standard deviations of the points [mm]."""
         return np.asarray(
@@ -164,31 +168,44 @@ def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats
     -------
     tuple of ndarray, shapes (n_residuals, 3 (n_markers + n_limbs - 1)) and (n_residuals,)
     """
+    several = [one for one in limbs if len(one.rows) > 1]
     n_places = chain.n_markers + chain.n_limbs - 1
-    rows, offs = [np.zeros((0, 3 * n_places))], [np.zeros(0)]
-    for one in limbs:
-        if len(one.rows) < 2:
-            continue
-        points, weights = one.at(chain), 1 / one.deviations
-        turned, off = _off(points, one.expected, weights)
-        free = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -cross_matrix(turned)], axis=2)
-        free = (weights[:, np.newaxis, np.newaxis] * free).reshape(-1, 6)
-        basis, sizes, _ = np.linalg.svd(free, full_matrices=False)
-        basis = basis[:, sizes > 1e-6 * sizes[0]]
-        slope = np.zeros((len(points), 3, n_places + 1, 3))
-        for point, (row, weight) in enumerate(zip(one.rows, weights, strict=True)):
-            slope[point, :, row] = weight * np.eye(3)
-        flat = slope[:, :, :n_places].reshape(3 * len(points), -1)
-        rows.append(flat - basis @ (basis.T @ flat))
-        offs.append((weights[:, np.newaxis] * off).ravel())
-    return np.concatenate(rows), np.concatenate(offs)
+    if not several:
+        return np.zeros((0, 3 * n_places)), np.zeros(0)
+    found = [_laid_on_limb(chain, one) for one in several]
+    turned, off, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    sizes = np.array([len(one.rows) for one in several])
+    limb = np.repeat(np.arange(len(several)), sizes)
+    first, second = np.nonzero(limb[:, np.newaxis] == limb)
+    # Points of a limb follow each other: its middle is moved by each, and so is its turn
+    starts = np.cumsum(sizes) - sizes
+    arms = weights[:, np.newaxis, np.newaxis] * cross_matrix(turned)
+    turns = _turns_by_pulls(turned, weights, starts)[limb[first]]
+    shares = weights / np.add.reduceat(weights**2, starts)[limb]
+    follow = arms[first] @ turns @ arms[second].swapaxes(1, 2)
+    follow += (weights[first] * shares[second])[:, np.newaxis, np.newaxis] * np.eye(3)
+    slope = np.zeros((len(limb), 3, n_places + 1, 3))
+    columns = np.concatenate([one.rows for one in several])
+    slope[first, :, columns[second]] = ((first == second)[:, np.newaxis, np.newaxis] * np.eye(3) - follow) * weights[
+        second, np.newaxis, np.newaxis
+    ]
+    return slope[:, :, :n_places].reshape(3 * len(limb), -1), (weights[:, np.newaxis] * off).ravel()
 
 
-def _off(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Return expected points about their middle as they are turned, and how far the points are from them."""
-    turn, middle, there = _laid_on(points, expected, weights)
-    turned = (expected - there) @ turn.T
-    return turned, points - middle - turned
+def _turns_by_pulls(turned: Floats, weights: Floats, starts: Ints) -> Floats:
+    """Return how segments turn by the moments of their points, shape (n_segments, 3, 3)."""
+    squares = (weights**2)[:, np.newaxis, np.newaxis] * turned[:, :, np.newaxis] * turned[:, np.newaxis]
+    spread = np.add.reduceat(squares, starts)
+    inertia = np.trace(spread, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3) - spread
+    return np.asarray(np.linalg.pinv(inertia, rcond=ON_LINE, hermitian=True))
+
+
+def _laid_on_limb(chain: Chain, one: KnownLimb) -> tuple[Floats, Floats, Floats]:
+    """Return expected points of a limb about their middle as they are turned, how far it is off them, and weights."""
+    points, weights = one.at(chain), 1 / one.deviations
+    turn, middle, there = _laid_on(points, one.expected, weights)
+    turned = (one.expected - there) @ turn.T
+    return turned, points - middle - turned, weights
 
 
 def _laid_on(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:

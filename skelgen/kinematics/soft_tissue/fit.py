@@ -44,6 +44,9 @@ LEAST_PART = 0.02
 """Of the largest variance: displacements of less are left out."""
 
 MAX_STEPS = 5
+DIVERGED = 10.0
+"""Times the squares of the residuals at the start: a fit that left that many has diverged, and is given up."""
+
 STEP_TOLERANCE = 0.1
 """mm; less than a tenth of what soft tissue leaves uncertain."""
 
@@ -97,7 +100,7 @@ class SoftTissueCalibration:
 
 
 def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
-    """Fit soft tissue together with the chain; None if no cluster deforms with a joint.
+    """Fit soft tissue together with the chain; None if no cluster deforms with a joint or it diverges.
 
     Parameters
     ----------
@@ -112,13 +115,18 @@ def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
     return _fitted(last, tissue, seen, variances) if variances.any() else None
 
 
-def _fitted(last: Calibration, tissue: SoftTissue, seen: ObservedDeformations, variances: Floats) -> SoftTissueFit:
-    """Take Gauss-Newton steps of constants and displacements on some frames."""
+def _fitted(
+    last: Calibration, tissue: SoftTissue, seen: ObservedDeformations, variances: Floats
+) -> SoftTissueFit | None:
+    """Take Gauss-Newton steps of constants and displacements on some frames; None if they diverge."""
     frames, share = _equation_frames(last)
     chain, articulation, poses = last.chain, last.articulation, last.poses[frames]
     positions, deformation = last.positions[frames], np.zeros_like(tissue.slopes)
+    most = DIVERGED * last.at(frames).squares
     for step_number in range(MAX_STEPS):
         here = observed(chain, articulation, poses, positions - tissue.displacements(chain, poses))
+        if here.squares > most:
+            return None
         system = soft_tissue_equations(here, tissue, variances > 0, last.noise)
         matrix, gradient = share * system.matrix, share * system.gradient
         n = system.n_constants
