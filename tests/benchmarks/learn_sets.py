@@ -92,7 +92,7 @@ def _person_in_any_posture(number: int) -> module.Shape:
         motion = MOTIONS[number // 2 % len(MOTIONS)]
         angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)
     else:
-        body = _in_posture(who.body, rng, is_alike=number % 4 == 1)
+        body = in_posture(who.body, rng, is_alike=number % 4 == 1)
         angles = random_angles(body, N_FRAMES, RATE, rng, rng.uniform(*MOTION_RANGE))
         poses = world_from_limbs(body, angles, np.zeros((N_FRAMES, 3)))
     angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
@@ -101,7 +101,8 @@ def _person_in_any_posture(number: int) -> module.Shape:
     return module.shape_of(positions + NOISE * rng.normal(size=positions.shape))
 
 
-def _in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> Structure:
+def in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> Structure:
+    """Return a body whose joint angles lie about those of a posture that is drawn, the same on both sides if alike."""
     limbs, drawn = [], {}
     for limb in body.limbs:
         side, _, rest = limb.name.partition(" ")

@@ -1,5 +1,9 @@
 """Real people against an expert: ``python tests/benchmarks/people.py [folder]``, with limbs and tree given or not.
 
+With ``--unknown [30]``, instead, so many simulated people in marker sets that are left out of the tables: in natural
+motion, with arms that hardly move, or in any posture; every other one lacks up to four markers. Their trees are harder
+than those of most recordings: hands, heads and toes that do not move against their neighbours count as missed.
+
 The recordings are looked for in ``../shared/data/bodies`` beside the project unless a folder is named. Markers lose
 their names. Joints are those of the template that were found, wrists and toes left out; the template is good to some
 10 mm. SCoRE (Ehrig 2006) is given limbs and tree in every row.
@@ -9,10 +13,12 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from learn_sets import in_posture
 from shown import show, show_machine
 
 import skelgen
@@ -20,10 +26,27 @@ from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.simulation.markers import carried_markers
+from skelgen.simulation.motion import random_angles, world_from_limbs
+from skelgen.simulation.people import (
+    LABORATORY_SETS,
+    MARKER_SETS,
+    MOTIONS,
+    natural_motion,
+    person,
+    realistic_soft_tissue,
+)
+from skelgen.simulation.people import Person as WornPerson
+from skelgen.stages.limbs import worn_sets
 
 USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data" / "bodies"
 SMALL = ("radius", "ulna", "toes")
 POSED = 3  # markers that SCoRE needs on a body
+RATE, NOISE, PLACED = 100.0, 0.3, 10.0  # Hz, mm, and how far examiners miss a place [mm], of simulated people
+LENGTHS, WAYS = (150, 300, 450), ("natural", "arms still", "posture")
+STILL, IN_POSTURE = 0.2, (0.25, 0.6)  # of their usual motion: arms that hardly move, and bodies in a posture
+LOST, ENOUGH = 4, 3  # markers that every other one may lack, from segments with so many
+LEAST_TREE = 0.85  # wanted of everybody
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +91,9 @@ class Person:
 
 def main() -> None:
     """Print a row per person and per what is given."""
+    if "--unknown" in sys.argv:
+        show_unknown(int((*sys.argv[sys.argv.index("--unknown") + 1 :], "30")[0]))
+        return
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else USUAL_PLACE
     names = sorted(path.name.removesuffix(".truth.npz") for path in folder.glob("*.truth.npz"))
     if not names:
@@ -84,6 +110,60 @@ def main() -> None:
             rows.append((name, given, *scores(person, project), score, seconds))
     columns = ("take", "given", "purity", "bodies", "limbs", "edges", "tree", "joints [mm]", "worst", "", "SCoRE", "s")
     show("People", columns, rows)
+
+
+def show_unknown(n_people: int) -> None:
+    """Print a row per simulated person in a set that is not known, and how many trees are as wanted."""
+    show_machine()
+    every, rows = worn_sets.worn_sets(), []
+    for marker_set, told, who in unknown_people(n_people):
+        known = tuple(one for one in every if one.name != marker_set)
+        worn_sets.worn_sets = lambda known=known: known
+        rows.append((marker_set, told, *scores(who, reconstruct(who, "nothing"))[:5]))
+        print(*rows[-1], sep="  ", flush=True)
+    show("People in sets that are not known", ("set", "motion", "purity", "bodies", "limbs", "edges", "tree"), rows)
+    trees = np.array([float(row[-1]) for row in rows])
+    print(f"trees {trees.mean():.3f} in the mean; {(trees < LEAST_TREE).sum()} of {len(trees)} below {LEAST_TREE}")
+
+
+def unknown_people(n_people: int) -> Iterator[tuple[str, str, Person]]:
+    """Yield the sets that simulated people wear, how they move, and the people."""
+    sets = (*MARKER_SETS, *LABORATORY_SETS)
+    for number in range(n_people):
+        rng = np.random.default_rng([77, number])
+        marker_set, n_frames = sets[number % len(sets)], LENGTHS[number // 3 % 3]
+        who = person(marker_set, 0.0, rng, placed=PLACED)
+        motion, angles, poses = _moving(who, number, n_frames, rng)
+        angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
+        positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
+        positions += NOISE * rng.normal(size=positions.shape)
+        body_of_marker, bodies = np.asarray(who.worn.limb_of_marker), list(who.worn.limb_names)
+        kept = _kept(body_of_marker, rng) if number % 2 else np.arange(len(body_of_marker))
+        allowed = body_of_marker[kept, np.newaxis] == np.arange(len(bodies))
+        take = Trajectories(positions[:, kept], [f"M{marker:03}" for marker in range(len(kept))], RATE)
+        yield marker_set, motion, Person(take, bodies, np.array(who.worn.parents), allowed, None)
+
+
+def _moving(who: WornPerson, number: int, n_frames: int, rng: np.random.Generator) -> tuple[str, list[Floats], Floats]:
+    """How somebody moves, in words, the angles of all limbs, and their poses."""
+    way, motion = WAYS[number % 3], MOTIONS[(number * 3 + 1) % len(MOTIONS)]
+    if way == "posture":
+        body = in_posture(who.body, rng, is_alike=number % 2 == 1)
+        angles = random_angles(body, n_frames, RATE, rng, rng.uniform(*IN_POSTURE))
+        return way, angles, world_from_limbs(body, angles, np.zeros((n_frames, 3)))
+    angles, poses = natural_motion(who, motion, n_frames, RATE, rng)
+    if way == "arms still":
+        part = [STILL if "arm" in limb.name or "hand" in limb.name else 1.0 for limb in who.body.limbs]
+        angles = [own.mean(axis=0) + of * (own - own.mean(axis=0)) for of, own in zip(part, angles, strict=True)]
+        poses = world_from_limbs(who.body, angles, poses[:, 0, :3, 3])
+    return f"{motion}, {way}", angles, poses
+
+
+def _kept(body_of_marker: Ints, rng: np.random.Generator) -> Ints:
+    """Markers without those that somebody left off."""
+    sizes = np.bincount(body_of_marker)[body_of_marker]
+    lost = [marker for marker in rng.permutation(len(sizes))[:LOST].tolist() if sizes[marker] >= ENOUGH]
+    return np.setdiff1d(np.arange(len(sizes)), lost)
 
 
 def load(folder: Path, name: str) -> Person:
