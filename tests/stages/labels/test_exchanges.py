@@ -1,5 +1,7 @@
 """Markers that come back under each other's numbers are exchanged again, and nothing else is."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -84,3 +86,21 @@ def test_a_take_without_markers_has_nothing_to_exchange(case) -> None:
     cloud, marker, track = case
     nothing = np.full(len(marker), -1)
     assert exchange_markers(cloud, track, nothing, RATE, SPACING, no(marker)) is nothing
+
+
+def test_of_thousands_of_common_pauses_the_longest_are_looked_at() -> None:
+    n_frames, n_markers, longest = 20_000, len(PLACES), slice(9_000, 9_030)
+    positions = np.random.default_rng(1).normal(PLACES, 0.3, (n_frames, *PLACES.shape))
+    seen = np.ones((n_frames, n_markers), dtype=bool)
+    seen[::10, :2] = seen[longest, :2] = False
+    frame, marker = np.nonzero(seen)
+    starts = np.concatenate([[0], np.cumsum(seen.sum(axis=1))])
+    cloud = PointCloud(positions[seen], starts, np.arange(n_frames) / RATE)
+    track = np.where(marker < 2, n_markers + 2 * (frame // 10) + marker, marker)
+    wrong = np.where((marker < 2) & (frame >= longest.stop), 1 - marker, marker)
+    tracemalloc.start()
+    found = exchange_markers(cloud, track, wrong, RATE, SPACING, no(marker))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_array_equal(found, marker)
+    assert peak < 60e6, f"{peak / 1e6:.0f} MB"  # bytes; all spans between two pauses would take twice as many

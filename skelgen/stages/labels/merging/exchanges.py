@@ -44,6 +44,9 @@ MOST_MARKERS = 200
 TRIED = 8
 """Spans in which two markers are exchanged for trial, those in which the other marker's distances suit best."""
 
+MOST_PAUSES = 200
+"""Of more common pauses of two markers, the longest ones are looked at: spans are between any two of them."""
+
 MOST_MISFIT = 5.0
 """nats that one distance says at most against a point."""
 
@@ -189,14 +192,14 @@ class _Search:
         return moment[spans], frame[spans]
 
     def _common_pauses(self, one: int, other: int) -> tuple[Ints, Ints]:
-        """Moments before which two markers both pause, and the frames, the longest pause of each; and both ends."""
+        """Moments before which two markers both pause long, and the frames, the longest pause of each; and both ends."""
         frames = np.union1d(self._pauses[one][1], self._pauses[other][1])
         begin, end = np.zeros_like(frames), np.full_like(frames, self._n_frames)
         for last, following in (self._pauses[one], self._pauses[other]):
             pause = np.minimum(np.searchsorted(following, frames), len(last) - 1)
             begin, end = np.maximum(begin, last[pause]), np.minimum(end, following[pause])
         longest = np.argsort(begin - end, kind="stable")
-        frames = frames[longest[((begin < frames) & (frames <= end))[longest]]]
+        frames = frames[longest[((begin < frames) & (frames <= end))[longest]]][:MOST_PAUSES]
         moment, place = np.unique(np.searchsorted(self._moments, frames), return_index=True)
         inner = (moment > 0) & (moment < len(self._moments))
         moment = np.concatenate([[0], moment[inner], [len(self._moments)]])
