@@ -192,7 +192,7 @@ class _Search:
         return moment[spans], frame[spans]
 
     def _common_pauses(self, one: int, other: int) -> tuple[Ints, Ints]:
-        """Moments before which two markers both pause long, and the frames, the longest pause of each; and both ends."""
+        """Moments before which two markers both pause longest, and the frames, the longest pause of each; both ends."""
         frames = np.union1d(self._pauses[one][1], self._pauses[other][1])
         begin, end = np.zeros_like(frames), np.full_like(frames, self._n_frames)
         for last, following in (self._pauses[one], self._pauses[other]):
