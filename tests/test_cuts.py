@@ -25,3 +25,7 @@ def test_odd_takes_give_a_result_or_an_error_in_a_sentence(cuts, kind):
     outcomes = {seed: cuts.outcome(kind, seed) for seed in range(1000, 1000 + SAMPLE[kind])}
     assert not {seed: said for seed, said in outcomes.items() if said.startswith("escape")}
     assert sum(said == "result" for said in outcomes.values()) > len(outcomes) / 4
+
+
+def test_points_that_fit_exactly_overflow_nothing_beside_one_that_does_not(cuts):
+    assert cuts.outcome("short", 150_770) == "result"  # most frames show so little that limbs fit it exactly

@@ -34,6 +34,9 @@ SQUARE_OF_MEDIAN = 2.366
 GENTLE = 2.0
 """Deviations at which Cauchy's weights are a half: noise keeps most of its weight."""
 
+LEAST_TYPICAL = 1e-60
+"""mm; what is off by nothing in half of the frames counts as this much: its square does not vanish."""
+
 REWEIGHTINGS = 6
 STEPS_BETWEEN = 2
 """Steps of the poses after each new weights: enough to follow."""
@@ -172,7 +175,7 @@ def out_of_line(held: ConstrainedChain, poses: ChainPoses, positions: Floats, fa
         return far
     some, measured = poses[frames], positions[frames]
     for _ in range(REWEIGHTINGS):
-        ratio = _distances(chain, some, measured) / np.maximum(GENTLE * typical, np.finfo(np.float64).tiny)
+        ratio = _distances(chain, some, measured) / np.maximum(GENTLE * typical, LEAST_TYPICAL)
         weights = seen_weights(measured, 1 / (1 + ratio**2))
         some = fit_poses(chain, some, measured, held.articulation, weights, STEPS_BETWEEN)
     far[frames] = _distances(chain, some, measured) > limit
