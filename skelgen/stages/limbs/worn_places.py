@@ -55,6 +55,13 @@ PART_OF_PLACES, OF_PARTING = 2 / 3, 0.5
 """What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
 markers: these are easily mistaken for neighbours beyond a joint."""
 
+INDEPENDENT = 12.0
+"""So many of a marker's distances are independent: then the segments of simulated people in sets that are not known are
+as likely as they are right (log odds of -3, 1.5, 3 and 5 where -2.9 and less, 1.3, 3 and 5.2 are found)."""
+
+MISTAKEN = 0.03
+"""Chance that places are wrong altogether: what seems surer is not. Soft bodies that are no person's fit too."""
+
 MIRRORED = 0.5
 """Part of the word of a pair that its mirror image has, where places are believed: both sides have the same limbs."""
 
@@ -112,11 +119,10 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     places = believed_places(positions, by_motion) if doubt > 0.0 else None
     if places is None:
         return odds
-    share = PART_OF_PLACES * doubt * places.belief
-    by_places = _pair_odds(places, len(by_motion))
-    by_places[by_places < 0] *= OF_PARTING
+    by_places = _odds_of_places(shape_of(positions), places, by_motion)
+    share = doubt * places.belief
     mirrored = MIRRORED * places.belief * (_of_mirror_images(places.match, by_motion) - by_motion)
-    return np.asarray((1.0 - share) * odds + share * by_places + mirrored)
+    return np.asarray((1.0 - PART_OF_PLACES * share) * odds + share * by_places + mirrored)
 
 
 def believed_set(positions: Floats, by_motion: Floats) -> Believed | None:
@@ -149,6 +155,28 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
     return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * is_borne_out))
 
 
+def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
+    """Return the log odds that two markers share a segment, as likely as each is at any place, (n_markers, n_markers).
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    places : Believed
+        What markers are taken for.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        Log odds by what each pair does.
+    """
+    _, costs = _misfits_and_costs(shape, places.match.markers, places.match.of_set, by_motion)
+    likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
+    likely /= likely.sum(axis=1, keepdims=True)
+    on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]
+    together = np.clip(on_segment @ on_segment.T, MISTAKEN, 1.0 - MISTAKEN)
+    odds = np.log(together / (1.0 - together))
+    np.fill_diagonal(odds, 0.0)
+    return np.asarray(odds)
+
+
 def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:
     """What motion says of the pair that mirrors each; of the pair itself where one of its markers has no image."""
     mirrored = _mirror_images()
@@ -171,6 +199,17 @@ def _pair_odds(believed: Believed, n_markers: int) -> Floats:
     return odds
 
 
+def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
+    """The log odds that two markers share a limb by their places, (n_markers, n_markers).
+
+    Places part markers by half of their word, and by more where other places that either may be at part them, too.
+    """
+    odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
+    parted = odds < 0
+    odds[parted] = np.minimum(OF_PARTING * odds, segment_odds(shape, places, by_motion))[parted]
+    return odds
+
+
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
     """Take markers for places so that their distances fit best, and those on one segment move as one limb.
 
@@ -185,10 +224,6 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    places = worn_places()
-    wide = 2.0 * np.log(places.spread.distances) + 2.0 * MOTION_WEIGHT * np.log(places.spread.motions)
-    wide = WIDE * np.nan_to_num(wide - np.nanmedian(wide))
-    mirrored, alike = _mirror_images(), places.segments[:, np.newaxis] == places.segments
     best, visited = None, set()
     for match, worn in sets:
         markers, taken = match.markers, _places_of(worn)[match.of_set]
@@ -197,10 +232,7 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
             if matched in visited:  # another search went on from here, or this one stands still
                 break
             visited.add(matched)
-            misfits = _misfits(shape, places, markers, taken)
-            costs = misfits + wide[:, taken].sum(axis=1) / max(len(taken) - 1, 1)
-            costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike[taken] / max(len(taken) - 1, 1)
-            costs += ONE_SIDED * ~np.isin(mirrored, taken)
+            misfits, costs = _misfits_and_costs(shape, markers, taken, by_motion)
             cost = float(costs[markers, taken].mean())
             if best is None or cost < best[0]:
                 best = cost, markers, taken, misfits[markers, taken]
@@ -208,7 +240,26 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     assert best is not None
     _, markers, taken, misfits = best
     left_over = WITHOUT_PARTNER * (1.0 - len(markers) / len(shape.distances))
-    return Match(markers, taken, misfits, float(misfits.mean()) + left_over), places
+    return Match(markers, taken, misfits, float(misfits.mean()) + left_over), worn_places()
+
+
+def _misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floats) -> tuple[Floats, Floats]:
+    """How far distances to matched markers are off for each marker at each place, and what it costs in all."""
+    places = worn_places()
+    others = max(len(taken) - 1, 1)
+    misfits = _misfits(shape, places, markers, taken)
+    costs = misfits + _wide()[:, taken].sum(axis=1) / others
+    alike = places.segments[taken, np.newaxis] == places.segments
+    costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
+    return misfits, costs + ONE_SIDED * ~np.isin(_mirror_images(), taken)
+
+
+@cache
+def _wide() -> Floats:
+    """What it costs that distances between places are wide, shape (n_places, n_places)."""
+    spread = worn_places().spread
+    wide = 2.0 * np.log(spread.distances) + 2.0 * MOTION_WEIGHT * np.log(spread.motions)
+    return np.asarray(WIDE * np.nan_to_num(wide - np.nanmedian(wide)))
 
 
 def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Floats:

@@ -3,10 +3,11 @@
 import numpy as np
 
 from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.worn_places import PART_OF_PLACES, nearest_places, worn_odds
+from skelgen.stages.limbs.worn_places import PART_OF_PLACES, Believed, nearest_places, segment_odds, worn_odds
 from skelgen.stages.limbs.worn_sets import (
     LARGEST,
     MOTION_WEIGHT,
@@ -15,6 +16,7 @@ from skelgen.stages.limbs.worn_sets import (
     STRENGTH,
     UNKNOWN,
     SetComparison,
+    Shape,
     best_match,
     nearest_set,
     shape_of,
@@ -46,17 +48,34 @@ def test_a_set_is_believed_in_strange_postures_where_motion_bears_it_out() -> No
 
 
 def test_places_are_found_from_a_set_that_is_not_worn() -> None:
+    _, places, _, limb = _at_places()
+    match, worn = places.match, places.worn
+    found, limb = worn.segments[match.of_set], limb[match.markers]
+    pairs = np.triu_indices(len(limb), 1)
+    alike = (found[:, np.newaxis] == found)[pairs] == (limb[:, np.newaxis] == limb)[pairs]
+    assert alike.mean() > 0.98
+    assert match.misfit < 1.0
+
+
+def test_markers_share_segments_as_often_as_their_places_say() -> None:
+    shape, places, by_motion, limb = _at_places()
+    pairs = np.triu_indices(len(limb), 1)
+    odds, together = segment_odds(shape, places, by_motion)[pairs], (limb[:, np.newaxis] == limb)[pairs]
+    assert together[odds < -3].mean() < 0.01
+    assert together[odds > 3].mean() > 0.95
+    assert (odds > 3).sum() > together.sum() / 2
+
+
+def _at_places() -> tuple[Shape, Believed, Floats, Ints]:
+    """A person in a set, taken for usual places from another set: shape, places, log odds by motion, and limbs."""
     case = simulate(
         "human", seed=104, motion="jump", marker_set="optitrack-biomech-57", n_frames=200, soft_tissue="realistic"
     )
     positions = np.asarray(case.take.positions)
     shape, other = shape_of(positions), next(worn for worn in worn_sets() if worn.name == "cgm2-5")
-    match, places = nearest_places(shape, [(best_match(shape, other), other)], log_odds(positions))
-    found, limb = places.segments[match.of_set], case.truth.limb_of_marker[match.markers]
-    pairs = np.triu_indices(len(limb), 1)
-    alike = (found[:, np.newaxis] == found)[pairs] == (limb[:, np.newaxis] == limb)[pairs]
-    assert alike.mean() > 0.98
-    assert match.misfit < 1.0
+    by_motion = log_odds(positions)
+    places = Believed(*nearest_places(shape, [(best_match(shape, other), other)], by_motion), 1.0)
+    return shape, places, by_motion, np.asarray(case.truth.limb_of_marker)
 
 
 def test_animals_and_trees_wear_nothing() -> None:
