@@ -34,6 +34,9 @@ from skelgen.model.arrays import Floats, Ints, evenly_spread
 EQUATION_FRAMES = 100
 """Frames from which soft tissue and its uncertainty are computed, evenly spread: it is slow, more would add nothing."""
 
+LEAST_FRAMES = 20
+"""Fewer show no soft tissue: the flexions of a limb, three for each joint, would follow whatever so few frames hold."""
+
 ESTIMATES = 4
 """Rounds in which variances of displacements are estimated."""
 
@@ -100,14 +103,14 @@ class SoftTissueCalibration:
 
 
 def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
-    """Fit soft tissue together with the chain; None if no cluster deforms with a joint or it diverges.
+    """Fit soft tissue together with the chain; None if no cluster deforms with a joint, it diverges, or frames are few.
 
     Parameters
     ----------
     last : Calibration
         The chain fitted to rigid limbs, frames in the order of time.
     """
-    if last.noise <= LEAST_NOISE:
+    if last.noise <= LEAST_NOISE or last.n_frames < LEAST_FRAMES:
         return None
     tissue = soft_tissue_at_rest(last.chain, last.poses)
     seen = observe_deformations(last, tissue, rigid_displacements(last.chain))

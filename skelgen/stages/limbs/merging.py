@@ -17,8 +17,9 @@ nats per frame, whichever limb each marker is on. A marker near the axis of a hi
 here its limb is decided by what it adds to the noise of either limb, and by what it leaves of their relative motion.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -178,7 +179,7 @@ def _cost(motion: Spread | None, noise: Floats) -> float:
     if motion is None:
         return np.inf
     ratios = motion.ratios(noise)
-    return misfit(ratios) - GAIN * len(ratios)
+    return float(misfit(ratios)) - GAIN * len(ratios)
 
 
 class _Merger:
@@ -244,7 +245,7 @@ class _Merger:
         variances = np.full(len(self._apart), (self._bend(one, other) * motion.radius) ** 2)
         variances[list(one)] += self._group_noise(one)
         variances[list(other)] += self._group_noise(other)
-        return misfit(motion.ratios(variances)) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
+        return float(misfit(motion.ratios(variances))) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
 
     def _bend(self, *groups: Group) -> float:
         """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""
@@ -288,16 +289,41 @@ def _exchange_markers(
     return groups
 
 
+class _Move(NamedTuple):
+    """Markers that might move from their own body to another."""
+
+    own: Group
+    block: Group
+    other: Group
+
+    @property
+    def now(self) -> tuple[Group, Group]:
+        """Both bodies before the move."""
+        return self.own, self.other
+
+    @property
+    def then(self) -> tuple[Group, Group]:
+        """Both bodies after it."""
+        rest = tuple(marker for marker in self.own if marker not in self.block)
+        return rest, tuple(sorted(self.other + self.block))
+
+
 class _Exchange:
     """Moves of markers between limbs, by variances of distances in units of their noise, `ratio`."""
 
     def __init__(self, movements: Movements, ratio: Floats, noise: float, constraints: MarkerConstraints) -> None:
         self._movements, self._ratio, self._noise, self._constraints = movements, ratio, noise, constraints
         self._costs: dict[tuple[Group, Group], float] = {}
-        self._gains: dict[tuple[Group, Group, Group], float] = {}
+        self._gains: dict[_Move, float] = {}
 
-    def moves(self, groups: Ints) -> Iterator[tuple[float, Group, int]]:
+    def moves(self, groups: Ints) -> list[tuple[float, Group, int]]:
         """Gain [nats per frame] beyond what it must be at least, markers and new limb of all moves."""
+        moves = list(self._possible(groups))
+        self._weigh(dict.fromkeys(move for move, _ in moves))
+        return [(self._gains[move], move.block, limb) for move, limb in moves]
+
+    def _possible(self, groups: Ints) -> Iterator[tuple[_Move, int]]:
+        """Moves that can pay, and the new limb."""
         members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
         limbs, bodies = list(members), list(members.values())
         seen = self._movements.seen_part
@@ -310,24 +336,22 @@ class _Exchange:
             for index in np.flatnonzero(near).tolist():
                 other = bodies[index]
                 if other != own and len(other) >= LEAST_MARKERS:
-                    yield self._gain(own, block, other), block, limbs[index]
+                    yield _Move(own, block, other), limbs[index]
 
-    def _gain(self, own: Group, block: Group, other: Group) -> float:
-        """Gain of a move from one body to another beyond what it must be; it stays as long as both bodies do."""
-        if (own, block, other) not in self._gains:
-            self._gains[own, block, other] = self._tested_gain(own, block, other)
-        return self._gains[own, block, other]
+    def _weigh(self, moves: Iterable[_Move]) -> None:
+        """Find the gains of moves that have none yet; they stay as long as both bodies do."""
+        new = [move for move in moves if move not in self._gains]
+        self._gains.update(dict.fromkeys(new, -np.inf))
+        allowed = [move for move in new if not self._constraints.apart[np.ix_(move.block, move.other)].any()]
+        self._movements.measure(pair for move in allowed for pair in (move.now, move.then))
+        self._gains.update((move, self._gain(move)) for move in allowed)
 
-    def _tested_gain(self, own: Group, block: Group, other: Group) -> float:
-        if self._constraints.apart[np.ix_(block, other)].any():
-            return -np.inf
-        rest = tuple(marker for marker in own if marker not in block)
-        now, then = (own, other), (rest, tuple(sorted(other + block)))
+    def _gain(self, move: _Move) -> float:
         # inner coordinates of pairs and of larger groups, before and after the move
-        inner = [sum(3 * len(one) - (6 if len(one) > 2 else 5) for one in pair) for pair in (now, then)]
+        inner = [sum(3 * len(one) - (6 if len(one) > 2 else 5) for one in pair) for pair in (move.now, move.then)]
         least = LEAST_MOVE_GAIN + GAIN * abs(inner[0] - inner[1])
-        after = self._cost(*then)
-        return self._cost(*now) - after - least if np.isfinite(after) else -np.inf
+        after = self._cost(*move.then)
+        return self._cost(*move.now) - after - least if np.isfinite(after) else -np.inf
 
     def _cost(self, first: Group, second: Group) -> float:
         first, second = min(first, second), max(first, second)

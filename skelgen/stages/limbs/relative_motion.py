@@ -13,7 +13,7 @@ size of limb has its test.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,37 +40,60 @@ KEPT_PART = 0.95
 RANK_TOLERANCE = 0.05
 """Of the largest singular value; a displacement that moves the markers less is none (markers on one line)."""
 
+AT_ONCE = 1_000_000
+"""Coordinates of markers that are measured at once: many small groups take one pass, and memory stays small."""
+
 Group = tuple[int, ...]
 """Indices of markers, rising."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Covariance of some coordinates of the residuals of a group.
+    """Covariance of some coordinates of the residuals of a group, or of many groups that have as many of each.
 
     Attributes
     ----------
-    covariance : ndarray, shape (k, k), mm^2
+    covariance : ndarray, shape (..., k, k), mm^2
         Covariance of the k coordinates.
-    basis : ndarray, shape (3 n_markers, k)
+    basis : ndarray, shape (..., 3 n_markers, k)
         The coordinates, orthonormal, in those of the markers.
-    markers : ndarray of intp, shape (n_markers,)
+    markers : ndarray of intp, shape (..., n_markers)
         The markers.
-    radius : float, mm
+    radius : ndarray, shape (...), mm
         Root mean square distance of the markers from their middle.
     """
 
     covariance: Floats
     basis: Floats
     markers: Ints
-    radius: float
+    radius: Floats
+
+    def of(self, index: int) -> Spread:
+        """Return the spread of one of many groups."""
+        return Spread(self.covariance[index], self.basis[index], self.markers[index], self.radius[index])
 
     def ratios(self, variances: Floats) -> Floats:
-        """Principal variances in units of what the noise `variances` [mm^2] of all markers explains, shape (k,)."""
-        noise = np.repeat(variances[self.markers], 3)
-        root = np.linalg.cholesky(self.basis.T @ (noise[:, np.newaxis] * self.basis))
+        """Principal variances in units of what the noise `variances` [mm^2] of all markers explains, shape (..., k)."""
+        noise = np.repeat(variances[self.markers], 3, axis=-1)
+        root = np.linalg.cholesky(np.swapaxes(self.basis, -1, -2) @ (noise[..., np.newaxis] * self.basis))
         half = np.linalg.solve(root, self.covariance)
-        return np.asarray(np.linalg.eigvalsh(np.linalg.solve(root, half.T)))
+        return np.asarray(np.linalg.eigvalsh(np.linalg.solve(root, np.swapaxes(half, -1, -2))))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Markers of which a spread is asked for: of their inner coordinates, or of the relative motion of two parts.
+
+    Attributes
+    ----------
+    markers : tuple of int
+        The markers, those of the first part first.
+    n_first : int
+        Markers of the first part; 0 for inner coordinates.
+    """
+
+    markers: Group
+    n_first: int = 0
 
 
 class Movements:
@@ -105,12 +128,15 @@ class Movements:
     def inner(self, group: Group) -> Spread | None:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
         if group not in self._inner:
-            self._inner[group] = self.tried(group)
+            self._inner[group] = self._spread(_Asked(group))
         return self._inner[group]
 
-    def tried(self, group: Group) -> Spread | None:
-        """Return `inner` of a group that is one of many: it is not kept, as it may be large."""
-        return self._inner[group] if group in self._inner else self._spread(group, _inner_basis)
+    def all_inner(self, groups: list[Group]) -> Iterator[tuple[Ints, Spread]]:
+        """Return `inner` of many groups, as numbers of groups with as many coordinates, and their spreads.
+
+        Groups that too few frames show are in none of them. Nothing is kept, as it may be large.
+        """
+        return self._spreads([_Asked(group) for group in groups])
 
     def relative(self, first: Group, second: Group) -> Spread | None:
         """Return the spread of the relative motion of two groups; None if too few frames show both.
@@ -123,8 +149,26 @@ class Movements:
         first, second = min(first, second), max(first, second)
         key = (first, second)
         if key not in self._relative:
-            self._relative[key] = self._spread(first + second, lambda shape: _relative_basis(shape, len(first)))
+            self._relative[key] = self._spread(_Asked(first + second, len(first)))
         return self._relative[key]
+
+    def measure(self, pairs: Iterable[tuple[Group, Group]]) -> None:
+        """Find the inner and relative motions of many pairs of groups at once; `inner` and `relative` then have them.
+
+        Parameters
+        ----------
+        pairs : iterable of tuple of two groups
+            Groups of two markers or more.
+        """
+        ordered = dict.fromkeys((min(pair), max(pair)) for pair in pairs)
+        new = [pair for pair in ordered if pair not in self._relative]
+        self._relative.update(dict.fromkeys(new))
+        for indices, spread in self._spreads([_Asked(first + second, len(first)) for first, second in new]):
+            self._relative.update((new[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
+        groups = [group for group in dict.fromkeys(one for pair in new for one in pair) if group not in self._inner]
+        self._inner.update(dict.fromkeys(groups))
+        for indices, spread in self.all_inner(groups):
+            self._inner.update((groups[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
 
     def distance(self, marker: int, others: Group) -> float:
         """Return the usual distance [mm] of a marker from the nearest of some others; infinite if none is seen with it.
@@ -144,89 +188,140 @@ class Movements:
         ]
         return min(gaps, default=np.inf)
 
-    def _spread(self, markers: Group, basis_of: Callable[[Floats], Floats]) -> Spread | None:
-        shown = self._shown(markers)
-        if shown is None:
-            return None
-        residuals, shape = _aligned(*shown)
-        basis = basis_of(shape)
-        rows = residuals.reshape(len(residuals), -1)
-        size = ((rows @ basis) ** 2).sum(axis=1)
-        kept = np.argsort(size, kind="stable")[: max(LEAST_FRAMES, round(KEPT_PART * len(size)))]
-        used, seen = rows[kept], shown[1][kept].astype(np.float64)
-        common = np.repeat(np.repeat(np.maximum(seen.T @ seen, 1), 3, axis=0), 3, axis=1)
-        return Spread(
-            covariance=basis.T @ (used.T @ used / common) @ basis,
-            basis=basis,
-            markers=np.array(markers, dtype=np.intp),
-            radius=float(np.sqrt(((shape - shape.mean(axis=0)) ** 2).sum(axis=1).mean())),
-        )
+    def _spread(self, asked: _Asked) -> Spread | None:
+        return next((spread.of(0) for _, spread in self._spreads([asked])), None)
 
-    def _shown(self, markers: Group) -> tuple[Floats, Bools] | None:
-        """Positions (0 where unseen) and visibility of some markers in frames that show most of them."""
+    def _spreads(self, asked: list[_Asked]) -> Iterator[tuple[Ints, Spread]]:
+        """Spreads of what is asked for, of those with as many coordinates at once, and which these are."""
+        alike: dict[tuple[int, int, int, bool], list[tuple[int, Ints]]] = {}
+        for index, one in enumerate(asked):
+            frames, are_sampled = self._frames_of(one.markers)
+            if len(frames) >= LEAST_FRAMES:
+                key = (len(one.markers), one.n_first, len(frames), are_sampled)
+                alike.setdefault(key, []).append((index, frames))
+        for (n_markers, n_first, n_frames, are_sampled), members in alike.items():
+            most = max(1, AT_ONCE // (3 * n_markers * n_frames))
+            for start in range(0, len(members), most):
+                indices = np.array([index for index, _ in members[start : start + most]], dtype=np.intp)
+                frames = np.stack([frames for _, frames in members[start : start + most]])
+                markers = np.array([asked[index].markers for index in indices.tolist()], dtype=np.intp)
+                points, seen = self._shown(markers, frames, are_sampled)
+                for places, spread in _spreads_of(points, seen, markers, n_first):
+                    yield indices[places], spread
+
+    def _frames_of(self, markers: Group) -> tuple[Ints, bool]:
+        """Frames that show most of some markers, and whether they number the sampled frames or all."""
         index = list(markers)
         needed = max(min(3, len(index)), int(np.ceil(SEEN_PART * len(index))))
-        positions, seen = self._sampled, self._sampled_seen[:, index]
-        frames = np.flatnonzero(seen.sum(axis=1) >= needed)
-        if len(frames) < ENOUGH_FRAMES:
+        frames = np.flatnonzero(self._sampled_seen[:, index].sum(axis=1) >= needed)
+        are_sampled = len(frames) >= ENOUGH_FRAMES
+        if not are_sampled:
             if self._all_seen is None:
                 self._all_seen = ~np.isnan(self._all[:, :, 0])
-            positions, seen = self._all, self._all_seen[:, index]
-            frames = np.flatnonzero(seen.sum(axis=1) >= needed)
-        if len(frames) < LEAST_FRAMES:
-            return None
+            frames = np.flatnonzero(self._all_seen[:, index].sum(axis=1) >= needed)
         if len(frames) > TEST_FRAMES:
             frames = frames[np.linspace(0, len(frames) - 1, TEST_FRAMES).astype(np.intp)]
-        chosen = seen[frames]
-        return np.where(chosen[..., np.newaxis], positions[frames[:, np.newaxis], index], 0.0), chosen
+        return frames, are_sampled
+
+    def _shown(self, markers: Ints, frames: Ints, are_sampled: bool) -> tuple[Floats, Bools]:
+        """Positions (0 where unseen) and visibility of the markers of many groups in frames of their own."""
+        where = frames[:, :, np.newaxis], markers[:, np.newaxis]
+        points = (self._sampled if are_sampled else self._all)[where]
+        seen: Bools = ~np.isnan(points[..., 0])
+        return np.where(seen[..., np.newaxis], points, 0.0), seen
+
+
+def _spreads_of(points: Floats, seen: Bools, markers: Ints, n_first: int) -> Iterator[tuple[Ints, Spread]]:
+    """Spreads of groups, of those with as many coordinates at once, and which these are.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_groups, n_frames, n_markers, 3), mm
+        0 where unseen.
+    seen : ndarray of bool, shape (n_groups, n_frames, n_markers)
+        Which are seen.
+    markers : ndarray of intp, shape (n_groups, n_markers)
+        The markers.
+    n_first : int
+        Markers of the first of two parts; 0 for inner coordinates.
+    """
+    residuals, shapes = _aligned(points, seen)
+    rows = residuals.reshape(*residuals.shape[:2], -1)
+    radii = np.sqrt(((shapes - shapes.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
+    for places, basis in _relative_bases(shapes, n_first) if n_first else _inner_bases(shapes):
+        size = ((rows[places] @ basis) ** 2).sum(axis=2)
+        n_kept = max(LEAST_FRAMES, round(KEPT_PART * size.shape[1]))
+        kept = places[:, np.newaxis], np.argsort(size, axis=1, kind="stable")[:, :n_kept]
+        used, shown = rows[kept], seen[kept].astype(np.float64)
+        common = np.repeat(np.repeat(np.maximum(shown.swapaxes(1, 2) @ shown, 1), 3, axis=1), 3, axis=2)
+        yield (
+            places,
+            Spread(
+                basis.swapaxes(1, 2) @ (used.swapaxes(1, 2) @ used / common) @ basis,
+                basis,
+                markers[places],
+                radii[places],
+            ),
+        )
 
 
 def _aligned(points: Floats, seen: Bools) -> tuple[Floats, Floats]:
-    """Residuals from the mean shape, in its frame (0 where unseen), and the shape.
+    """Residuals from the mean shape of each group, in its frame (0 where unseen), and the shapes.
 
     Frames are aligned to the fullest one. Its noise rotates all frames alike, and small rotations are no part of
     the coordinates: aligning again to the mean changes nothing that matters.
     """
     weights = seen.astype(np.float64)
-    counts = weights.sum(axis=0)
-    start = int(np.argmax(weights.sum(axis=1)))
+    counts = weights.sum(axis=1)
+    start = np.arange(len(points)), np.argmax(weights.sum(axis=2), axis=1)
     shape = points[start]
-    both = weights * weights[start]
-    both /= both.sum(axis=1, keepdims=True)
-    centred = points - (both[:, np.newaxis] @ points)
-    turned_shape = shape - (both @ shape)[:, np.newaxis]
-    turns = rotation_by_quaternion(np.swapaxes(centred * both[..., np.newaxis], 1, 2) @ turned_shape)
-    moved = centred @ turns + (both @ shape)[:, np.newaxis]
-    mean = (moved * weights[..., np.newaxis]).sum(axis=0) / np.maximum(counts, 1)[:, np.newaxis]
-    return (moved - mean) * weights[..., np.newaxis], mean
+    both = weights * weights[start][:, np.newaxis]
+    both /= both.sum(axis=2, keepdims=True)
+    centred = points - (both[:, :, np.newaxis] @ points)
+    middle = (both @ shape)[:, :, np.newaxis]
+    turns = rotation_by_quaternion((centred * both[..., np.newaxis]).swapaxes(2, 3) @ (shape[:, np.newaxis] - middle))
+    moved = centred @ turns + middle
+    mean = (moved * weights[..., np.newaxis]).sum(axis=1) / np.maximum(counts, 1)[..., np.newaxis]
+    return (moved - mean[:, np.newaxis]) * weights[..., np.newaxis], mean
 
 
-def _inner_basis(shape: Floats) -> Floats:
-    """Orthonormal coordinates that no rigid displacement changes, shape (3 n, k)."""
-    left, sizes, _ = np.linalg.svd(_displacements(shape), full_matrices=True)
-    return np.asarray(left[:, int((sizes > RANK_TOLERANCE * sizes[0]).sum()) :])
+def _inner_bases(shapes: Floats) -> Iterator[tuple[Ints, Floats]]:
+    """Orthonormal coordinates that no rigid displacement changes, shape (n_groups, 3 n, k), of groups of each k."""
+    left, sizes, _ = np.linalg.svd(_displacements(shapes), full_matrices=True)
+    ranks = _ranks(sizes)
+    for rank in np.unique(ranks).tolist():
+        places = np.flatnonzero(ranks == rank)
+        yield places, left[places, :, rank:]
 
 
-def _relative_basis(shape: Floats, n_first: int) -> Floats:
-    """Orthonormal displacements of two parts as rigid bodies that are none of the whole, shape (3 n, k)."""
-    first, second = _basis(_displacements(shape[:n_first])), _basis(_displacements(shape[n_first:]))
-    parts = np.zeros((3 * len(shape), first.shape[1] + second.shape[1]))
-    parts[: len(first), : first.shape[1]] = first
-    parts[len(first) :, first.shape[1] :] = second
-    whole = _basis(_displacements(shape))
-    left, _, _ = np.linalg.svd(parts - whole @ (whole.T @ parts), full_matrices=False)
-    return np.asarray(left[:, : parts.shape[1] - whole.shape[1]])
+def _relative_bases(shapes: Floats, n_first: int) -> Iterator[tuple[Ints, Floats]]:
+    """Orthonormal displacements of two parts as rigid bodies that are none of the whole, as `_inner_bases`."""
+    found = [
+        np.linalg.svd(_displacements(part), full_matrices=False)[:2]
+        for part in (shapes[:, :n_first], shapes[:, n_first:], shapes)
+    ]
+    ranks = np.stack([_ranks(sizes) for _, sizes in found], axis=1)
+    for kinds in np.unique(ranks, axis=0).tolist():
+        places = np.flatnonzero((ranks == kinds).all(axis=1))
+        first, second, whole = (left[places, :, :rank] for (left, _), rank in zip(found, kinds, strict=True))
+        parts = np.zeros((len(places), whole.shape[1], kinds[0] + kinds[1]))
+        parts[:, : first.shape[1], : kinds[0]] = first
+        parts[:, first.shape[1] :, kinds[0] :] = second
+        left, _, _ = np.linalg.svd(parts - whole @ (whole.swapaxes(1, 2) @ parts), full_matrices=False)
+        yield places, left[:, :, : parts.shape[2] - kinds[2]]
 
 
-def _displacements(shape: Floats) -> Floats:
-    """Three translations and three small rotations of points, of like size, shape (3 n, 6)."""
-    from_middle = shape - shape.mean(axis=0)
-    size = float(np.sqrt((from_middle**2).sum(axis=1).mean())) or 1.0
-    translations = np.broadcast_to(np.eye(3)[:, np.newaxis], (3, *shape.shape))
-    rotations = -cross_matrix(from_middle / size).transpose(2, 0, 1)  # its columns are v x e
-    return np.concatenate([translations, rotations]).reshape(6, -1).T
+def _ranks(sizes: Floats) -> Ints:
+    """Number of singular values that count, of each group."""
+    return np.asarray((sizes > RANK_TOLERANCE * sizes[:, :1]).sum(axis=1))
 
 
-def _basis(columns: Floats) -> Floats:
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, sizes > RANK_TOLERANCE * sizes[0]])
+def _displacements(shapes: Floats) -> Floats:
+    """Three translations and three small rotations of points, of like size, shape (n_groups, 3 n, 6)."""
+    from_middle = shapes - shapes.mean(axis=1, keepdims=True)
+    sizes = np.sqrt((from_middle**2).sum(axis=2).mean(axis=1))
+    units = from_middle / np.where(sizes > 0, sizes, 1.0)[:, np.newaxis, np.newaxis]
+    columns = np.empty((*shapes.shape, 6))
+    columns[..., :3] = np.eye(3)
+    columns[..., 3:] = -cross_matrix(units)  # its columns are v x e
+    return columns.reshape(len(shapes), -1, 6)

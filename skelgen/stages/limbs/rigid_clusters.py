@@ -58,10 +58,20 @@ TINY = 1e-9
 """nats; a smaller gain is rounding."""
 
 
-def misfit(ratios: Floats) -> float:
-    """Return the cost [nats per frame] of coordinates whose variances are `ratios` times the noise."""
+def misfit(ratios: Floats) -> Floats:
+    """Return the cost [nats per frame] of coordinates whose variances are `ratios` times the noise, over the last axis.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (..., k)
+        Of one group or many.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
     excess = np.maximum(ratios, 1.0)
-    return float((excess - 1 - np.log(excess)).sum() / 2)
+    return np.asarray((excess - 1 - np.log(excess)).sum(axis=-1) / 2)
 
 
 def marker_noise(variance: Floats, noise: float) -> Floats:
@@ -132,6 +142,7 @@ class _Search:
         self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, constraints.apart
         self._block_of = {marker: block for block in constraints.blocks for marker in block}
         self._costs: dict[Group, float] = {}
+        self._ways: dict[Group, list[list[Group]]] = {}
         self.clusters = _linkage(ratio, constraints.blocks, constraints.apart)
 
     def apply(self, change: Change) -> None:
@@ -142,57 +153,57 @@ class _Search:
     def best_change(self) -> Change | None:
         """The merge or move that lowers the cost most; if none does, the best regrouping of two small clusters."""
         for candidates in (self._merges_and_moves, self._regroupings):
-            best: tuple[float, Change | None] = (-TINY, None)
-            for cost, replaced, added in candidates():
-                if cost < best[0]:
-                    best = (cost, (replaced, added))
-            if best[1] is not None:
-                return best[1]
+            changes = list(candidates())
+            self._weigh([group for _, added in changes for group in added] + self.clusters)
+            costs, now = self._costs, [self._costs[cluster] for cluster in self.clusters]
+            gains = [
+                sum(costs[group] for group in added) - sum(now[index] for index in replaced)
+                for replaced, added in changes
+            ]
+            if gains and min(gains) < -TINY:
+                return changes[gains.index(min(gains))]
         return None
 
-    def _merges_and_moves(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+    def _merges_and_moves(self) -> Iterator[Change]:
         labels = self._labels()
         to_piece = _largest(self._ratio, labels)
         across = _largest(to_piece.T, labels)
         for first, second in _near_pairs(across, MERGED):
-            whole = _union(self.clusters[first], self.clusters[second])
-            yield self._cost(whole) - self._now(first, second), (first, second), [whole]
+            yield (first, second), [_union(self.clusters[first], self.clusters[second])]
         for index, cluster in enumerate(self.clusters):
-            for block in {self._block_of[marker] for marker in cluster}:
+            for block in dict.fromkeys(self._block_of[marker] for marker in cluster):
                 if len(block) < len(cluster):
                     yield from self._moves(index, block, to_piece[list(block)].max(axis=0))
 
-    def _moves(
-        self, index: int, block: Group, distance: Floats
-    ) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+    def _moves(self, index: int, block: Group, distance: Floats) -> Iterator[Change]:
         others = [other for other in np.flatnonzero(nearest(distance[np.newaxis], MOVED)[0]).tolist() if other != index]
         if not others and distance[index] <= SUSPICIOUS:
             return
         rest = _without(self.clusters[index], block)
-        yield self._cost(rest) + self._cost(block) - self._now(index), (index,), [rest, block]
+        yield (index,), [rest, block]
         for other in others:
-            longer = _union(self.clusters[other], block)
-            yield self._cost(rest) + self._cost(longer) - self._now(index, other), (index, other), [rest, longer]
+            yield (index, other), [rest, _union(self.clusters[other], block)]
 
-    def _regroupings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+    def _regroupings(self) -> Iterator[Change]:
         labels = self._labels()
         least = -_largest(_largest(-self._ratio, labels).T, labels)
         for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
             if len(both) > REGROUPED:
                 continue
-            now = self._now(first, second)
-            for one, other in self._ways_to_split(both):
-                yield self._cost(one) + self._cost(other) - now, (first, second), [one, other]
+            if both not in self._ways:
+                self._ways[both] = list(self._ways_to_split(both))
+            for parts in self._ways[both]:
+                yield (first, second), parts
 
-    def _ways_to_split(self, markers: Group) -> Iterator[tuple[Group, Group]]:
+    def _ways_to_split(self, markers: Group) -> Iterator[list[Group]]:
         blocks = sorted({self._block_of[marker] for marker in markers})
         for size in range(len(blocks) - 1):
             for added in combinations(blocks[1:], size):
                 one: Group = tuple(sorted(blocks[0] + tuple(marker for block in added for marker in block)))
                 other = _without(markers, one)
                 if max(self._widest(one), self._widest(other)) <= MERGED:
-                    yield one, other
+                    yield [one, other]
 
     def _labels(self) -> Ints:
         labels = np.empty(len(self._ratio), dtype=np.intp)
@@ -203,27 +214,29 @@ class _Search:
     def _widest(self, group: Group) -> float:
         return float(self._ratio[np.ix_(group, group)].max())
 
-    def _now(self, *clusters: int) -> float:
-        return sum(self._cost(self.clusters[index]) for index in clusters)
-
-    def _cost(self, group: Group) -> float:
-        if group not in self._costs:
-            self._costs[group] = CLUSTER_COST + self._inner_cost(group)
-        return self._costs[group]
-
-    def _inner_cost(self, group: Group) -> float:
-        if len(group) == 1:
-            return 0.0
-        if self._apart[np.ix_(group, group)].any():
-            return FORBIDDEN
-        if len(group) == 2:
-            ratios: Floats = self._ratio[group[:1], group[1:]]
-            return misfit(ratios) - GAIN
-        spread = self._movements.tried(group)
-        if spread is None:
-            return FORBIDDEN
-        ratios = spread.ratios(self._noise)
-        return misfit(ratios) - GAIN * len(ratios)
+    def _weigh(self, groups: list[Group]) -> None:
+        """Find the costs of groups that have none yet."""
+        several: list[Group] = []
+        for group in dict.fromkeys(groups):
+            if group in self._costs:
+                continue
+            if len(group) == 1:
+                self._costs[group] = CLUSTER_COST
+            elif self._apart[np.ix_(group, group)].any():
+                self._costs[group] = CLUSTER_COST + FORBIDDEN
+            elif len(group) == 2:
+                pair: Floats = self._ratio[group[:1], group[1:]]
+                self._costs[group] = CLUSTER_COST + float(misfit(pair)) - GAIN
+            else:
+                self._costs[group] = CLUSTER_COST + FORBIDDEN  # unless frames show it
+                several.append(group)
+        for indices, spread in self._movements.all_inner(several):
+            ratios = spread.ratios(self._noise)
+            inner = misfit(ratios) - GAIN * ratios.shape[1]
+            self._costs.update(
+                (several[index], CLUSTER_COST + cost)
+                for index, cost in zip(indices.tolist(), inner.tolist(), strict=True)
+            )
 
 
 def _linkage(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
