@@ -105,6 +105,10 @@ SQUARE_WEIGHTS = (
 )
 
 
+TRACE = 1e-9
+"""Of odds beyond the surest: it changes none, but which of two far limbs is nearer can still be told."""
+
+
 def neighbour_odds(segments: Sequence[Segment], frames: Ints, body_of_limb: Ints) -> Floats:
     """Return the log odds that each two limbs are joined, by how near each other they stay.
 
@@ -136,7 +140,8 @@ def _odds_within(segments: Sequence[Segment], frames: Ints) -> Floats:
         return np.zeros((len(segments), len(segments)))
     features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])
     odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
-    odds = np.clip(np.nan_to_num(odds + odds.T) / 2, -SUREST, SUREST)
+    odds = np.clip(np.nan_to_num(odds + odds.T) / 2, -SUREST / TRACE, SUREST / TRACE)
+    odds = np.clip(odds, -SUREST, SUREST) + TRACE * odds
     np.fill_diagonal(odds, 0.0)
     return np.asarray(odds)
 

@@ -74,7 +74,7 @@ class PairSearch:
         """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again.
 
         Two limbs without poses give none to each other, and a descent takes a hundred times a closed form: they are
-        guessed at last, if they have no poses even then.
+        guessed at last, if they have no poses even then, and if one is among the `NEAREST` of the other.
         """
         pairs = [pair for pair in combinations(range(len(self._segments)), 2) if self._is_near(pair)]
         if self._parameters.solver != "closed-form":
@@ -91,6 +91,8 @@ class PairSearch:
             self._sampled[small] = self._segments[small].at(self._frames)
             others = (other for other in pairs if small in other and other != pair)
             self._guess_or_put_off([other for other in others if self._rank(other) < AGAIN])
+        for pair in [pair for pair in self._put_off if self._rank(pair) >= NEAREST]:
+            del self._guesses[pair]
         self._guess([pair for pair in self._guesses if pair in self._put_off])
         return self._guesses
 

@@ -69,6 +69,9 @@ SEEN_PART = 0.5
 LEAST_MARKERS = 2
 """No limb is left with fewer: a single marker has no inner coordinates, and with them no say."""
 
+LOOKED_AHEAD = 32
+"""Pairs whose motion is measured at once after as many were refused: one after the other takes five times as long."""
+
 MOST_MOVES = 100
 """Ends a search that rounding might prolong."""
 
@@ -216,11 +219,22 @@ class _Merger:
 
     def _allowed(self, order: Floats) -> Floats:
         """Exclude pairs whose relative motion shows a joint from an order of merging, up to the first that stays."""
+        n_refused = 0
         while True:
             first, second = (int(index) for index in np.unravel_index(np.argmin(order), order.shape))
             if not np.isfinite(order[first, second]) or self._evidence(first, second) < 0:
                 return order
             order[first, second] = np.inf
+            n_refused += 1
+            if n_refused % LOOKED_AHEAD == 0:
+                self._look_ahead(order)
+
+    def _look_ahead(self, order: Floats) -> None:
+        """Measure the next pairs in an order at once, as where many are refused more will be."""
+        nearest_ones = np.argsort(order, axis=None, kind="stable")[:LOOKED_AHEAD]
+        chosen = np.unravel_index(nearest_ones[np.isfinite(order.ravel()[nearest_ones])], order.shape)
+        pairs = ((self._members(first), self._members(second)) for first, second in zip(*chosen, strict=True))
+        self._movements.measure(pair for pair in pairs if pair not in self._verdicts)
 
     def _all_evidence(self) -> Floats:
         size = len(self._groups.sizes)
@@ -231,10 +245,13 @@ class _Merger:
 
     def _evidence(self, first: int, second: int) -> float:
         """Evidence [nats per frame] that two groups are two limbs."""
-        one, other = (tuple(np.flatnonzero(self._groups.members == index).tolist()) for index in (first, second))
+        one, other = self._members(first), self._members(second)
         if (one, other) not in self._verdicts:
             self._verdicts[one, other] = self._tested_evidence(one, other)
         return self._verdicts[one, other]
+
+    def _members(self, index: int) -> Group:
+        return tuple(np.flatnonzero(self._groups.members == index).tolist())
 
     def _tested_evidence(self, one: Group, other: Group) -> float:
         if self._apart[np.ix_(one, other)].any():

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -158,17 +159,18 @@ class Movements:
         Parameters
         ----------
         pairs : iterable of tuple of two groups
-            Groups of two markers or more.
+            Which; `inner` is found of groups of two markers or more.
         """
         ordered = dict.fromkeys((min(pair), max(pair)) for pair in pairs)
         new = [pair for pair in ordered if pair not in self._relative]
         self._relative.update(dict.fromkeys(new))
         for indices, spread in self._spreads([_Asked(first + second, len(first)) for first, second in new]):
             self._relative.update((new[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
-        groups = [group for group in dict.fromkeys(one for pair in new for one in pair) if group not in self._inner]
-        self._inner.update(dict.fromkeys(groups))
-        for indices, spread in self.all_inner(groups):
-            self._inner.update((groups[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
+        groups = dict.fromkeys(group for pair in new for group in pair if len(group) > 1)
+        unknown = [group for group in groups if group not in self._inner]
+        self._inner.update(dict.fromkeys(unknown))
+        for indices, spread in self.all_inner(unknown):
+            self._inner.update((unknown[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
 
     def distance(self, marker: int, others: Group) -> float:
         """Return the usual distance [mm] of a marker from the nearest of some others; infinite if none is seen with it.
@@ -211,17 +213,32 @@ class Movements:
 
     def _frames_of(self, markers: Group) -> tuple[Ints, bool]:
         """Frames that show most of some markers, and whether they number the sampled frames or all."""
-        index = list(markers)
-        needed = max(min(3, len(index)), int(np.ceil(SEEN_PART * len(index))))
-        frames = np.flatnonzero(self._sampled_seen[:, index].sum(axis=1) >= needed)
+        return self._of_any if self._is_complete else self._frames_with(markers)
+
+    @cached_property
+    def _of_any(self) -> tuple[Ints, bool]:
+        return self._frames_with((0,))
+
+    @cached_property
+    def _is_complete(self) -> bool:
+        return not np.isnan(self._all).any()
+
+    def _frames_with(self, markers: Group) -> tuple[Ints, bool]:
+        frames = self._frames_that_show(markers, self._sampled_seen)
         are_sampled = len(frames) >= ENOUGH_FRAMES
         if not are_sampled:
             if self._all_seen is None:
                 self._all_seen = ~np.isnan(self._all[:, :, 0])
-            frames = np.flatnonzero(self._all_seen[:, index].sum(axis=1) >= needed)
+            frames = self._frames_that_show(markers, self._all_seen)
         if len(frames) > TEST_FRAMES:
             frames = frames[np.linspace(0, len(frames) - 1, TEST_FRAMES).astype(np.intp)]
         return frames, are_sampled
+
+    def _frames_that_show(self, markers: Group, seen: Bools) -> Ints:
+        """Those of the frames in `seen` that show most of some markers."""
+        index = list(markers)
+        needed = max(min(3, len(index)), int(np.ceil(SEEN_PART * len(index))))
+        return np.flatnonzero(seen[:, index].sum(axis=1) >= needed)
 
     def _shown(self, markers: Ints, frames: Ints, are_sampled: bool) -> tuple[Floats, Bools]:
         """Positions (0 where unseen) and visibility of the markers of many groups in frames of their own."""

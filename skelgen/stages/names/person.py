@@ -21,6 +21,7 @@ _LEAST_ODDS = 1.0
 
 _LEAST_ALIKE = 0.3  # cosine between the ways across hips and shoulders, in the mean
 _TOES = 0.46  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer
+_MOST_LIMBS = 100  # each marker of a full set on a limb of its own: what has more is no person
 _LEG_OF = 2  # segments that both legs have, at least
 
 
@@ -75,7 +76,7 @@ def find_person(tree: MovingTree, worn: Mapping[int, OfSet] | None = None) -> Re
     worn : mapping of int to OfSet, optional
         What limbs are by the marker set whose shape their markers have.
     """
-    if len(tree.limbs) < 2 * _LEG_OF:
+    if not 2 * _LEG_OF <= len(tree.limbs) <= _MOST_LIMBS:
         return None
     labels = _likely_labels(tree, worn or {})
     trunk = [limb for limb, (segment, _) in labels.items() if segment in TRUNK]

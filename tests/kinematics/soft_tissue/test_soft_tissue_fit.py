@@ -56,6 +56,12 @@ def test_joints_are_nearer_to_the_truth_without_the_displacements(tissue):
     assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all types free
 
 
+def test_few_frames_show_no_soft_tissue(tissue):
+    case, _ = tissue[0]
+    few = np.arange(0, N_FRAMES, N_FRAMES // 10)
+    assert fit_soft_tissue(calibrate(case.chain, case.poses[few], case.positions[few])) is None
+
+
 def test_information_of_joints_is_less_where_markers_may_slide(tissue):
     case, last = tissue[0]
     settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration

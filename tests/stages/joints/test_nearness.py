@@ -69,6 +69,13 @@ def test_limbs_whose_markers_lie_on_each_other_have_finite_odds():
         assert np.isfinite(table(Trajectories(lying, take.names, take.rate), limbs)).all()
 
 
+def test_of_limbs_that_are_all_far_the_nearest_can_be_told():
+    positions = 1000 * np.random.default_rng(0).normal(size=(10, 60, 3))
+    take = Trajectories(positions, tuple(map(str, range(60))), 100.0)
+    odds = table(take, Limbs(np.arange(60), np.zeros((60, 60))))[np.triu_indices(60, 1)]
+    assert len(np.unique(odds)) == len(odds)
+
+
 def test_limb_of_one_marker_is_no_root():
     costs = np.full((4, 4), 9.0)
     costs[0, 1:] = costs[1:, 0] = 1.0
