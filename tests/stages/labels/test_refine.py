@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.evaluation.matching import find_identity
-from skelgen.model import Project, StageReport
+from skelgen.model import Limbs, Project, StageReport, Topology
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, follow_points, label_markers, refit_labels
 from skelgen.stages.labels.model_fit.assignment import (
@@ -17,6 +17,7 @@ from skelgen.stages.labels.model_fit.assignment import (
     same_places,
     split_where_marker_changes,
 )
+from skelgen.stages.labels.model_fit.model import FoundStructure
 from skelgen.stages.labels.model_fit.refine import core_markers, same_core
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
@@ -140,5 +141,29 @@ def test_markers_that_exchange_points_are_another_core() -> None:
     assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])) is None
 
 
-def test_a_core_of_another_size_is_another() -> None:
-    assert same_core(BEFORE, np.array([0, 1, 2]), BEFORE, np.array([0, 1])) is None
+def test_a_core_of_which_a_marker_became_part_of_another_is_the_same_but_for_that_marker() -> None:
+    after = np.where(BEFORE == 2, 1, BEFORE)
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1])).tolist() == [0, 1, -1]
+
+
+def test_limbs_are_taken_over_without_markers_that_are_no_more_unless_a_limb_is_left_with_none() -> None:
+    deviation = np.arange(25.0).reshape(5, 5)
+    limbs = Limbs(np.array([0, 0, 1, 1, -1]), deviation)
+    joints = np.zeros((1, 1, 3))
+    topology = Topology(np.array([-1, 0]), np.zeros((2, 2)), joints, np.array([1]), np.zeros(1), 1.0)
+    some = FoundStructure(limbs, topology).of_markers(np.array([1, 2, 4]))
+    assert some is not None
+    assert some.topology is topology
+    np.testing.assert_array_equal(some.limbs.limb_of_marker, [0, 1, -1])
+    np.testing.assert_array_equal(some.limbs.distance_deviation, deviation[np.ix_([1, 2, 4], [1, 2, 4])])
+    assert FoundStructure(limbs, topology).of_markers(np.array([0, 1, 4])) is None
+
+
+def test_a_core_with_a_new_marker_is_another() -> None:
+    after = np.where(np.arange(len(BEFORE)) < 10, 3, BEFORE)
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2, 3])) is None
+
+
+def test_a_core_without_markers_is_no_core() -> None:
+    none = np.zeros(0, dtype=np.intp)
+    assert same_core(BEFORE, none, BEFORE, none) is None

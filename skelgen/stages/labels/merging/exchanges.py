@@ -124,8 +124,14 @@ class _Search:
         self._track, self._moments, self._spacing, self._n_frames = track, moments, spacing, cloud.n_frames
         self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
         self._places = point_labels.sampled_positions(cloud, marker, moments)
-        self._pauses = [self._pauses_of(one) for one in range(self._places.shape[1])]
-        self._measure()
+        n_moments, n_markers = self._places.shape[:2]
+        self._pauses = [self._pauses_of(one) for one in range(n_markers)]
+        self._distance = np.empty((n_moments, n_markers, n_markers))
+        self._before = np.zeros((n_moments + 1, 3, n_markers, n_markers))
+        self._usual, self._deviation, self._gains = np.empty((3, n_markers, n_markers))
+        self._misfits = np.empty((n_moments, n_markers, n_markers))
+        self._witnesses = [np.empty(0, dtype=np.intp)] * n_markers
+        self._measure(list(range(n_markers)))
 
     def promising(self) -> Bools:
         """Which pairs are worth a trial: near ones, and those whose points suit each other's distances for a while."""
@@ -144,8 +150,8 @@ class _Search:
         if not len(moments):
             return NOTHING
         pair = [one, other]
-        first, end = (self._before[moments[:, side]][:, :, pair] for side in (0, 1))
-        inside = end - first  # span, kind, of two, marker
+        first, end = (self._before[moments[:, [side]], :, pair] for side in (0, 1))
+        inside = (end - first).swapaxes(1, 2)  # span, kind, of two, marker
         sums = self._sums[:, pair] - inside + inside[:, :, ::-1]
         seen = np.stack([inside[:, 0, 0, one], inside[:, 0, 1, other]], axis=1)
         before = self._sums[0, pair, pair]
@@ -157,7 +163,7 @@ class _Search:
         changed = self._gains.copy()
         changed[pair] = gains[best]
         changed[:, pair] = gains[best].T
-        gain = float((of_witnesses(changed) - of_witnesses(self._gains)).sum() + EXISTENCE * n_fewer[best])
+        gain = float((of_witnesses(changed) - self._witnessed).sum() + EXISTENCE * n_fewer[best])
         (first, end), (begin, behind) = moments[best].tolist(), frames[best].tolist()
         return _Exchange(gain, (first, end), (begin, behind))
 
@@ -171,24 +177,24 @@ class _Search:
         marker[points & (self.marker_of_point == other)] = one
         self.marker_of_point = marker
         self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
-        self._measure()
+        self._measure([one, other])
 
     def _spans(self, one: int, other: int) -> tuple[Ints, Ints]:
         """Spans between common pauses in which an exchange may gain: first and end as moments and frames, (n, 2)."""
         moment, frame = self._common_pauses(one, other)
-        first, end = np.triu_indices(len(moment), 1)
         both = self._suits[:, one, other] + self._suits[:, other, one]
         total = np.concatenate([[0.0], both.cumsum()])[moment]
-        gain = total[end] - total[first]
-        # All that is outside exchanged is the same, but for the numbers; and what begins with the take ends elsewhere
-        gain = np.where(first > 0, np.maximum(gain, total[-1] - gain), -np.inf)
+        # What begins with the take ends elsewhere: exchanging all else is the same, but for the markers' numbers
+        gain = total - total[1:, np.newaxis]
+        gain = np.triu(np.maximum(gain, total[-1] - gain)[:-1], 2)
         count, distance, _ = self._sums[:, one, other]
-        is_last = end == len(moment) - 1 if count > 0 and distance <= NEAR * self._spacing * count else False
-        ranked = np.argsort(-gain, kind="stable")
-        is_tried = np.zeros(len(gain), dtype=bool)
-        is_tried[ranked[:TRIED]] = True
-        chosen = np.flatnonzero((first > 0) & (is_last | (is_tried & (gain > 0.0))))
-        spans = np.stack([first[chosen], end[chosen]], axis=1)
+        is_tried = np.zeros(gain.shape, dtype=bool)
+        if count > 0 and distance <= NEAR * self._spacing * count:
+            is_tried[:, -1] = True
+        gaining = np.flatnonzero(gain > 0.0)
+        is_tried.flat[gaining[np.argsort(-gain.flat[gaining], kind="stable")[:TRIED]]] = True
+        first, end = np.nonzero(is_tried)
+        spans = np.stack([first + 1, end], axis=1)
         return moment[spans], frame[spans]
 
     def _common_pauses(self, one: int, other: int) -> tuple[Ints, Ints]:
@@ -214,30 +220,53 @@ class _Search:
         following = np.concatenate([frame[:1], frame[ends + 1], [self._n_frames]])
         return last, following
 
-    def _measure(self) -> None:
-        """Sums of all distances before each moment, what they explain, and how points suit other markers."""
-        distance = np.linalg.norm(self._places[:, :, np.newaxis] - self._places[:, np.newaxis], axis=3)
+    def _measure(self, changed: list[int]) -> None:
+        """Sums of all distances before each moment, what they explain, and how points suit other markers.
+
+        All is measured anew that depends on the markers `changed`.
+        """
+        distance = np.linalg.norm(self._places[:, changed, np.newaxis] - self._places[:, np.newaxis], axis=3)
+        self._distance[:, changed] = distance
+        self._distance[:, :, changed] = distance.swapaxes(1, 2)
         known = ~np.isnan(distance)
         filled = np.where(known, distance, 0.0)
-        self._before = np.zeros((len(distance) + 1, 3, *distance.shape[1:]))
         for kind, table in enumerate((known, filled, filled**2)):
-            np.cumsum(table, axis=0, out=self._before[1:, kind])
+            sums = np.cumsum(table, axis=0, dtype=np.float64)
+            self._before[1:, kind, changed] = sums
+            self._before[1:, kind, :, changed] = np.moveaxis(sums, 1, 0)
         self._sums = self._before[-1]
-        self._gains = explained(self._sums, self._spacing)
-        self._suits = self._advantages(distance)
+        gains = explained(self._sums[:, changed], self._spacing)
+        self._gains[changed], self._gains[:, changed] = gains, gains.T
+        self._witnessed = of_witnesses(self._gains)
+        self._judge(distance, changed)
 
-    def _advantages(self, distance: Floats) -> Floats:
-        """How much better a marker's point suits another one's usual distances [nats], (n_moments, n, n)."""
-        n_moments, n_markers = distance.shape[:2]
-        usual = median_of_known(distance.reshape(n_moments, -1)).reshape(n_markers, n_markers)
-        spread = median_of_known(np.abs(distance - usual).reshape(n_moments, -1)).reshape(n_markers, n_markers)
+    def _judge(self, distance: Floats, changed: list[int]) -> None:
+        """How much better a marker's point suits another one's usual distances [nats], (n_moments, n, n).
+
+        Distances [mm] are those of the markers `changed`.
+        """
+        shape = distance.shape
+        flat = distance.reshape(len(distance), -1)
+        usual = median_of_known(flat)
+        spread = median_of_known(np.abs(flat - usual)).reshape(shape[1:])
         deviation = np.maximum(SIGMA_OF_MEDIAN * spread, LEAST_DEVIATION * self._spacing)
-        misfits = np.empty((n_moments, n_markers, n_markers))
+        for table, rows in ((self._usual, usual.reshape(shape[1:])), (self._deviation, deviation)):
+            table[changed], table[:, changed] = rows, rows.T
         for marker, gain in enumerate(self._gains):
             witnesses = np.argsort(-gain, kind="stable")[:WITNESSES]
             witnesses = witnesses[gain[witnesses] > 0.0]
-            squares = ((distance[:, :, witnesses] - usual[marker, witnesses]) / deviation[marker, witnesses]) ** 2
-            squares[:, witnesses, np.arange(len(witnesses))] = np.nan  # its own distance to itself
-            misfits[:, :, marker] = np.minimum(np.nan_to_num(squares / 2), MOST_MISFIT).sum(axis=2)
-        own = misfits.diagonal(axis1=1, axis2=2)[:, :, np.newaxis]
-        return np.asarray(own - misfits)
+            is_new = marker in changed or not np.array_equal(witnesses, self._witnesses[marker])
+            is_new = is_new or bool(np.isin(changed, witnesses).any())
+            self._witnesses[marker] = witnesses
+            points = list(range(len(self._gains))) if is_new else changed
+            self._misfits[:, points, marker] = self._misfit(marker, points)
+        own = self._misfits.diagonal(axis1=1, axis2=2)[:, :, np.newaxis]
+        self._suits = own - self._misfits
+
+    def _misfit(self, marker: int, others: list[int]) -> Floats:
+        """How badly points of some markers suit a marker's usual distances [nats], shape (n_moments, n_others)."""
+        witnesses = self._witnesses[marker]
+        distance = self._distance[:, np.array(others)[:, np.newaxis], witnesses]
+        squares = ((distance - self._usual[marker, witnesses]) / self._deviation[marker, witnesses]) ** 2
+        squares[:, np.array(others)[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
+        return np.asarray(np.minimum(np.nan_to_num(squares / 2), MOST_MISFIT).sum(axis=2))

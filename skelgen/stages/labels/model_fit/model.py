@@ -6,7 +6,7 @@ joints to posed neighbours then take the place of missing markers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +88,15 @@ class FoundStructure(NamedTuple):
 
     limbs: Limbs
     topology: Topology
+
+    def of_markers(self, kept: Ints) -> FoundStructure | None:
+        """The same limbs with some of their markers; None if a limb has none of these."""
+        limb_of_marker = self.limbs.limb_of_marker[kept]
+        if len(np.unique(limb_of_marker[limb_of_marker >= 0])) < self.limbs.n_limbs:
+            return None
+        deviation = self.limbs.distance_deviation[np.ix_(kept, kept)]
+        limbs = replace(self.limbs, limb_of_marker=limb_of_marker, distance_deviation=deviation, membership=None)
+        return self._replace(limbs=limbs)
 
 
 @dataclass(frozen=True, eq=False)

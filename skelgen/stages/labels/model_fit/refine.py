@@ -44,7 +44,8 @@ FREE_MARKER_SHARE = 0.1
 """Of all frames in which a marker that no limb carries must be seen."""
 
 SAME_CORE = 0.005
-"""Part of the core's points that may have changed their marker for limbs and tree to be taken over."""
+"""Part of the core's points that may have changed their marker for limbs and tree to be taken over; those of markers
+that became parts of others do not count."""
 
 UNCHANGED = 0.0005
 """Part of all points; when fewer change their marker, the turns end."""
@@ -121,6 +122,8 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
     for turn in range(task.parameters.rounds):
         merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
         merged = exchange_markers(cloud, track_of_point, merged, rate, spacing, task.is_stated)
+        if model and _n_changed(modelled, merged) <= UNCHANGED * cloud.n_points:
+            break  # the same model would say the same
         positions = point_labels.sampled_positions(cloud, merged, frames)
         sample = Trajectories(
             positions, point_labels.marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames
@@ -128,17 +131,15 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         core = core_markers(merged, task.n_markers)
         structure = None
         if model and (same := same_core(modelled, model.core, merged, core)) is not None:
-            structure, core = model.structure, same
+            structure = model.structure.of_markers(np.flatnonzero(same >= 0))
+            core = same[same >= 0] if structure else core
         model = fit_model(sample, core, BLIND_GATE * spacing, task.seed, structure)
         if model is None:
             break
         merged = modelled = turned_limbs(cloud, merged, model, rate)
         better = _relabelled(task, track_of_point, merged, model, monitor)
         better = point_labels.with_unexplained(merged, better, task.least_alone)
-        # Number of points that changed their marker, whatever the markers' numbers are
-        together = point_labels.counts_together(marker_of_point, better)
-        kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
-        n_changed = max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept
+        n_changed = _n_changed(marker_of_point, better)
         marker_of_point = better
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
@@ -171,7 +172,7 @@ def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
 
 
 def same_core(before: Ints, old_core: Ints, after: Ints, core: Ints) -> Ints | None:
-    """Find out which marker of a core each one of the core of other labels is; None if they are not the same.
+    """Find out which marker of a core each one of the core of other labels is.
 
     Parameters
     ----------
@@ -183,16 +184,29 @@ def same_core(before: Ints, old_core: Ints, after: Ints, core: Ints) -> Ints | N
     Returns
     -------
     ndarray of intp or None
-        `core` in the order of `old_core`.
+        Of `core` the same marker as each of `old_core`, -1 for those that are no more; None if there are others, or too
+        many points are another marker's.
     """
-    if len(core) != len(old_core):
+    if not 0 < len(core) <= len(old_core):
         return None
     together = point_labels.counts_together(before, after)[1:, 1:]
-    place = together[np.ix_(old_core, core)].argmax(axis=1)
-    same = core[place]
-    owned = together[old_core].sum() + together[:, core].sum() - together[np.ix_(old_core, core)].sum()
-    is_same = len(np.unique(same)) == len(core) and together[old_core, same].sum() >= (1.0 - SAME_CORE) * owned
-    return same if is_same else None
+    common = together[np.ix_(old_core, core)]
+    place = common.argmax(axis=1)
+    is_same = common.argmax(axis=0)[place] == np.arange(len(old_core))
+    if is_same.sum() < len(core):
+        return None
+    stays = np.ones(len(together), dtype=bool)
+    stays[old_core[~is_same]] = False
+    kept = common[np.flatnonzero(is_same), place[is_same]].sum()
+    owned = together[old_core[is_same]].sum() + together[np.ix_(stays, core)].sum() - common[is_same].sum()
+    return np.where(is_same, core[place], -1) if kept >= (1.0 - SAME_CORE) * owned else None
+
+
+def _n_changed(before: Ints, after: Ints) -> int:
+    """Number of points that changed their marker, whatever the markers' numbers are."""
+    together = point_labels.counts_together(before, after)
+    kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
+    return max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept
 
 
 def _relabelled(
