@@ -7,7 +7,6 @@ of kernels are run with, to 0.68, the newest.
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 
@@ -73,7 +72,12 @@ def remembering_compiler() -> Any:
 
 @cache
 def _kernel_library() -> Any:
-    """Return what becomes machine code: functions that a module only names, as those of Python, are not optimised."""
+    """Return what becomes machine code: LLVM optimises it once, as a whole, with all parts.
+
+    numba would optimise each function by itself before, and those that a module only names, as those of Python, too.
+    Here variables become values, which makes what is linked into several kernels small.
+    """
+    from llvmlite import binding  # type: ignore[import-untyped]  # noqa: PLC0415 - half a second with numba
     from numba.core import codegen  # noqa: PLC0415 - half a second
 
     library_base: Any = codegen.JITCodeLibrary  # numba gives it no types
@@ -81,8 +85,15 @@ def _kernel_library() -> Any:
     class KernelLibrary(library_base):  # type: ignore[misc]
         def _optimize_functions(self, module: Any) -> None:
             module.data_layout = self._codegen._data_layout
-            defined = [function for function in module.functions if not function.is_declaration]
-            super()._optimize_functions(SimpleNamespace(functions=defined))
+            passes, builder = binding.create_new_function_pass_manager(), self._codegen._pass_builder()
+            passes.add_sroa_pass()
+            for function in module.functions:
+                if not function.is_declaration:
+                    passes.run(function, builder)
+
+        def _optimize_final_module(self) -> None:
+            passes, builder = self._codegen._module_pass_manager()
+            passes.run(self._final_module, builder)
 
     return KernelLibrary
 
@@ -126,6 +137,8 @@ def plain_compiler() -> Any:
     """
     from numba.core import typed_passes, untyped_passes  # noqa: PLC0415 - half a second
 
+    from skelgen._kernels import lowering  # noqa: PLC0415 - imports numba
+
     unneeded = (
         untyped_passes.WithLifting,
         untyped_passes.InlineClosureLikes,
@@ -155,8 +168,10 @@ def plain_compiler() -> Any:
                 codegen = self.state.targetctx.codegen()
                 self.state.library = self.library_class(codegen, self.state.func_id.func_qualname)
                 self.state.library.enable_object_caching()
-            left_out = unneeded if self.state.flags.nrt else (*unneeded, last_uses)
-            return [_without(left_out, passes) for passes in super().define_pipelines()]
+            counts = self.state.flags.nrt
+            left_out = unneeded if counts else (*unneeded, last_uses)
+            replaced = {} if counts else lowering.REPLACED
+            return [_changed(passes, left_out, replaced) for passes in super().define_pipelines()]
 
     return PlainCompiler
 
@@ -203,9 +218,11 @@ def part_compiler() -> Any:
     return PartCompiler
 
 
-def _without(unneeded: tuple[type, ...], passes: Any) -> Any:
-    """Leave passes of numba's out of a pipeline."""
-    left = type(passes)(passes.pipeline_name)
-    left.passes.extend((one, name) for one, name in passes.passes if one not in unneeded)
+def _changed(passes: Any, unneeded: tuple[type, ...], replaced: dict[Any, Any]) -> Any:
+    """Leave passes of numba's out of a pipeline, and replace others."""
+    from skelgen._kernels import lowering  # noqa: PLC0415 - imports numba
+
+    left = lowering.Passes(passes.pipeline_name) if replaced else type(passes)(passes.pipeline_name)
+    left.passes.extend((replaced.get(one, one), name) for one, name in passes.passes if one not in unneeded)
     left.finalize()
     return left

@@ -43,7 +43,7 @@ def package(tmp_path):
     (copy / "_kernels").mkdir(parents=True)
     (copy / "__init__.py").touch()
     shutil.copy(source / "errors.py", copy)
-    for name in ("__init__.py", "code_files.py", "compilers.py"):
+    for name in ("__init__.py", "code_files.py", "compilers.py", "lowering.py"):
         shutil.copy(source / "_kernels" / name, copy / "_kernels")
     (copy / "_kernels" / "constants.py").write_text(CONSTANTS.format(2.0))
     (copy / "_kernels" / "subject.py").write_text(SUBJECT)
@@ -202,3 +202,34 @@ def test_contiguous_arrays_are_not_copied_and_others_are():
     assert same is whole
     assert column.flags.c_contiguous
     assert copy.flags.writeable
+
+
+@kernel
+def _walk(numbers, rows, out):
+    """Fill `out` with what loops, indices and branches give."""
+    last, place = -1, 0
+    for row in range(rows.shape[0]):
+        for column in range(row, rows.shape[1]):
+            last, place = column, place + 1
+            out[row] += rows[row, -1 - column] * numbers[-place]
+    for back in range(2, -1, -1):
+        out[3 + back] = numbers[back - 3]
+        if back == 1:
+            continue
+        out[-1] += back
+    for _ in range(5, 2):
+        last = 100
+    swapped, other = numbers[0], numbers[1]
+    for _ in range(3):
+        swapped, other = other, swapped + 1.0
+    pair = (swapped, other)
+    out[6], out[7], out[8] = pair[0], pair[1], last
+
+
+def test_loops_and_indices_mean_what_they_mean_in_python():
+    numbers, rows = np.arange(1.0, 7.0), np.arange(9.0).reshape(3, 3) ** 2
+    compiled, plain = np.zeros((2, 10))
+    _walk(numbers, rows, compiled)
+    _walk.function(numbers, rows, plain)
+    assert compiled.tolist() == plain.tolist()
+    assert plain[:3].tolist() == [29.0, 66.0, 36.0]
