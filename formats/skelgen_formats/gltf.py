@@ -180,6 +180,7 @@ def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int])
             axes = {"axis_in_parent": axis, "second_axis_in_child": second}
             stated |= {"joint": skeleton.joint_name(joint), "kind": joint.kind, "std_mm": std.tolist()}
             stated["determined"] = joint.is_determined
+            stated["fully_determined"] = joint.is_fully_determined
             stated |= {name: axis.tolist() for name, axis in axes.items() if axis is not None}
         yield node
 

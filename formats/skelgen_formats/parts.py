@@ -54,13 +54,14 @@ def parts_in(project: Project) -> tuple[Part, ...]:
 
 
 def choices_in(project: Project) -> tuple[str, ...]:
-    """Say in a sentence which joints are drawn where the motion does not determine them; nothing if there are none."""
+    """Say which joints are drawn where the motion does not determine them, and which hinges along their axes."""
     if not project.has("skeleton"):
         return ()
-    named = zip(project.skeleton.joint_names, project.skeleton.joints, strict=True)
-    chosen = ", ".join(name for name, joint in named if not joint.is_determined)
-    return (
-        (f"The motion does not determine where these joints are; their places are a choice: {chosen}.",)
-        if chosen
-        else ()
+    named = [*zip(project.skeleton.joint_names, project.skeleton.joints, strict=True)]
+    anywhere = ", ".join(name for name, joint in named if not joint.is_determined)
+    along = ", ".join(name for name, joint in named if joint.is_determined and not joint.is_fully_determined)
+    sentences = (
+        (anywhere, "The motion does not determine where these joints are; their places are a choice"),
+        (along, "The motion does not determine where these hinges are along their axes; that is a choice"),
     )
+    return tuple(f"{sentence}: {names}." for names, sentence in sentences if names)

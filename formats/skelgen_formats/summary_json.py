@@ -195,7 +195,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "range_of_motion": _turns(observed[index].motion),
             "not_determined": observed[index].sentence or None,
             "to_do": observed[index].advice or None,
-            **_fields(joint, "is_determined", "open_directions"),
+            **_fields(joint, "is_determined", "is_fully_determined", "open_directions"),
         }
         for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))
     ]

@@ -182,10 +182,12 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
     called = {joint.child: skeleton.joint_name(joint) for joint in skeleton.joints}
     _state(prim, "limbNames", types.StringArray, [skeleton.limb_names[limb] for limb in bones.limbs])
     _state(prim, "jointNames", types.StringArray, [called.get(limb, "") for limb in bones.limbs])
-    determined = {joint.child: joint.is_determined for joint in skeleton.joints}
-    _state(
-        prim, "jointIsDetermined", types.BoolArray, [determined.get(limb, True) for limb in skeleton.outward.tolist()]
+    stated = (
+        ("jointIsDetermined", {joint.child: joint.is_determined for joint in skeleton.joints}),
+        ("jointIsFullyDetermined", {joint.child: joint.is_fully_determined for joint in skeleton.joints}),
     )
+    for name, of_limb in stated:
+        _state(prim, name, types.BoolArray, [of_limb.get(limb, True) for limb in skeleton.outward.tolist()])
     return prim
 
 

@@ -214,6 +214,10 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     if n_open:
         verb = "lies" if n_open == 1 else "lie"
         yield f"Where {counted(n_open, 'joint')} {verb} is a choice: the motion does not determine it."
+    n_along = sum(joint.is_determined and not joint.is_fully_determined for joint in project.skeleton.joints)
+    if n_along:
+        one, more = "its axis the place of 1 hinge is", f"their axes the places of {n_along} hinges are"
+        yield f"Along {one if n_along == 1 else more} a choice: turns about an axis do not show it."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

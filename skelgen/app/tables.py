@@ -281,6 +281,7 @@ def _joint_rows(project: Project) -> list[Row]:
             row["axis_std_deg"] = None if joint.axis_std is None else float(np.rad2deg(np.linalg.norm(joint.axis_std)))
             row["turns_deg"] = [round(float(turn), 1) for turn in np.rad2deg(observed[index].motion.ranges)]
             row["is_determined"] = joint.is_determined
+            row["is_fully_determined"] = joint.is_fully_determined
             row["not_determined"] = observed[index].sentence or None
             row["to_do"] = observed[index].advice or None
         rows.append(row)

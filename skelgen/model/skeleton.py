@@ -136,6 +136,11 @@ class Joint:
         return self.open_directions <= (self.kind == "hinge")
 
     @property
+    def is_fully_determined(self) -> bool:
+        """Whether motion determines the position, that of a hinge along its axis, too."""
+        return self.open_directions == 0
+
+    @property
     def std_in_child(self) -> Floats | None:
         """Standard deviation of the position along the axes of the child's frame [mm], shape (3,), if estimated."""
         if self.covariance_in_child is None:

@@ -147,6 +147,16 @@ def test_joints_whose_place_is_a_choice_are_said_and_marked(small_project, tmp_p
         assert f"<!--{said}-->" in written[0].read_text()
 
 
+def test_hinges_whose_place_along_their_axes_is_a_choice_are_said(small_project, tmp_path):
+    first, *others = (replace(one, kind="ball", open_directions=0) for one in small_project.skeleton.joints)
+    hinge = replace(first, kind="hinge", axis=np.array([1.0, 0.0, 0.0]), open_directions=1)
+    project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=(hinge, *others)))
+    entry = next(one for one in export_formats() if one.name == "bvh")
+    (said,) = [one for one in preview_export(project, entry, tmp_path / "x.bvh", {}).remarks if "a choice" in one]
+    assert "along their axes" in said
+    assert said.endswith(f": {project.skeleton.joint_names[0]}.")
+
+
 def test_names_that_csm_writes_otherwise_are_said(tmp_path):
     entry = entry_of("csm")
     project = Project(Trajectories(np.zeros((2, 2, 3)), ("left hip", "knee"), 50.0))

@@ -65,6 +65,9 @@ def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done
     assert has_doubts(replace(done, _skeleton=skeleton), "skeleton")
     hinge = replace(free[0], kind="hinge", axis=np.array([1.0, 0.0, 0.0]), open_directions=1)
     assert hinge.is_determined  # along its axis nothing is
+    hinged = replace(done, _skeleton=replace(skeleton, joints=(hinge, *free[1:])))
+    assert not has_doubts(hinged, "skeleton")
+    assert "Along its axis the place of 1 hinge is a choice" in " ".join(stage_sentences(hinged, "skeleton"))
 
 
 def test_one_tree_is_told_in_the_singular():

@@ -130,6 +130,15 @@ def test_joints_that_motion_leaves_open_say_so_in_their_descriptions(small_proje
     assert told == ["not determined by the motion", *[""] * len(others)]
 
 
+def test_hinges_whose_place_along_their_axes_is_open_say_so(small_project, tmp_path):
+    first, *others = (replace(one, kind="ball", open_directions=0) for one in small_project.skeleton.joints)
+    hinge = replace(first, kind="hinge", axis=np.array([1.0, 0.0, 0.0]), open_directions=1)
+    marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=(hinge, *others)))
+    content = ezc3d.c3d(str(write_file(marked, tmp_path / "walk.joints.c3d")[0]))
+    told = content["parameters"]["POINT"]["DESCRIPTIONS"]["value"][small_project.trajectories.n_markers :]
+    assert told == ["place along the axis not determined by the motion", *[""] * len(others)]
+
+
 def test_c3d_finds_the_joints_in_their_places(with_joints, small_project):
     with warnings.catch_warnings(), with_joints.open("rb") as stream:
         warnings.simplefilter("ignore")  # it warns that there are no analogue data

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen.model import Project
+from skelgen.model import Joint, Project
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.c3d.companions import companions_of
@@ -52,6 +52,9 @@ PLAIN = Options()
 
 NOT_DETERMINED = "not determined by the motion"
 """Description of a joint whose place is a choice."""
+
+NOT_DETERMINED_ALONG_AXIS = "place along the axis not determined by the motion"
+"""Description of a hinge whose place along its axis is."""
 
 _TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
@@ -152,10 +155,17 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     )
     measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
-    marks = ["" if joint.is_determined else NOT_DETERMINED for joint in project.skeleton.joints]
+    marks = [_mark(joint) for joint in project.skeleton.joints]
     descriptions = [""] * markers.n_markers + marks
     write_points(points, path, unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
     return [path]
+
+
+def _mark(joint: Joint) -> str:
+    """The description of a joint: whether its place is a choice, or that along its axis."""
+    if joint.is_fully_determined:
+        return ""
+    return NOT_DETERMINED_ALONG_AXIS if joint.is_determined else NOT_DETERMINED
 
 
 def _remarks_on_joints(project: Project, options: Options) -> tuple[str, ...]:

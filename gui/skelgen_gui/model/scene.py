@@ -107,9 +107,9 @@ class Scene:
 
     @cached_property
     def open_joints(self) -> frozenset[int]:
-        """Joints whose place the motion does not determine."""
+        """Joints whose place the motion does not determine, hinges along their axes among them."""
         joints = self.project.skeleton.joints if self.project.has("skeleton") else ()
-        return frozenset(index for index, joint in enumerate(joints) if not joint.is_determined)
+        return frozenset(index for index, joint in enumerate(joints) if not joint.is_fully_determined)
 
     @cached_property
     def sample(self) -> Floats:

@@ -73,9 +73,12 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
         words = _tr("these limbs are neighbours with {own}")
         lines.append(words.format(own=whole_percent(float(project.topology.edge_probability[joint]))))
     if project.has("skeleton"):
-        lines.append(_kind(project.skeleton.joints[joint].kind))
-        if not project.skeleton.joints[joint].is_determined:
+        fitted = project.skeleton.joints[joint]
+        lines.append(_kind(fitted.kind))
+        if not fitted.is_determined:
             lines.append(_tr("its place is a choice: the motion does not determine it"))
+        elif not fitted.is_fully_determined:
+            lines.append(_tr("its place along its axis is a choice: the motion does not determine it"))
     lines.append(_place(snapshot.joints[joint]))
     if len(snapshot.covariances):
         std = float(np.sqrt(np.trace(snapshot.covariances[joint])))  # as the curve of the deviation has it

@@ -229,7 +229,7 @@ def _drawn(project: Project) -> dict[str, Any]:
         "limbs": [project.limbs.called(limb) for limb in range(project.limbs.n_limbs)] if has_limbs else [],
         "limbOfMarker": limb_of_marker.tolist(),
         "joints": [
-            {"open": joint is not None and not joint.is_determined, "doubtful": index in doubtful}
+            {"open": joint is not None and not joint.is_fully_determined, "doubtful": index in doubtful}
             for index, joint in enumerate(joints)
         ],
         "bones": np.column_stack([bones.ends, bones.limb, bones.is_spoke]).tolist(),

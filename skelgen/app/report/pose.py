@@ -121,10 +121,11 @@ def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
 
 
 def _joint(joint: Joint, index: int, x: float, y: float) -> Markup:
-    """A ring; dashed where the motion does not determine the place."""
-    if joint.is_determined:
+    """A ring; dashed where the motion does not determine the place, or that of a hinge along its axis."""
+    if joint.is_fully_determined:
         return svg.circle(x, y, 3.5, "joint", f"joint J{index}")
-    return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: its place is a choice")
+    along = " along its axis" if joint.is_determined else ""
+    return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: its place{along} is a choice")
 
 
 def _limb(project: Project, limb: int, body: _Body) -> Markup:
