@@ -26,6 +26,7 @@ _REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and co
 _TELL_SECONDS = 10.0  # between two lines in a log
 _PIPED_WIDTH = 160  # columns of a table when nobody's terminal sets the width
 _MISSING = "-"
+_ROUNDING = 1e-9  # smaller values are what rounding leaves of 0
 
 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -207,7 +208,8 @@ def _cell(value: Any) -> str:
     if value is None:
         return _MISSING
     if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) < 0.01 else f"{value:.3f}"
+        shown = 0.0 if abs(value) <= _ROUNDING else value
+        return f"{shown:.4g}" if 0 < abs(shown) < 0.01 else f"{shown:.3f}"
     if isinstance(value, list | tuple):
         return ", ".join(_cell(item) for item in value)
     return str(value)
