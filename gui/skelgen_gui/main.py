@@ -28,6 +28,7 @@ ICON = Path(__file__).with_name("skelgen.svg")
 
 # Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question
 _ENDING = (signal.SIGINT, signal.SIGTERM)
+_PATIENCE = 5.0  # s for a process to end that is told to
 
 
 _INTERVAL = 200  # ms between two looks: so little grows in between that a collection of the young takes a few ms
@@ -76,6 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if compiling.poll() == 0:
             preferences.compiled = sources_digest()
         compiling.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            compiling.wait(_PATIENCE)
     return code
 
 

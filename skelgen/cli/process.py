@@ -151,4 +151,4 @@ def _open_streams() -> None:
 
 
 def _nowhere() -> io.TextIOWrapper:
-    return io.TextIOWrapper(io.FileIO(os.devnull, "w"), "utf-8", "replace")
+    return io.TextIOWrapper(io.FileIO(os.open(os.devnull, os.O_WRONLY), "w", closefd=False), "utf-8", "replace")

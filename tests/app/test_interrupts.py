@@ -246,10 +246,10 @@ def test_too_little_memory_is_told_by_the_command(tmp_path, monkeypatch, capsys)
     main(["simulate", "rods", "-o", "short.c3d", "--n-frames", "100", "-q"])
     main(["simulate", "rods", "-o", "long.c3d", "--n-frames", "240000", "-q"])  # arrays of 50 MB
     lines = (
-        "import resource, sys",
+        "import pathlib, resource, sys",
         "from skelgen.cli import main",
         "main(['info', '--full', 'short.c3d'])",  # loads all that the command needs
-        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()",
+        "used = int(pathlib.Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()",
         "resource.setrlimit(resource.RLIMIT_AS, (used + 30_000_000, used + 30_000_000))",
         "sys.exit(main(['info', '--full', 'long.c3d']))",
     )
