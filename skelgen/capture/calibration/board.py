@@ -21,6 +21,7 @@ SMALLEST_WINDOW, LARGEST_WINDOW = 2, 15
 """Bounds of that half window [px]: fewer pixels hold no corner, more take time and follow the lens's bend."""
 
 _LEAST_CORNERS = 3  # in each direction; OpenCV finds no smaller board
+_MISCOUNTED = 2  # corners in a row or in a column, at most
 
 
 @dataclass(frozen=True)
@@ -135,13 +136,29 @@ def board_that_is_there(images: Sequence[Image], board: Board) -> Board | None:
     Board or None
         The largest one; None if there is none.
     """
-    nearby = [(board.columns + across, board.rows + down) for across in range(-2, 3) for down in range(-2, 3)]
-    for columns, rows in sorted(nearby, key=lambda size: size[0] * size[1], reverse=True):
-        if min(columns, rows) >= _LEAST_CORNERS and (columns, rows) != (board.columns, board.rows):
-            other = Board(columns, rows, board.square)
-            if any(find_board(image, other) is not None for image in images):
-                return other
+    seen = {size for image in images for size in _sizes_seen(image, board)}
+    nearby = (size for size in seen if all(abs(a - b) <= _MISCOUNTED for a, b in zip(size, _size(board), strict=True)))
+    for columns, rows in sorted(nearby, key=lambda size: (size[0] * size[1], size), reverse=True):
+        other = Board(columns, rows, board.square)
+        if any(find_board(image, other) is not None for image in images):
+            return other
     return None
+
+
+def _size(board: Board) -> tuple[int, int]:
+    return board.columns, board.rows
+
+
+def _sizes_seen(image: Image, board: Board) -> set[tuple[int, int]]:
+    """Columns and rows, both ways round, of what may be a board in an image, or a part of one; not those of `board`."""
+    cv2, found = opencv(), set()
+    for how in (cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_EXHAUSTIVE):
+        least = [max(count - _MISCOUNTED, _LEAST_CORNERS) for count in _size(board)]
+        is_seen, _, kinds = cv2.findChessboardCornersSBWithMeta(image, least, flags=how | cv2.CALIB_CB_LARGER)
+        if is_seen:
+            one, other = kinds.shape
+            found |= {(one, other), (other, one)}
+    return found - {_size(board)}
 
 
 def shortest_side(corners: Any, board: Board) -> float:
