@@ -110,7 +110,7 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     board : Board
         What is looked for.
     """
-    cv2, size = opencv(), (board.columns, board.rows)
+    cv2, size = opencv(), _size(board)
     found, corners = cv2.findChessboardCorners(image, size)
     if not found:
         return None
@@ -152,8 +152,8 @@ def _size(board: Board) -> tuple[int, int]:
 def _sizes_seen(image: Image, board: Board) -> set[tuple[int, int]]:
     """Columns and rows, both ways round, of what may be a board in an image, or a part of one; not those of `board`."""
     cv2, found = opencv(), set()
+    least = [max(count - _MISCOUNTED, _LEAST_CORNERS) for count in _size(board)]
     for how in (cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_EXHAUSTIVE):
-        least = [max(count - _MISCOUNTED, _LEAST_CORNERS) for count in _size(board)]
         is_seen, _, kinds = cv2.findChessboardCornersSBWithMeta(image, least, flags=how | cv2.CALIB_CB_LARGER)
         if is_seen:
             one, other = kinds.shape

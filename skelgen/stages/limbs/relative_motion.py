@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,8 +82,7 @@ class Spread:
         return np.asarray(np.linalg.eigvalsh(np.linalg.solve(root, np.swapaxes(half, -1, -2))))
 
 
-@dataclass(frozen=True)
-class _Asked:
+class _Asked(NamedTuple):
     """Markers of which a spread is asked for: of their inner coordinates, or of the relative motion of two parts.
 
     Attributes
@@ -95,6 +95,12 @@ class _Asked:
 
     markers: Group
     n_first: int = 0
+
+
+def _of_pair(one: Group, other: Group) -> _Asked:
+    """Ask for the relative motion of two groups, the same in either order."""
+    first, second = min(one, other), max(one, other)
+    return _Asked(first + second, len(first))
 
 
 class Movements:
@@ -113,8 +119,7 @@ class Movements:
         self._all_seen: Bools | None = None
         self._sampled = positions[frames]
         self._sampled_seen: Bools = ~np.isnan(self._sampled[:, :, 0])
-        self._relative: dict[tuple[Group, Group], Spread | None] = {}
-        self._inner: dict[Group, Spread | None] = {}
+        self._known: dict[_Asked, Spread | None] = {}
 
     @property
     def seen_part(self) -> Floats:
@@ -128,9 +133,7 @@ class Movements:
 
     def inner(self, group: Group) -> Spread | None:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
-        if group not in self._inner:
-            self._inner[group] = self._spread(_Asked(group))
-        return self._inner[group]
+        return self._found(_Asked(group))
 
     def all_inner(self, groups: list[Group]) -> Iterator[tuple[Ints, Spread]]:
         """Return `inner` of many groups, as numbers of groups with as many coordinates, and their spreads.
@@ -147,11 +150,7 @@ class Movements:
         first, second : tuple of int
             Markers of both groups.
         """
-        first, second = min(first, second), max(first, second)
-        key = (first, second)
-        if key not in self._relative:
-            self._relative[key] = self._spread(_Asked(first + second, len(first)))
-        return self._relative[key]
+        return self._found(_of_pair(first, second))
 
     def measure(self, pairs: Iterable[tuple[Group, Group]]) -> None:
         """Find the inner and relative motions of many pairs of groups at once; `inner` and `relative` then have them.
@@ -161,16 +160,9 @@ class Movements:
         pairs : iterable of tuple of two groups
             Which; `inner` is found of groups of two markers or more.
         """
-        ordered = dict.fromkeys((min(pair), max(pair)) for pair in pairs)
-        new = [pair for pair in ordered if pair not in self._relative]
-        self._relative.update(dict.fromkeys(new))
-        for indices, spread in self._spreads([_Asked(first + second, len(first)) for first, second in new]):
-            self._relative.update((new[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
-        groups = dict.fromkeys(group for pair in new for group in pair if len(group) > 1)
-        unknown = [group for group in groups if group not in self._inner]
-        self._inner.update(dict.fromkeys(unknown))
-        for indices, spread in self.all_inner(unknown):
-            self._inner.update((unknown[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
+        both = list(pairs)
+        self._find([_of_pair(*pair) for pair in both])
+        self._find([_Asked(group) for pair in both for group in pair if len(group) > 1])
 
     def distance(self, marker: int, others: Group) -> float:
         """Return the usual distance [mm] of a marker from the nearest of some others; infinite if none is seen with it.
@@ -190,8 +182,17 @@ class Movements:
         ]
         return min(gaps, default=np.inf)
 
-    def _spread(self, asked: _Asked) -> Spread | None:
-        return next((spread.of(0) for _, spread in self._spreads([asked])), None)
+    def _found(self, asked: _Asked) -> Spread | None:
+        if asked not in self._known:
+            self._find([asked])
+        return self._known[asked]
+
+    def _find(self, asked: list[_Asked]) -> None:
+        """Find and keep the spreads of what is not known yet; None where too few frames show the markers."""
+        new = [one for one in dict.fromkeys(asked) if one not in self._known]
+        self._known.update(dict.fromkeys(new))
+        for indices, spread in self._spreads(new):
+            self._known.update((new[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
 
     def _spreads(self, asked: list[_Asked]) -> Iterator[tuple[Ints, Spread]]:
         """Spreads of what is asked for, of those with as many coordinates at once, and which these are."""

@@ -160,8 +160,9 @@ class _Search:
                 sum(costs[group] for group in added) - sum(now[index] for index in replaced)
                 for replaced, added in changes
             ]
-            if gains and min(gains) < -TINY:
-                return changes[gains.index(min(gains))]
+            best = min(gains, default=0.0)
+            if best < -TINY:
+                return changes[gains.index(best)]
         return None
 
     def _merges_and_moves(self) -> Iterator[Change]:
