@@ -26,6 +26,7 @@ from skelgen.simulation.people import (
     person,
     realistic_soft_tissue,
 )
+from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
 N_PEOPLE, FIRST_SEED, N_FRAMES = 15, 7000, 200  # of each set
 N_PEOPLE_OF_PLACES = 40
@@ -44,25 +45,36 @@ def main() -> None:
 
 
 def sets() -> dict[str, np.ndarray]:
-    """Shapes of all sets."""
+    """Shapes of all sets, and of those of their halves that have enough markers."""
     table = {}
     for marker_set in (*MARKER_SETS, *LABORATORY_SETS):
-        shapes: list[tuple[Floats, Floats]] = []
-        for number in range(N_PEOPLE):
-            case = simulate(
+        people = [
+            simulate(
                 "human", seed=FIRST_SEED + number, motion=MOTIONS[number % len(MOTIONS)], marker_set=marker_set,
                 n_frames=N_FRAMES, soft_tissue="realistic", noise=0.3,
-            )  # fmt: skip
-            shape = module.shape_of(np.asarray(case.take.positions))
-            shapes.append((shape.distances, shape.motions))
-        found = np.array(shapes)
-        least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
-        table[f"{marker_set}/mean"] = found.mean(axis=0).astype(np.float16)
-        table[f"{marker_set}/spread"] = np.sqrt(found.var(axis=0) + least**2).astype(np.float16)
-        table[f"{marker_set}/markers"] = np.array(case.take.names)
-        table[f"{marker_set}/segments"] = case.truth.limb_of_marker.astype(np.uint8)
-        print(marker_set, len(case.truth.limb_of_marker), flush=True)
+            ) for number in range(N_PEOPLE)
+        ]  # fmt: skip
+        positions = [np.asarray(one.take.positions) for one in people]
+        truth, segments = people[0].truth, people[0].truth.limb_of_marker
+        table |= learned(marker_set, positions, np.arange(len(segments)))
+        table[f"{marker_set}/markers"] = np.array(people[0].take.names)
+        table[f"{marker_set}/segments"] = segments.astype(np.uint8)
+        for half, names in module.HALVES.items():
+            taken = np.flatnonzero(np.isin(np.array(truth.limb_names)[segments], names))
+            if module.LEAST_OF_HALF <= len(taken) < len(segments):
+                table |= learned(f"{marker_set}/{half}", positions, taken)
+                table[f"{marker_set}/{half}/taken"] = taken.astype(np.uint8)
+        print(marker_set, len(segments), flush=True)
     return table
+
+
+def learned(key: str, people: list[Floats], taken: np.ndarray) -> dict[str, np.ndarray]:
+    """The mean and the spread of the shapes of some markers of people."""
+    shapes = [shape_of(positions[:, taken]) for positions in people]
+    found = np.array([(one.distances, one.motions) for one in shapes])
+    least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
+    spread = np.sqrt(found.var(axis=0) + least**2)
+    return {f"{key}/mean": found.mean(axis=0).astype(np.float16), f"{key}/spread": spread.astype(np.float16)}
 
 
 def places() -> dict[str, np.ndarray]:
@@ -83,7 +95,7 @@ def places() -> dict[str, np.ndarray]:
     }
 
 
-def _person_in_any_posture(number: int) -> module.Shape:
+def _person_in_any_posture(number: int) -> Shape:
     """Somebody in natural motion, or, every other one, in random motion about a posture: arms crossed, on the hips,
     overhead, in guard, deep squats; alike on both sides for half of these."""
     rng = np.random.default_rng([FIRST_SEED, number])
@@ -98,7 +110,7 @@ def _person_in_any_posture(number: int) -> module.Shape:
     angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
     positions = carried_markers(who.worn, poses)
     positions += realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
-    return module.shape_of(positions + NOISE * rng.normal(size=positions.shape))
+    return shape_of(positions + NOISE * rng.normal(size=positions.shape))
 
 
 def in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> Structure:

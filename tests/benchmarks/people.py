@@ -2,7 +2,8 @@
 
 With ``--unknown [30]``, instead, so many simulated people in marker sets that are left out of the tables: in natural
 motion, with arms that hardly move, or in any posture; every other one lacks up to four markers. Their trees are harder
-than those of most recordings: hands, heads and toes that do not move against their neighbours count as missed.
+than those of most recordings: hands, heads and toes that do not move against their neighbours count as missed. With
+``--lower`` they wear the markers of pelvis and legs only, as in many laboratories of gait.
 
 The recordings are looked for in ``../shared/data/bodies`` beside the project unless a folder is named. Markers lose
 their names. Joints are those of the template that were found, wrists and toes left out; the template is good to some
@@ -14,7 +15,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,13 @@ class Person:
         """Body of each marker, shape (n_markers,)."""
         return np.asarray(self.allowed.argmax(axis=1))
 
+    def of(self, bodies: tuple[str, ...]) -> Person:
+        """Return the person without the markers of other bodies."""
+        kept = np.isin(np.array(self.bodies)[self.body], bodies)
+        names = [f"M{marker:03}" for marker in range(kept.sum())]
+        take = Trajectories(self.take.positions[:, kept], names, self.take.rate)
+        return replace(self, take=take, allowed=self.allowed[kept])
+
     @property
     def edges(self) -> list[tuple[int, int]]:
         """Body and parent, where both carry markers."""
@@ -92,7 +100,8 @@ class Person:
 def main() -> None:
     """Print a row per person and per what is given."""
     if "--unknown" in sys.argv:
-        show_unknown(int((*sys.argv[sys.argv.index("--unknown") + 1 :], "30")[0]))
+        number = next((word for word in sys.argv[sys.argv.index("--unknown") + 1 :] if word.isdigit()), "30")
+        show_unknown(int(number), lower="--lower" in sys.argv)
         return
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else USUAL_PLACE
     names = sorted(path.name.removesuffix(".truth.npz") for path in folder.glob("*.truth.npz"))
@@ -112,11 +121,12 @@ def main() -> None:
     show("People", columns, rows)
 
 
-def show_unknown(n_people: int) -> None:
+def show_unknown(n_people: int, *, lower: bool) -> None:
     """Print a row per simulated person in a set that is not known, and how many trees are as wanted."""
     show_machine()
     every, rows = worn_sets.worn_sets(), []
-    for marker_set, told, who in unknown_people(n_people):
+    for marker_set, told, everything in unknown_people(n_people):
+        who = everything.of(worn_sets.HALVES["lower"]) if lower else everything
         known = tuple(one for one in every if one.name != marker_set)
         worn_sets.worn_sets = lambda known=known: known
         rows.append((marker_set, told, *scores(who, reconstruct(who, "nothing"))[:5]))

@@ -7,13 +7,14 @@ from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.worn_places import believed_places, believed_set
-from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, WornSet, nearest_set
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, nearest_set
+from skelgen.stages.limbs.worn_shapes import WornSet
 
 AGREED = 0.8
 """Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
 
 TRUNK = ("pelvis", "chest", "head")
-"""Segments that tell a body from its mirror image, as they bend little."""
+"""Segments that tell a body from its mirror image, as they bend little; all do where half a body is worn."""
 
 LOOKED_AT = 30
 """Frames for that."""
@@ -133,7 +134,8 @@ def _is_mirrored(positions: Floats, person: Structure, match: Match) -> bool:
     for limb in range(1, person.n_limbs):
         origins[limb] = origins[person.parents[limb]] + person.limbs[limb].joint
     standing = np.concatenate([limb.markers + origin for limb, origin in zip(person.limbs, origins, strict=True)])
-    of_trunk = np.isin(np.array(person.limb_names)[person.limb_of_marker[match.of_set]], TRUNK)
+    names = np.array(person.limb_names)[person.limb_of_marker[match.of_set]]
+    of_trunk = np.isin(names, TRUNK) if {"pelvis", "chest"} <= set(names.tolist()) else np.ones(len(names), np.bool_)
     standing, sense = standing[match.of_set[of_trunk]], 0.0
     for shown in positions[spread_frames(len(positions), LOOKED_AT)][:, of_trunk]:
         seen = ~np.isnan(shown[:, 0])

@@ -8,37 +8,23 @@ distances fit best. How well they do, and how few of the set's pairs move as two
 log odds that two markers share a limb, which add to what the pair itself says.
 """
 
-from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from skelgen._kernels.set_misfits import MOTION_WEIGHT, misfits_to_set
 from skelgen.model.arrays import Floats, Ints, spread_frames
-
-LOOKED_AT = 60
-"""Frames."""
-
-LEAST_COMMON = 8
-"""Frames that must show both markers."""
-
-SHORTEST, LEAST_MOTION = 5.0, 1.0
-"""mm; smaller distances and deviations of these say nothing more."""
+from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
 
 SIZES = (0.75, 1.33)
 """Of the number of a set's markers: a take with fewer or more does not wear it."""
 
-LARGEST = 9.0
-"""Square of the most that one distance may be off, in standard deviations; some markers belong to no set."""
-
-UNKNOWN = 2.5
-"""The same for markers that are never seen together."""
-
-MOTION_WEIGHT = 0.5
-"""How much the deviation of a distance counts beside the distance."""
-
-OUTLINE = tuple(np.linspace(0.05, 0.95, 12))
-"""Quantiles of a marker's distances to all others, by which a search begins."""
+SIZES_OF_HALF = (0.75, 1.1)
+"""The same of half a set: who wears half wears hardly anything else."""
 
 OUTLINE_SPREAD = 0.15, 0.5
 """Standard deviations of these, and of those of how much the distances vary."""
@@ -75,50 +61,19 @@ BORNE_OUT, NOT_BORNE_OUT = 0.85, 0.75
 """Part of the pairs of such a set that are not contradicted: of people whose own set was left out of the table, .77 to
 .87 of the pairs are right up to .79, and .96 and more from .85 on."""
 
+SIDES = ("left", "right")
+
+HALVES = {
+    "lower": ("pelvis", *(f"{side} {name}" for side in SIDES for name in ("thigh", "shank", "foot", "toes"))),
+    "upper": ("chest", "head", *(f"{side} {name}" for side in SIDES for name in ("upper arm", "forearm", "hand"))),
+}
+"""Segments of half a person."""
+
+LEAST_OF_HALF = 15
+"""Markers by which half a person is told: fewer fit anything."""
+
 STRENGTH = 6.0
 """Log odds that a set which is believed gives a pair of markers."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """Of a set, or of a take.
-
-    Attributes
-    ----------
-    distances, motions : ndarray, shape (n_markers, n_markers)
-        Logarithms of the usual distances over their median, and of their deviations over them; NaN where unknown.
-    """
-
-    distances: Floats
-    motions: Floats
-
-    @cached_property
-    def outlines(self) -> tuple[Floats, Floats]:
-        """Quantiles of the distances and of the motions of each marker, shapes (n_markers, n_quantiles)."""
-        return _quantiles(self.distances), _quantiles(self.motions)
-
-
-@dataclass(frozen=True, eq=False)
-class WornSet:
-    """A marker set, as people wear it.
-
-    Attributes
-    ----------
-    name : str
-        What the set is called.
-    mean, spread : Shape
-        Of people, and the standard deviations between them.
-    segments : ndarray of intp, shape (n_markers,)
-        Number of the segment that carries each marker.
-    markers : tuple of str, length n_markers
-        What the set calls them.
-    """
-
-    name: str
-    mean: Shape
-    spread: Shape
-    segments: Ints
-    markers: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +141,7 @@ def nearest_set(positions: Floats) -> tuple[Match, WornSet] | None:
 
 
 def fitting_sets(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
-    """Return all sets of about as many markers and how markers fit them, the best first.
+    """Return all sets of about as many markers, or with as many on half a body, and how markers fit; the best first.
 
     Parameters
     ----------
@@ -201,9 +156,25 @@ def fitting_sets(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
 def _fitting_sets(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
     """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
     shape = shape_of(np.frombuffer(shown).reshape(n))
-    sizes = [(worn, n[1] / len(worn.segments)) for worn in worn_sets()]
-    found = [(best_match(shape, worn), worn) for worn, size in sizes if SIZES[0] <= size <= SIZES[1]]
+    found = []
+    for worn in worn_sets():
+        matches = [_match_of_part(shape, *part) for part in _parts(worn, n[1])]
+        if matches:
+            found.append((min(matches, key=lambda one: one.misfit), worn))
     return tuple(sorted(found, key=lambda one: one[0].misfit))
+
+
+def _match_of_part(shape: Shape, taken: Ints, worn: WornSet) -> Match:
+    """How markers fit those of a set that are taken."""
+    match = best_match(shape, worn)
+    return replace(match, of_set=taken[match.of_set])
+
+
+def _parts(worn: WornSet, n_markers: int) -> list[tuple[Ints, WornSet]]:
+    """A set and its halves, as far as they have about as many markers."""
+    halves = worn.halves if n_markers >= LEAST_OF_HALF else ()
+    sized = [((np.arange(len(worn.segments)), worn), SIZES), *((half, SIZES_OF_HALF) for half in halves)]
+    return [part for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
 
 
 def markers_of_set(positions: Floats) -> tuple[str, tuple[str, ...], bool] | None:
@@ -233,41 +204,29 @@ def markers_of_set(positions: Floats) -> tuple[str, tuple[str, ...], bool] | Non
     return worn.name, tuple(called), len(worn.segments) == sum(map(bool, called)) == len(called)
 
 
-def shape_of(positions: Floats) -> Shape:
-    """Return usual distances of markers and how much they vary.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        NaN where unseen.
-    """
-    shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    gaps = np.sort(np.linalg.norm(shown[:, :, np.newaxis] - shown[:, np.newaxis], axis=3), axis=0)  # NaN last
-    count = (~np.isnan(gaps)).sum(axis=0)
-    middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
-    mean = np.nansum(gaps, axis=0) / np.maximum(count, 1)
-    deviation = np.sqrt(np.nansum((gaps - mean) ** 2, axis=0) / np.maximum(count, 1))
-    known = (count >= min(LEAST_COMMON, len(shown))) & ~np.eye(len(count), dtype=np.bool_)
-    distances = np.where(known, np.log(np.maximum(middle, SHORTEST)), np.nan)
-    motions = np.log(np.maximum(deviation, LEAST_MOTION)) - distances
-    return Shape(distances - (np.nanmedian(distances) if known.any() else 0.0), motions)
-
-
 @cache
 def worn_sets() -> tuple[WornSet, ...]:
     """Return the shapes of all sets."""
     with np.load(Path(__file__).with_name("tables") / "worn_sets.npz") as table:
-        names = sorted({key.partition("/")[0] for key in table.files})
-        return tuple(
-            WornSet(
-                name,
-                Shape(*table[f"{name}/mean"].astype(np.float64)),
-                Shape(*table[f"{name}/spread"].astype(np.float64)),
-                table[f"{name}/segments"].astype(np.intp),
-                tuple(table[f"{name}/markers"].tolist()),
-            )
-            for name in names
-        )
+        read = {key: table[key] for key in table.files}
+    return tuple(_worn_set(name, read) for name in sorted({key.partition("/")[0] for key in read}))
+
+
+def _worn_set(name: str, table: dict[str, np.ndarray]) -> WornSet:
+    """A set of the table, with its halves."""
+    segments, markers = table[f"{name}/segments"].astype(np.intp), table[f"{name}/markers"]
+    halves = []
+    for part in [part for part in HALVES if f"{name}/{part}/taken" in table]:
+        taken = table[f"{name}/{part}/taken"].astype(np.intp)
+        shapes = _shapes(table, f"{name}/{part}")
+        halves.append((taken, WornSet(name, *shapes, segments[taken], tuple(markers[taken].tolist()))))
+    return WornSet(name, *_shapes(table, name), segments, tuple(markers.tolist()), tuple(halves))
+
+
+def _shapes(table: dict[str, np.ndarray], key: str) -> tuple[Shape, Shape]:
+    """The mean and the spread of a set, or of half of it."""
+    mean, spread = (Shape(*table[f"{key}/{name}"].astype(np.float64)) for name in ("mean", "spread"))
+    return mean, spread
 
 
 def best_match(shape: Shape, worn: WornSet) -> Match:
@@ -285,11 +244,11 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    outlines, comparison = _outline_misfits(shape, worn.mean), SetComparison(shape, worn)
+    outlines = _outline_misfits(shape, worn.mean)
     best, visited = None, set()
     for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(seed, outlines.shape[1])
-        start = outlines + START_WEIGHT * comparison.misfits(np.array([marker]), np.array([of_set]))
+        start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()
         start[marker, of_set] = 0.0
         markers, taken = linear_sum_assignment(start)
@@ -298,7 +257,7 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
             if matched in visited:  # another search went on from here, or this one stands still
                 break
             visited.add(matched)
-            misfits = comparison.misfits(markers, taken)
+            misfits = misfits_of(shape, worn, markers, taken)
             fit = float(misfits[markers, taken].mean())
             if best is None or fit < best[0]:
                 best = fit, markers, taken, misfits[markers, taken]
@@ -308,8 +267,8 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
 
 
-class SetComparison:
-    """Distances of a take beside those of a set: what each marker is taken for is compared once, however often asked.
+def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+    """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
 
     Parameters
     ----------
@@ -317,44 +276,10 @@ class SetComparison:
         Of the take.
     worn : WornSet
         The set.
+    markers, of_set : ndarray of intp, shape (n_matched,)
+        Markers to which distances are compared, and what they are taken for.
     """
-
-    def __init__(self, shape: Shape, worn: WornSet) -> None:
-        self._shape, self._worn = shape, worn
-        self._compared: dict[tuple[int, int], Floats] = {}
-
-    def misfits(self, markers: Ints, of_set: Ints) -> Floats:
-        """Return the mean square of how far distances are off if a marker is one of the set, (n_markers, n_of_set).
-
-        Parameters
-        ----------
-        markers, of_set : ndarray of intp, shape (n_matched,)
-            Markers to which distances are compared, and what they are taken for.
-        """
-        pairs = list(zip(markers.tolist(), of_set.tolist(), strict=True))
-        new = [pair for pair in pairs if pair not in self._compared]
-        if new:
-            self._compared.update(zip(new, self._squares(*np.array(new).T), strict=True))
-        total = np.zeros((len(self._shape.distances), len(self._worn.segments)))
-        for pair in pairs:
-            total += self._compared[pair]
-        return total / max(len(pairs) - 1, 1)
-
-    def _squares(self, markers: Ints, of_set: Ints) -> Floats:
-        """Squares of how far the distances to some markers are off, shape (n_compared, n_markers, n_of_set)."""
-        mean, spread = self._worn.mean, self._worn.spread
-        total = self._shape.distances[markers, :, np.newaxis] - mean.distances[of_set, np.newaxis]
-        total /= spread.distances[of_set, np.newaxis]
-        motions = self._shape.motions[markers, :, np.newaxis] - mean.motions[of_set, np.newaxis]
-        motions /= spread.motions[of_set, np.newaxis]
-        np.square(total, out=total)
-        total += MOTION_WEIGHT * np.square(motions, out=motions)
-        np.minimum(total, LARGEST, out=total)
-        total[np.isnan(total)] = UNKNOWN
-        every = np.arange(len(markers))
-        total[every, :, of_set] = LARGEST  # where another marker is it is not
-        total[every, markers] = 0.0  # and a marker says nothing of where it is itself
-        return total
+    return misfits_to_set(shape.tables, worn.mean.tables, worn.spread.tables, markers, of_set)
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
@@ -364,17 +289,6 @@ def _outline_misfits(one: Shape, other: Shape) -> Floats:
     for values, means, spread, weight in pairs:
         total += weight * ((values[:, np.newaxis] - means) ** 2).mean(axis=2) / spread**2
     return total
-
-
-def _quantiles(table: Floats) -> Floats:
-    """The quantiles `OUTLINE` of what is known in each row, of rows without anything zeros, shape (n, n_quantiles)."""
-    count = (~np.isnan(table)).sum(axis=1, keepdims=True)
-    rows = np.sort(np.where(count > 0, table, 0.0), axis=1)  # NaN last
-    place = np.array(OUTLINE) * np.maximum(count - 1, 0)
-    below = place.astype(np.intp)
-    low = np.take_along_axis(rows, below, axis=1)
-    high = np.take_along_axis(rows, np.minimum(below + 1, np.maximum(count - 1, 0)), axis=1)
-    return np.asarray(low + (high - low) * (place - below))
 
 
 def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:

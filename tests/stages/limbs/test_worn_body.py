@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import worn_body, worn_neighbours
+from skelgen.stages.limbs.worn_sets import HALVES
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 PROPORTIONS = 35.0  # mm by which a usual person's hips miss those of one of six sizes
@@ -32,6 +33,16 @@ def test_joints_of_a_set_that_is_worn_lie_where_they_are_on_the_person(walker, m
                      - truth.joint_positions[:, truth.joint_names.index("pelvis - right thigh")])  # fmt: skip
     assert abs(np.linalg.norm(gap) - np.linalg.norm(left_of_right, axis=1).mean()) < PROPORTIONS
     assert -gap[1] * mirror[1] > 100
+
+
+@pytest.mark.parametrize("mirror", [np.ones(3), MIRROR])
+def test_legs_that_alone_wear_a_set_are_no_mirror_image_either(walker, mirror):
+    names, limb = list(walker.truth.limb_names), np.asarray(walker.truth.limb_of_marker)
+    worn = np.isin(np.array(names)[limb], HALVES["lower"])
+    body = worn_body(walker.take.positions[:, worn] * mirror, limb[worn])
+    assert body is not None
+    assert np.array_equal(body.segments, limb[worn])
+    assert -np.diff(hips(body, names), axis=0)[0, 1] * mirror[1] > 100
 
 
 def test_limbs_of_a_set_that_is_worn_are_neighbours_as_on_the_body(walker):

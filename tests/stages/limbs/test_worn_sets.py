@@ -9,19 +9,16 @@ from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.worn_places import PART_OF_PLACES, Believed, nearest_places, segment_odds, worn_odds
 from skelgen.stages.limbs.worn_sets import (
-    LARGEST,
-    MOTION_WEIGHT,
+    HALVES,
+    LEAST_OF_HALF,
     NOT_WORN,
-    OUTLINE,
     STRENGTH,
-    UNKNOWN,
-    SetComparison,
-    Shape,
+    WORN,
     best_match,
     nearest_set,
-    shape_of,
     worn_sets,
 )
+from skelgen.stages.limbs.worn_shapes import OUTLINE, Shape, shape_of
 
 
 def test_a_set_that_is_worn_tells_which_markers_share_a_limb() -> None:
@@ -32,6 +29,23 @@ def test_a_set_that_is_worn_tells_which_markers_share_a_limb() -> None:
     limb = case.truth.limb_of_marker[shuffled]
     pairs = np.triu_indices(len(limb), 1)
     assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
+
+
+def test_the_lower_half_of_a_set_is_worn_as_well() -> None:
+    case = simulate("human", seed=4, motion="walk", marker_set="cgm2-5", n_frames=100, soft_tissue="realistic")
+    limb = np.asarray(case.truth.limb_of_marker)
+    lower = np.isin(np.array(case.truth.limb_names)[limb], HALVES["lower"])
+    positions, limb = np.asarray(case.take.positions)[:, lower], limb[lower]
+    found = nearest_set(positions)
+    assert found is not None and found[1].name == "cgm2-5" and found[0].misfit < WORN
+    assert np.array_equal(found[1].segments[found[0].of_set][np.argsort(found[0].markers)], limb)
+    odds = worn_odds(positions, log_odds(positions))
+    pairs = np.triu_indices(len(limb), 1)
+    assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
+
+
+def test_a_few_markers_are_no_half_of_a_set() -> None:
+    assert nearest_set(np.random.default_rng(0).normal(0.0, 500.0, (100, LEAST_OF_HALF - 1, 3))) is None
 
 
 def test_a_set_is_believed_in_strange_postures_where_motion_bears_it_out() -> None:
@@ -105,23 +119,6 @@ def test_hands_of_two_markers_are_found_without_names() -> None:
     with_set, without = (find_limbs(take, LimbParameters(marker_set=one)).limb_of_marker for one in ("auto", "none"))
     assert not set(with_set[hand]) & set(with_set[forearm])
     assert set(without[hand]) & set(without[forearm])
-
-
-def test_what_a_marker_is_taken_for_is_compared_as_defined_however_often_asked() -> None:
-    rng, worn = np.random.default_rng(0), worn_sets()[0]
-    shape = shape_of(rng.normal(0.0, 500.0, (20, 6, 3)))
-    comparison, mean, spread = SetComparison(shape, worn), worn.mean, worn.spread
-    for markers, of_set in (([1, 4], [3, 7]), ([1, 4, 5], [3, 8, 9]), ([1, 4], [3, 7])):
-        expected = np.zeros((6, len(worn.segments)))
-        for marker, place in zip(markers, of_set, strict=True):
-            off = (shape.distances[:, [marker]] - mean.distances[place]) / spread.distances[place]
-            moving = (shape.motions[:, [marker]] - mean.motions[place]) / spread.motions[place]
-            one = np.nan_to_num(np.minimum(off**2 + MOTION_WEIGHT * moving**2, LARGEST), nan=UNKNOWN)
-            one[:, place] = LARGEST
-            one[marker] = 0.0
-            expected += one
-        found = comparison.misfits(np.array(markers), np.array(of_set))
-        np.testing.assert_allclose(found, expected / (len(markers) - 1), rtol=1e-12)
 
 
 def test_outlines_are_quantiles_of_what_is_known() -> None:

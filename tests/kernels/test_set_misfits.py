@@ -1,0 +1,24 @@
+"""Misfits to a marker set: as they are defined, with markers that are never seen together and two of one place."""
+
+import numpy as np
+import pytest
+
+from skelgen._kernels.set_misfits import LARGEST, MOTION_WEIGHT, UNKNOWN, misfits_to_set
+
+
+@pytest.mark.parametrize(
+    ("markers", "of_set"), [([1, 4], [3, 7]), ([1, 4, 5], [3, 8, 9]), ([2], [0]), ([0, 1], [6, 6])]
+)
+def test_distances_are_compared_as_defined(markers, of_set):
+    rng = np.random.default_rng(len(markers))
+    take, mean, spread = rng.normal(size=(2, 6, 6)), rng.normal(size=(2, 10, 10)), rng.uniform(0.2, 2.0, (2, 10, 10))
+    take[:, 2, 4] = take[:, 4, 2] = np.nan
+    expected = np.zeros((6, 10))
+    for marker, place in zip(markers, of_set, strict=True):
+        off = (take[:, marker, :, np.newaxis] - mean[:, place, np.newaxis]) / spread[:, place, np.newaxis]
+        one = np.nan_to_num(np.minimum(off[0] ** 2 + MOTION_WEIGHT * off[1] ** 2, LARGEST), nan=UNKNOWN)
+        one[:, place] = LARGEST
+        one[marker] = 0.0
+        expected += one
+    found = misfits_to_set(take, mean, spread, np.array(markers), np.array(of_set))
+    np.testing.assert_allclose(found, expected / max(len(markers) - 1, 1), rtol=1e-12)
