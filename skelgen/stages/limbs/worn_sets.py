@@ -246,8 +246,8 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
 
     outlines = _outline_misfits(shape, worn.mean)
     best, visited = None, set()
-    for seed in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
-        marker, of_set = divmod(seed, outlines.shape[1])
+    for pair in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
+        marker, of_set = divmod(pair, outlines.shape[1])
         start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()
         start[marker, of_set] = 0.0
