@@ -305,7 +305,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     n_numbers = 3 * len(columns.points)
     frames = np.arange(len(numbers))
     positions = numbers[options.sample.of(frames) if options.sample else frames, :n_numbers]
-    positions = positions.reshape(len(positions), -1, 3)
+    positions = positions.reshape(len(positions), len(columns.points), 3)
     times = numbers[:, -1] if columns.times is not None else None
     return take_from_table(path, positions, list(columns.points), times, options, columns.unit)
 

@@ -79,6 +79,16 @@ def test_parquet_with_a_column_twice_is_refused(refused, tmp_path):
     assert "two columns are called nose_x" in refused(tmp_path / "points.parquet")
 
 
+def test_parquet_without_a_frame_is_refused(refused, tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    names = [f"{point}_{axis}" for point in ("nose", "tail") for axis in "xyz"]
+    table = pyarrow.table([pyarrow.array([], pyarrow.float64())] * len(names), names=names)
+    parquet.write_table(table, tmp_path / "points.parquet")
+    assert "holds no frame" in refused(tmp_path / "points.parquet")
+
+
 def test_some_other_table_is_refused_with_the_formats(refused, put):
     assert "known are motive (.csv), nexus (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
         put("a.csv", "name,age\nAnn,42\n")
