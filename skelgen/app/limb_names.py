@@ -172,7 +172,8 @@ def worn_by_shape(project: Project) -> list[WornShape]:
     limbs, found = project.limbs, []
     for body in range(limbs.n_bodies):
         markers = np.flatnonzero((limbs.limb_of_marker >= 0) & (limbs.body_of_limb[limbs.limb_of_marker] == body))
-        alike = markers_of_set(project.trajectories.positions[:, markers]) if len(markers) else None
+        on_limbs = project.trajectories.positions[:, markers], limbs.limb_of_marker[markers]
+        alike = markers_of_set(*on_limbs) if len(markers) else None
         if alike is None or alike[0] not in MARKER_SET_CHOICES:
             continue
         names = [f"M{marker}" for marker in range(limbs.n_markers)]

@@ -1,8 +1,9 @@
 """Learn skelgen/stages/limbs/tables/worn_*.npz, shapes of marker sets: ``python tests/benchmarks/learn_sets.py``.
 
-Each set is worn by simulated people of all sizes, with soft tissue as measured, in all natural motions. Kept are means
-of the logarithms of distances and of how much they vary, and standard deviations between people, with what simulation
-does not vary: where exactly a marker is stuck. The same of all places that markers are stuck at, whatever the set.
+Each set is worn by simulated people of all sizes, with soft tissue as measured, in all natural motions and in random
+motions about any posture. Kept are means of the logarithms of distances and of how much they vary, and standard
+deviations between people, with what simulation does not vary: where exactly a marker is stuck. The same of all places
+that markers are stuck at, whatever the set.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 import skelgen.stages.limbs.worn_sets as module
 from skelgen.model.arrays import Floats
-from skelgen.simulation import Structure, simulate
+from skelgen.simulation import Structure
 from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.motion import random_angles, world_from_limbs
 from skelgen.simulation.people import (
@@ -28,8 +29,8 @@ from skelgen.simulation.people import (
 )
 from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
-N_PEOPLE, FIRST_SEED, N_FRAMES = 15, 7000, 200  # of each set
-N_PEOPLE_OF_PLACES = 40
+N_PEOPLE, N_PEOPLE_OF_PLACES = 60, 40  # in each set, and in all places at once
+FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)
 POSTURES = {"upper arm": 1.6, "forearm": 1.2, "thigh": 0.8, "shank": 1.0}  # ranges of offsets, in amplitudes
 MOTION_RANGE, MIRROR = (0.2, 1.2), np.array([-1.0, 1.0, -1.0])
@@ -48,58 +49,46 @@ def sets() -> dict[str, np.ndarray]:
     """Shapes of all sets, and of those of their halves that have enough markers."""
     table = {}
     for marker_set in (*MARKER_SETS, *LABORATORY_SETS):
-        people = [
-            simulate(
-                "human", seed=FIRST_SEED + number, motion=MOTIONS[number % len(MOTIONS)], marker_set=marker_set,
-                n_frames=N_FRAMES, soft_tissue="realistic", noise=0.3,
-            ) for number in range(N_PEOPLE)
-        ]  # fmt: skip
-        positions = [np.asarray(one.take.positions) for one in people]
-        truth, segments = people[0].truth, people[0].truth.limb_of_marker
-        table |= learned(marker_set, positions, np.arange(len(segments)))
-        table[f"{marker_set}/markers"] = np.array(people[0].take.names)
+        people = np.array([_person_in_any_posture(marker_set, number).tables for number in range(N_PEOPLE)])
+        someone = person(marker_set, 0.0, np.random.default_rng(0)).worn
+        segments = someone.limb_of_marker
+        table |= {f"{marker_set}/{name}": values for name, values in learned(people).items()}
+        table[f"{marker_set}/markers"] = np.array(someone.marker_names)
         table[f"{marker_set}/segments"] = segments.astype(np.uint8)
         for half, names in module.HALVES.items():
-            taken = np.flatnonzero(np.isin(np.array(truth.limb_names)[segments], names))
+            taken = np.flatnonzero(np.isin(np.array(someone.limb_names)[segments], names))
             if module.LEAST_OF_HALF <= len(taken) < len(segments):
-                table |= learned(f"{marker_set}/{half}", positions, taken)
-                table[f"{marker_set}/{half}/taken"] = taken.astype(np.uint8)
+                found = learned(people[:, :, taken][..., taken]) | {"taken": taken.astype(np.uint8)}
+                table |= {f"{marker_set}/{half}/{name}": values for name, values in found.items()}
         print(marker_set, len(segments), flush=True)
     return table
 
 
-def learned(key: str, people: list[Floats], taken: np.ndarray) -> dict[str, np.ndarray]:
-    """The mean and the spread of the shapes of some markers of people."""
-    shapes = [shape_of(positions[:, taken]) for positions in people]
-    found = np.array([(one.distances, one.motions) for one in shapes])
+def learned(people: Floats) -> dict[str, np.ndarray]:
+    """The mean and the spread of shapes of people, over the usual distance of their markers."""
+    people = people.copy()
+    people[:, 0] -= np.nanmedian(people[:, 0], axis=(1, 2), keepdims=True)
     least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
-    spread = np.sqrt(found.var(axis=0) + least**2)
-    return {f"{key}/mean": found.mean(axis=0).astype(np.float16), f"{key}/spread": spread.astype(np.float16)}
+    spread = np.sqrt(people.var(axis=0) + least**2)
+    return {"mean": people.mean(axis=0).astype(np.float16), "spread": spread.astype(np.float16)}
 
 
 def places() -> dict[str, np.ndarray]:
     """The shape of all places at once, the same on both sides."""
-    shapes = [_person_in_any_posture(number) for number in range(N_PEOPLE_OF_PLACES)]
+    people = np.array([_person_in_any_posture(EVERY_PLACE, number).tables for number in range(N_PEOPLE_OF_PLACES)])
     someone = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn
     other = {"L ": "R ", "R ": "L "}
     names = someone.marker_names
     mirrored = np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
-    found = np.array([(one.distances, one.motions) for one in shapes])
-    found = np.concatenate([found, found[:, :, mirrored][..., mirrored]])
-    least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
-    return {
-        "mean": found.mean(axis=0).astype(np.float16),
-        "spread": np.sqrt(found.var(axis=0) + least**2).astype(np.float16),
-        "markers": np.array(names),
-        "segments": someone.limb_of_marker.astype(np.uint8),
-    }
+    found = learned(np.concatenate([people, people[:, :, mirrored][..., mirrored]]))
+    return found | {"markers": np.array(names), "segments": someone.limb_of_marker.astype(np.uint8)}
 
 
-def _person_in_any_posture(number: int) -> Shape:
+def _person_in_any_posture(marker_set: str, number: int) -> Shape:
     """Somebody in natural motion, or, every other one, in random motion about a posture: arms crossed, on the hips,
     overhead, in guard, deep squats; alike on both sides for half of these."""
     rng = np.random.default_rng([FIRST_SEED, number])
-    who = person(EVERY_PLACE, 0.0, rng, placed=PLACED)
+    who = person(marker_set, 0.0, rng, placed=PLACED)
     if number % 2 == 0:
         motion = MOTIONS[number // 2 % len(MOTIONS)]
         angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)

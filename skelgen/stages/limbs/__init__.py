@@ -10,8 +10,7 @@ from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
-from skelgen.stages.limbs.worn_body import worn_body, worn_neighbours
-from skelgen.stages.limbs.worn_sets import markers_of_set
+from skelgen.stages.limbs.worn_body import markers_of_set, worn_body, worn_neighbours
 
 __all__ = [
     "LimbConstraints",

@@ -6,8 +6,8 @@ from skelgen.kinematics.calibration.known_body import KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.worn_places import believed_places, believed_set
-from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, NOT_WORN, Match, nearest_set
+from skelgen.stages.limbs.worn_places import Believed, believed_wear, worn_set
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, Match
 from skelgen.stages.limbs.worn_shapes import WornSet
 
 AGREED = 0.8
@@ -44,18 +44,14 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     limb_of_marker : ndarray of intp, shape (n_markers,)
         The limb of each.
     """
-    found = nearest_set(positions)
-    if found is None or found[0].misfit > NOT_WORN:
+    found = _set_of_limbs(positions, limb_of_marker)
+    if found is None:
         return None
-    match, worn = found
+    match, worn, together = found
     person = usual_person(worn.name)
     offsets = np.concatenate([limb.markers for limb in person.limbs])[match.of_set]
-    segments, limbs = worn.segments[match.of_set], limb_of_marker[match.markers]
-    alike, own = segments[:, np.newaxis] == segments, limbs[:, np.newaxis] == limbs
-    np.fill_diagonal(own, val=False)
-    if not own.any() or alike[own].mean() < AGREED:
-        return None
-    size = _size(positions[:, match.markers], offsets, alike & own)
+    segments = worn.segments[match.of_set]
+    size = _size(positions[:, match.markers], offsets, together)
     mirror = MIRROR if _is_mirrored(positions[:, match.markers], person, match) else np.ones(3)
     segment_of_marker, places = np.full(positions.shape[1], -1), np.zeros((positions.shape[1], 3))
     fits = match.misfits < MARKER_DOES_NOT
@@ -63,6 +59,48 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     places[match.markers] = size * mirror * offsets
     joints = np.array([limb.joint for limb in person.limbs])
     return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints)
+
+
+def _set_of_limbs(positions: Floats, limb_of_marker: Ints) -> tuple[Match, WornSet, np.ndarray] | None:
+    """The set that is worn, how it fits, and which pairs of its markers are on one limb and one segment.
+
+    None if none is believed in full, or limbs are not its segments.
+    """
+    found = worn_set(positions)
+    if found is None:
+        return None
+    match, worn = found
+    segments, limbs = worn.segments[match.of_set], limb_of_marker[match.markers]
+    alike, own = segments[:, np.newaxis] == segments, limbs[:, np.newaxis] == limbs
+    np.fill_diagonal(own, val=False)
+    return (match, worn, alike & own) if own.any() and alike[own].mean() >= AGREED else None
+
+
+def markers_of_set(positions: Floats, limb_of_marker: Ints) -> tuple[str, tuple[str, ...], bool] | None:
+    """Return the set that markers have the shape of, and which of its markers each is, or None if there is none.
+
+    Parameters
+    ----------
+    positions, limb_of_marker
+        As for `worn_body`.
+
+    Returns
+    -------
+    name : str
+        Of the set.
+    markers : tuple of str, length n_markers
+        What the set calls each; empty for those that fit none.
+    is_whole : bool
+        Whether all markers of the set are there and no others.
+    """
+    found = _set_of_limbs(positions, limb_of_marker)
+    if found is None:
+        return None
+    match, worn, _ = found
+    called = [""] * positions.shape[1]
+    for marker, of_set, misfit in zip(match.markers.tolist(), match.of_set.tolist(), match.misfits, strict=True):
+        called[marker] = worn.markers[of_set] if misfit < MARKER_DOES_NOT else ""
+    return worn.name, tuple(called), len(worn.segments) == sum(map(bool, called)) == len(called)
 
 
 def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
@@ -82,19 +120,23 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     on_limb, own = limb_of_marker >= 0, limb_of_marker[:, np.newaxis] == limb_of_marker
     by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
     np.fill_diagonal(by_limbs, 0.0)
-    best = believed_set(positions, by_limbs)
-    if best is None:
+    worn = believed_wear(positions, by_limbs)
+    if worn is None:
         return odds
-    places = believed_places(positions, by_limbs) if best.belief < 1 else None
-    if places is not None and places.belief > best.belief:
-        best = places
-    if best.belief > 0:
-        segments = _segments_of_limbs(best.match, best.worn, limb_of_marker)
-        joined = _joined_segments(usual_person(best.worn.name).parents, segments)
-        known = (segments[:, np.newaxis] >= 0) & (segments >= 0)
-        odds[known] = best.belief * np.where(joined, NEIGHBOURS, -NEIGHBOURS)[known]
-        np.fill_diagonal(odds, 0.0)
+    for reading in worn.sets:
+        odds += (1.0 - worn.share) * reading.belief * _neighbours_of(reading, limb_of_marker)
+    if worn.places is not None:
+        odds += worn.share * _neighbours_of(worn.places, limb_of_marker)
     return odds
+
+
+def _neighbours_of(reading: Believed, limb_of_marker: Ints) -> Floats:
+    """The log odds that limbs are neighbours if what markers are taken for is true, shape (n_limbs, n_limbs)."""
+    segments = _segments_of_limbs(reading.match, reading.worn, limb_of_marker)
+    joined = _joined_segments(usual_person(reading.worn.name).parents, segments)
+    known = (segments[:, np.newaxis] >= 0) & (segments >= 0)
+    np.fill_diagonal(known, val=False)
+    return np.where(known, np.where(joined, NEIGHBOURS, -NEIGHBOURS), 0.0)
 
 
 def _segments_of_limbs(match: Match, worn: WornSet, limb_of_marker: Ints) -> Ints:

@@ -25,6 +25,7 @@ from skelgen.stages.limbs.worn_sets import (
     MARKER_FITS,
     STRENGTH,
     WITHOUT_PARTNER,
+    WORN,
     Match,
     agreement,
     belief_in_set,
@@ -32,6 +33,7 @@ from skelgen.stages.limbs.worn_sets import (
     misfits_of,
     nearest_set,
     part_of,
+    readings,
 )
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet, shape_of
 
@@ -75,6 +77,10 @@ PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.5, 0.6
 Of people in sets that are not known 94 to 100 % of the pairs are right up to .5, of legs alone as well. Bodies of the
 simulation that are nobody's have .66 to .9."""
 
+SET_FITS, PLACES_FIT_BETTER = 0.4, 0.6
+"""By how much a set's misfit may be larger than that of places and the set be worn, and from where it is not: people
+whose set is known have .5 and less, others up to 1.4."""
+
 PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT = 0.88, 0.8
 """Part of the pairs on one segment that motion does not contradict: animals and wrong places have .5 to .79."""
 
@@ -106,10 +112,34 @@ class Believed:
     belief: float
 
 
+@dataclass(frozen=True, eq=False)
+class Wear:
+    """What a person seems to wear.
+
+    Attributes
+    ----------
+    sets : tuple of Believed
+        Ways to take markers for those of sets, the best first; beliefs add to that in the best one.
+    places : Believed or None
+        Usual places; none if there are too few markers to tell.
+    doubt : float
+        How far places speak instead of sets, as they fit better, 0 to 1.
+    """
+
+    sets: tuple[Believed, ...]
+    places: Believed | None
+    doubt: float
+
+    @property
+    def share(self) -> float:
+        """Part of the word that places have."""
+        return self.doubt * self.places.belief if self.places is not None else 0.0
+
+
 def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     """Return the log odds that two markers share a limb by what is worn, shape (n_markers, n_markers).
 
-    A set that fits beyond doubt speaks alone; beside another one places have a part of the word, as far as they fit.
+    A set speaks unless places fit much better: then these do, as far as motion bears them out.
 
     Parameters
     ----------
@@ -118,32 +148,55 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    of_set = believed_set(positions, by_motion)
-    if of_set is None:
-        return np.zeros(by_motion.shape)
-    doubt = 1.0 - float(part_of(of_set.match.misfit, BEYOND_DOUBT, DOUBTFUL))
-    odds = of_set.belief * (SURER - (SURER - 1.0) * doubt) * _pair_odds(of_set, len(by_motion))
-    places = believed_places(positions, by_motion) if doubt > 0.0 else None
-    if places is None:
+    odds, worn = np.zeros(by_motion.shape), believed_wear(positions, by_motion)
+    if worn is None:
         return odds
-    by_places = _odds_of_places(shape_of(positions), places, by_motion)
-    share = doubt * places.belief
-    mirrored = MIRRORED * places.belief * (_of_mirror_images(places.match, by_motion) - by_motion)
-    return np.asarray((1.0 - PART_OF_PLACES * share) * odds + share * by_places + mirrored)
+    for reading in worn.sets:
+        odds += reading.belief * _pair_odds(reading, len(by_motion))
+    sure = float(part_of(worn.sets[0].match.misfit, BEYOND_DOUBT, DOUBTFUL)) * (1.0 - worn.doubt)
+    odds *= (1.0 - worn.share) * (1.0 + (SURER - 1.0) * sure)
+    if worn.places is not None:
+        odds += worn.share * _odds_of_places(shape_of(positions), worn.places, by_motion)
+        odds += MIRRORED * worn.places.belief * (_of_mirror_images(worn.places.match, by_motion) - by_motion)
+    return odds
 
 
-def believed_set(positions: Floats, by_motion: Floats) -> Believed | None:
-    """Return the set that fits markers best, or None if all have far more or fewer markers.
+def believed_wear(positions: Floats, by_motion: Floats) -> Wear | None:
+    """Return what a person seems to wear, or None if all sets have far more or fewer markers.
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     by_motion : ndarray, shape (n_markers, n_markers)
-        Log odds that two markers share a limb, which bear a set out or contradict it.
+        Log odds that two markers share a limb, which bear out what is worn or contradict it.
     """
-    found = nearest_set(positions)
-    return None if found is None else Believed(*found, belief_in_set(*found, by_motion))
+    best = nearest_set(positions)
+    if best is None:
+        return None
+    belief, places = belief_in_set(*best, by_motion), believed_places(positions, by_motion)
+    sets = tuple(Believed(match, worn, weight * belief) for weight, match, worn in readings(positions))
+    return Wear(sets, places, _doubt(best[0], places.match) if places is not None else 0.0)
+
+
+def _doubt(of_set: Match, places: Match) -> float:
+    """How far places are worn and no set, by how much better they fit."""
+    return 1.0 - float(part_of(of_set.misfit - places.misfit, SET_FITS, PLACES_FIT_BETTER))
+
+
+def worn_set(positions: Floats) -> tuple[Match, WornSet] | None:
+    """Return the set that is worn and how markers fit it; None if none is believed in full, or places fit much better.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    best = nearest_set(positions)
+    if best is None or best[0].misfit > WORN:
+        return None
+    places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
+    return None if places is not None and _doubt(best[0], places.match) == 1.0 else best
 
 
 def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
@@ -152,7 +205,7 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
     Parameters
     ----------
     positions, by_motion
-        As for `believed_set`.
+        As for `believed_wear`.
     """
     sets = fitting_sets(positions)
     if not sets or len(by_motion) < LEAST_OF_HALF:
@@ -256,7 +309,7 @@ def _misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floa
     """How far distances to matched markers are off for each marker at each place, and what it costs in all."""
     places = worn_places()
     others = max(len(taken) - 1, 1)
-    misfits = _misfits(shape, places, markers, taken)
+    misfits = misfits_of(shape, places, markers, taken)
     costs = misfits + _wide()[:, taken].sum(axis=1) / others
     alike = places.segments[taken, np.newaxis] == places.segments
     costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
@@ -269,14 +322,6 @@ def _wide() -> Floats:
     spread = worn_places().spread
     wide = 2.0 * np.log(spread.distances) + 2.0 * MOTION_WEIGHT * np.log(spread.motions)
     return np.asarray(WIDE * np.nan_to_num(wide - np.nanmedian(wide)))
-
-
-def _misfits(shape: Shape, places: WornSet, markers: Ints, taken: Ints) -> Floats:
-    """How far distances to matched markers are off, for bodies of the same size."""
-    differences = shape.distances[np.ix_(markers, markers)] - places.mean.distances[np.ix_(taken, taken)]
-    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
-    size = float(np.median(known)) if len(known) else 0.0
-    return misfits_of(Shape(shape.distances - size, shape.motions), places, markers, taken)
 
 
 @cache

@@ -2,10 +2,11 @@
 
 Where soft tissue hides a joint, as of a wrist that carries two markers and a hand that carries two more, motion does
 not tell limbs apart. But people wear the sets of their field, and a set has a shape: the usual distance of each two of
-its markers, and how much it varies, learned from simulated people of all sizes in natural motions
+its markers, and how much it varies, learned from simulated people of all sizes in natural motions and any posture
 (``tables/worn_sets.npz``, made by tests/benchmarks/learn_sets.py). Markers are assigned to those of a set so that all
 distances fit best. How well they do, and how few of the set's pairs move as two limbs, says how far to believe the set:
-log odds that two markers share a limb, which add to what the pair itself says.
+log odds that two markers share a limb, which add to what the pair itself says. Where several ways to read the markers
+fit about as well, each has a part of the word.
 """
 
 from __future__ import annotations
@@ -38,24 +39,29 @@ SEARCHES, ROUNDS = 12, 10
 WITHOUT_PARTNER = 2.0
 """What markers of the take or of the set that are left over cost."""
 
-WORN, NOT_WORN = 1.8, 2.05
+WORN, NOT_WORN = 1.3, 1.6
 """Misfit up to which a set is believed, and from which it is not at all."""
 
-BEYOND_DOUBT, DOUBTFUL = 0.8, 1.3
+BEYOND_DOUBT, DOUBTFUL = 0.6, 1.0
 """Misfit up to which no motion contradicts a set, and from which it may."""
 
 MARKER_FITS, MARKER_DOES_NOT = 1.5, 3.0
 """The same for a single marker."""
 
+NEARLY, EVEN = 0.2, 0.05
+"""How much larger than the best a misfit may be, and how much larger it is where a reading is e times less likely."""
+
 CONTRADICTED = -1.0
 """Log odds of a pair by its motion, below which it contradicts a set that has both on one segment."""
 
-AGREED, NOT_AGREED = 0.8, 0.65
-"""Part of the set's pairs that are not contradicted: from the first on it is believed, below the second not at all."""
+AGREED, NOT_AGREED = 0.75, 0.6
+"""Part of the set's pairs that are not contradicted: from the first on it is believed, below the second not at all.
+Of simulated people in sets that are known, all of whose pairs are right, it is .73 and more."""
 
-STRANGE, TOO_STRANGE = 2.3, 2.8
-"""Misfit up to which a set is believed that motion bears out, and from which it is not: people take postures that no
-natural motion of the simulation has. With joint angles of twice the usual size 1.8 to 2.7; animals 2.8 and more."""
+STRANGE, TOO_STRANGE = 1.8, 2.1
+"""Misfit up to which a set is believed that motion bears out, and from which it is not: people take postures that the
+simulation does not, as in a landing with both arms held out (1.1 to 1.7). Animals and trees have 2.0 and more, people
+with markers anywhere on their limbs 1.2 to 1.8, which motion does not bear out."""
 
 BORNE_OUT, NOT_BORNE_OUT = 0.85, 0.75
 """Part of the pairs of such a set that are not contradicted: of people whose own set was left out of the table, .77 to
@@ -148,26 +154,41 @@ def fitting_sets(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
+    best: dict[str, tuple[Match, WornSet]] = {}
+    for match, worn in _all_readings(positions):
+        best.setdefault(worn.name, (match, worn))
+    return tuple(best.values())
+
+
+def readings(positions: Floats) -> list[tuple[float, Match, WornSet]]:
+    """Return the ways to take markers for those of sets that fit nearly best, the best first, and how likely each is.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    every = _all_readings(positions)
+    near = [one for one in every if one[0].misfit < every[0][0].misfit + NEARLY]
+    weights = np.exp([(every[0][0].misfit - match.misfit) / EVEN for match, _ in near])
+    return [(weight, *one) for weight, one in zip((weights / weights.sum()).tolist(), near, strict=True)]
+
+
+def _all_readings(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
+    """All matches with sets of about as many markers that searches end with, the best first."""
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _fitting_sets(shown.tobytes(), shown.shape)
+    return _readings_of(shown.tobytes(), shown.shape)
 
 
 @lru_cache(maxsize=4)
-def _fitting_sets(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
+def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
     """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
     shape = shape_of(np.frombuffer(shown).reshape(n))
     found = []
     for worn in worn_sets():
-        matches = [_match_of_part(shape, *part) for part in _parts(worn, n[1])]
-        if matches:
-            found.append((min(matches, key=lambda one: one.misfit), worn))
+        for taken, part in _parts(worn, n[1]):
+            found += [(replace(match, of_set=taken[match.of_set]), worn) for match in matches(shape, part)]
     return tuple(sorted(found, key=lambda one: one[0].misfit))
-
-
-def _match_of_part(shape: Shape, taken: Ints, worn: WornSet) -> Match:
-    """How markers fit those of a set that are taken."""
-    match = best_match(shape, worn)
-    return replace(match, of_set=taken[match.of_set])
 
 
 def _parts(worn: WornSet, n_markers: int) -> list[tuple[Ints, WornSet]]:
@@ -175,33 +196,6 @@ def _parts(worn: WornSet, n_markers: int) -> list[tuple[Ints, WornSet]]:
     halves = worn.halves if n_markers >= LEAST_OF_HALF else ()
     sized = [((np.arange(len(worn.segments)), worn), SIZES), *((half, SIZES_OF_HALF) for half in halves)]
     return [part for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
-
-
-def markers_of_set(positions: Floats) -> tuple[str, tuple[str, ...], bool] | None:
-    """Return the set that markers have the shape of, and which of its markers each is, or None if there is none.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        NaN where unseen.
-
-    Returns
-    -------
-    name : str
-        Of the set.
-    markers : tuple of str, length n_markers
-        What the set calls each; empty for those that fit none.
-    is_whole : bool
-        Whether all markers of the set are there and no others.
-    """
-    found = nearest_set(positions)
-    if found is None or found[0].misfit > WORN:
-        return None
-    match, worn = found
-    called = [""] * positions.shape[1]
-    for marker, of_set, misfit in zip(match.markers.tolist(), match.of_set.tolist(), match.misfits, strict=True):
-        called[marker] = worn.markers[of_set] if misfit < MARKER_DOES_NOT else ""
-    return worn.name, tuple(called), len(worn.segments) == sum(map(bool, called)) == len(called)
 
 
 @cache
@@ -229,8 +223,8 @@ def _shapes(table: dict[str, np.ndarray], key: str) -> tuple[Shape, Shape]:
     return mean, spread
 
 
-def best_match(shape: Shape, worn: WornSet) -> Match:
-    """Assign markers to those of a set so that their distances fit best.
+def matches(shape: Shape, worn: WornSet) -> list[Match]:
+    """Assign markers to those of a set so that their distances fit best; where searches end, the best first.
 
     Each search begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits
     the last one.
@@ -245,30 +239,37 @@ def best_match(shape: Shape, worn: WornSet) -> Match:
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
     outlines = _outline_misfits(shape, worn.mean)
-    best, visited = None, set()
+    found, visited = [], set()
     for pair in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
         marker, of_set = divmod(pair, outlines.shape[1])
         start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()
         start[marker, of_set] = 0.0
         markers, taken = linear_sum_assignment(start)
+        ways = []
         for _ in range(ROUNDS):
             matched = markers.tobytes() + taken.tobytes()
             if matched in visited:  # another search went on from here, or this one stands still
                 break
             visited.add(matched)
             misfits = misfits_of(shape, worn, markers, taken)
-            fit = float(misfits[markers, taken].mean())
-            if best is None or fit < best[0]:
-                best = fit, markers, taken, misfits[markers, taken]
+            ways.append(_match(markers, taken, misfits))
             markers, taken = linear_sum_assignment(misfits)
-    assert best is not None
-    fit, markers, taken, misfits = best
-    return Match(markers, taken, misfits, fit + WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(outlines.shape)))
+        found += sorted(ways, key=lambda one: one.misfit)[:1]
+    return sorted(found, key=lambda one: one.misfit)
+
+
+def _match(markers: Ints, taken: Ints, misfits: Floats) -> Match:
+    """Markers as those of a set, with what the ones that are left over cost."""
+    of_each = misfits[markers, taken]
+    left_over = WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(misfits.shape))
+    return Match(markers, taken, of_each, float(of_each.mean()) + left_over)
 
 
 def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
     """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
+
+    Bodies are compared as if they were of one size.
 
     Parameters
     ----------
@@ -279,7 +280,11 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floa
     markers, of_set : ndarray of intp, shape (n_matched,)
         Markers to which distances are compared, and what they are taken for.
     """
-    return misfits_to_set(shape.tables, worn.mean.tables, worn.spread.tables, markers, of_set)
+    differences = shape.distances[np.ix_(markers, markers)] - worn.mean.distances[np.ix_(of_set, of_set)]
+    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
+    size = float(np.median(known)) if len(known) else 0.0
+    taken = shape.tables - np.array([size, 0.0])[:, np.newaxis, np.newaxis]
+    return misfits_to_set(taken, worn.mean.tables, worn.spread.tables, markers, of_set)
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
