@@ -35,9 +35,6 @@ STILL = 0.03
 DEGENERATE = 1e-6
 """Of the largest: rigid displacements that move the markers less, such as about a line of markers, are none."""
 
-UNSEEN = 1e-9
-"""Weight of markers that a frame does not show: keeps the roots of weights regular."""
-
 
 @dataclass(frozen=True, eq=False)
 class SoftTissue:
@@ -276,27 +273,23 @@ def soft_tissue_equations(
     n_rigid, n_joints = len(clusters.limbs), 3 * (chain.n_limbs - 1)
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
     by_pose, joints = _rigid_slopes(chain, poses, clusters)
-    constants = np.zeros((observed.n_frames, n_rigid, n_joints + tilts.shape[2] + n_rigid))
-    n_constants = constants.shape[2]
-    first = n_constants - n_rigid
-    constants[:, :, :n_joints], constants[:, :, n_joints:first] = joints, by_pose @ tilts
-    constants[:, np.arange(n_rigid), np.arange(first, n_constants)] = 1.0
-    by_pose = by_pose @ turns
-    weighted, own = _weighted(observed, clusters, (constants, by_pose))
-    normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
-    follow = _solved(normal, own.swapaxes(1, 2) @ weighted)
-    reduced = weighted - own @ follow
+    before = np.concatenate([joints, by_pose @ tilts], axis=2)
+    first = before.shape[2]
     error = observed.residuals * observed.weights[:, :, np.newaxis]
     against = poses.rotations[:, chain.limb_of_marker].swapaxes(2, 3)
     in_limbs = (against @ error[..., np.newaxis]).reshape(observed.n_frames, -1)
-    local = (in_limbs @ clusters.basis.reshape(-1, n_rigid))[:, np.newaxis]
-    gradient = (local @ constants - local @ by_pose @ follow)[:, 0]
+    local = in_limbs @ clusters.basis.reshape(-1, n_rigid)
+    counts = _counts(observed, clusters)
+    by_pose = by_pose @ turns
+    products, among, follow = _reduced(clusters, counts, before, by_pose, weak_prior(articulation, noise))
+    row = local[:, np.newaxis]
+    gradient = np.concatenate([(row @ before)[:, 0], local], axis=1) - (row @ by_pose @ follow)[:, 0]
     rigid, flexion = np.nonzero(follows[clusters.limbs])
     flexions = tissue.flexions(chain, poses)
     of_tissue = gradient[:, first + rigid] * flexions[:, flexion]
     total = np.concatenate([gradient.sum(axis=0), of_tissue.sum(axis=0)])
-    matrix = _normal_matrix(reduced, flexions, clusters, follows)
-    return SoftTissueEquations(matrix, total, clusters, n_joints, n_constants, rigid, flexion)
+    matrix = _normal_matrix(products, among, flexions, clusters, follows)
+    return SoftTissueEquations(matrix, total, clusters, n_joints, first + n_rigid, rigid, flexion)
 
 
 def _rigid_slopes(chain: Chain, poses: ChainPoses, clusters: RigidDisplacements) -> tuple[Floats, Floats]:
@@ -326,23 +319,69 @@ def _rigid_slopes(chain: Chain, poses: ChainPoses, clusters: RigidDisplacements)
     return slopes.reshape(*along.shape[:2], -1), joints
 
 
-def _weighted(
-    observed: ObservedChain, clusters: RigidDisplacements, tables: tuple[Floats, Floats]
-) -> tuple[Floats, Floats]:
-    """Rows of rigid displacements, limb by limb in units of what the markers that are seen say of them."""
-    found = np.empty_like(tables[0]), np.empty_like(tables[1])
+def _counts(observed: ObservedChain, clusters: RigidDisplacements) -> Floats:
+    """Return how much the markers that are seen say of rigid displacements, shape (n_frames, n_rigid, n_rigid).
+
+    Of two limbs it is 0.
+    """
+    counts = np.zeros((observed.n_frames, len(clusters.limbs), len(clusters.limbs)))
     for limb in np.unique(clusters.limbs).tolist():
         own, markers = clusters.rows_of(limb), np.flatnonzero(observed.chain.limb_of_marker == limb)
         basis = clusters.basis[markers, :, own].reshape(3 * len(markers), -1)
-        weights = np.repeat(observed.weights[:, markers], 3, axis=1)
-        counts = (basis.T * weights[:, np.newaxis]) @ basis
-        root = np.linalg.cholesky(counts + UNSEEN * np.eye(basis.shape[1])).swapaxes(1, 2)
-        for table, weighted in zip(tables, found, strict=True):
-            weighted[:, own] = root @ table[:, own]
-    return found
+        squares = (basis[:, :, np.newaxis] * basis[:, np.newaxis]).reshape(len(markers), 3, -1).sum(axis=1)
+        counts[:, own, own] = (observed.weights[:, markers] @ squares).reshape(observed.n_frames, *[basis.shape[1]] * 2)
+    return counts
 
 
-def _normal_matrix(constants: Floats, flexions: Floats, clusters: RigidDisplacements, follows: Bools) -> Floats:
+def _reduced(
+    clusters: RigidDisplacements, counts: Floats, before: Floats, by_pose: Floats, prior: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Eliminate the poses of all frames: what is left of residuals when poses follow the constants.
+
+    With what markers say of rigid displacements C, their derivatives B by constants and A by poses, and a prior P on
+    poses, these follow by :math:`F = (A^T C A + P)^{-1} A^T C B`, and
+    :math:`(B - A F)^T C (B - A F) = B^T C B - (A^T C B + P F)^T F`.
+
+    Parameters
+    ----------
+    clusters : RigidDisplacements
+        Rigid displacements.
+    counts : ndarray, shape (n_frames, n_rigid, n_rigid)
+        What markers say of them.
+    before : ndarray, shape (n_frames, n_rigid, n_before)
+        Derivatives by the constants that stand before the rigid displacements, of which the derivatives are known.
+    by_pose : ndarray, shape (n_frames, n_rigid, n_freedoms)
+        Derivatives by the freedoms of the poses.
+    prior : ndarray, shape (n_freedoms, n_freedoms)
+        Information on poses without any marker.
+
+    Returns
+    -------
+    products : ndarray, shape (n_frames, n_constants, n_rigid)
+        Normal matrix of all constants and the rigid displacements in each frame.
+    among : ndarray, shape (n_before, n_before)
+        Normal matrix of the constants before them, summed over frames.
+    follow : ndarray, shape (n_frames, n_freedoms, n_constants)
+        How poses follow constants.
+    """
+    first = before.shape[2]
+    counted = np.concatenate([before, by_pose], axis=2)
+    for own in map(clusters.rows_of, np.unique(clusters.limbs).tolist()):
+        counted[:, own] = counts[:, own, own] @ counted[:, own]
+    of_before, of_poses = counted[:, :, :first], counted[:, :, first:]
+    across = by_pose.swapaxes(1, 2)
+    right = np.concatenate([across @ of_before, of_poses.swapaxes(1, 2)], axis=2)
+    follow = _solved(across @ of_poses + prior, right)
+    taken = right + np.diag(prior)[:, np.newaxis] * follow
+    products = np.concatenate([of_before.swapaxes(1, 2), counts], axis=1)
+    products -= taken.swapaxes(1, 2) @ follow[:, :, first:]
+    known, given, lost, led = (part[:, :, :first].reshape(-1, first) for part in (before, of_before, taken, follow))
+    return products, known.T @ given - lost.T @ led, follow
+
+
+def _normal_matrix(
+    products: Floats, among: Floats, flexions: Floats, clusters: RigidDisplacements, follows: Bools
+) -> Floats:
     """Sum over frames of the products of all columns, those of soft tissue being rigid displacements times flexions.
 
     Flexions are the same for all rows of a frame: the products of the constants' columns, which are few, are taken
@@ -350,8 +389,10 @@ def _normal_matrix(constants: Floats, flexions: Floats, clusters: RigidDisplacem
 
     Parameters
     ----------
-    constants : ndarray, shape (n_frames, n_rigid, n_constants)
-        Columns of the constants, of which rigid displacements are the last.
+    products : ndarray, shape (n_frames, n_constants, n_rigid)
+        Of the constants' columns, of which rigid displacements are the last, with those.
+    among : ndarray, shape (n_constants - n_rigid, n_constants - n_rigid)
+        Of the others with each other, summed over frames.
     flexions : ndarray, shape (n_frames, n_flexions)
         In the frames.
     clusters : RigidDisplacements
@@ -359,9 +400,8 @@ def _normal_matrix(constants: Floats, flexions: Floats, clusters: RigidDisplacem
     follows : ndarray of bool, shape (n_limbs, n_flexions)
         Which flexions the markers of each limb follow.
     """
-    n_frames, n_rigid, n_constants = constants.shape
+    n_frames, n_constants, n_rigid = products.shape
     first, size = n_constants - n_rigid, n_constants
-    products = constants.swapaxes(1, 2) @ constants[:, :, first:]
     before: list[tuple[slice, slice, Floats]] = []
     for limb in np.flatnonzero(follows.any(axis=1)).tolist():
         own, followed = clusters.rows_of(limb), flexions[:, follows[limb]]
@@ -369,8 +409,7 @@ def _normal_matrix(constants: Floats, flexions: Floats, clusters: RigidDisplacem
         before.append((own, slice(size, size + width), followed))
         size += width
     matrix = np.zeros((size, size))
-    others = constants[:, :, :first].reshape(-1, first)
-    matrix[:first, :first] = others.T @ others
+    matrix[:first, :first] = among
     matrix[:n_constants, first:n_constants] = products.sum(axis=0)
     for index, (own, columns, followed) in enumerate(before):
         by_limb = products[:, :, own].reshape(n_frames, -1).T @ followed
