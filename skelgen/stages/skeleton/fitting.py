@@ -33,6 +33,9 @@ from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, withou
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough to tell the types of the joints."""
 
+ROUGH_ROUNDS = 4
+"""Rounds of the fit that tells outliers from the others: the fit without them goes on from there."""
+
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
 
@@ -239,8 +242,8 @@ class _Fitter:
         fit = calibrate(chain, start[frames], inliers[frames], n_rounds=FIRST_ROUNDS if whole else 0)
         if self._are_poses:
             fit = body_joints.with_noise_of_poses(fit)
-        elif whole:
-            fit = self._robust(fit, FIRST_ROUNDS)
+        elif whole and (kept := self._inliers(fit)) is not fit.positions:
+            fit = calibrate(fit.chain, fit.poses, kept, FIRST_ROUNDS, fit.articulation)
         limits = TypeLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
         types = body_joints.find_joint_types(fit, fixed[frames], self._stated, limits, self._are_poses)
         rotator, flatness = parameters.rotator, parameters.flatness
@@ -255,12 +258,14 @@ class _Fitter:
         articulation = body_joints.articulation_of(types, set(self._stated))
         weights = seen_weights(inliers[used])
         start = first.poses[used]
-        last = calibrate(first.last.chain, start, inliers[used], None, articulation, weights)
+        n_rounds = None if self._are_poses else ROUGH_ROUNDS
+        last = calibrate(first.last.chain, start, inliers[used], n_rounds, articulation, weights)
         types, poses = _followed(types, last, start), _posed_as(last, first.poses, used)
         if self._are_poses:
             last = body_joints.with_noise_of_poses(last)
         else:
-            before, last = last.poses, self._robust(last, None)
+            before = last.poses
+            last = calibrate(last.chain, before, self._inliers(last), None, last.articulation)
             types, poses = _followed(types, last, before), _posed_as(last, poses, used)
             inliers = inliers.copy()
             inliers[used] = last.positions
@@ -296,14 +301,11 @@ class _Fitter:
         correlated = body_joints.correlation_time(last, found.inliers[found.used])
         return replace(found, last=last, types=types, poses=poses, correlated=correlated, loops=closed)
 
-    def _robust(self, fit: Calibration, n_rounds: int | None) -> Calibration:
-        """The fit without outliers; itself if there are none."""
+    def _inliers(self, fit: Calibration) -> Floats:
+        """Positions of the fit's frames without outliers; its own if there are none."""
         held = ConstrainedChain(fit.chain, fit.articulation)
         outliers = out_of_line(held, fit.poses, fit.positions, self._parameters.robust)
-        if not outliers.any():
-            return fit
-        positions = np.where(outliers[..., np.newaxis], np.nan, fit.positions)
-        return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
+        return np.where(outliers[..., np.newaxis], np.nan, fit.positions) if outliers.any() else fit.positions
 
 
 def _with_joint_prior(
