@@ -247,16 +247,16 @@ class RigidLabels:
 
     def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
         """Merge markers with lost ones in whose place they are found repeatedly."""
-        memory = self._history
+        history = self._history
         for index in self._due_to_be_reconsidered(slots)[:MOST_RECONSIDERED]:
             young = int(slots[index])
             others = np.flatnonzero((slots >= 0) & (slots != young))
             if not len(others):
                 continue
             found = self._explanations(points, np.array([index]), slots[others], points[others], spacing)
-            found = [entry for entry in found if entry[2] != young and memory.common[young, entry[2]] <= TOGETHER]
+            found = [entry for entry in found if entry[2] != young and history.common[young, entry[2]] <= TOGETHER]
             for score, _, old in sorted(found, reverse=True)[:1]:
-                pair = (int(memory.label[young]), int(memory.label[old]))
+                pair = (int(history.label[young]), int(history.label[old]))
                 self._votes[pair] = self._votes.get(pair, 0) + 1 if score > CONVINCING else 0
                 if self._votes[pair] >= JOIN_VOTES:
                     self._join(young, old)
