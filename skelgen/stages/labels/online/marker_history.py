@@ -12,6 +12,7 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.remembered_poses import SeenNeighbours, place_marker, room_for_poses, write_moments
 from skelgen._kernels.rigid_neighbours import (
+    LEAST_COMMON,
     LEAST_NEIGHBOURS,
     DistanceTables,
     Neighbours,
@@ -68,6 +69,18 @@ class MarkerHistory:
         self._n_poses = 0
         self.window = 1
         self.noise = 0.0
+
+    @classmethod
+    def load_kernels(cls) -> None:
+        """Load what numba compiled now, and not amid the first frames: a small history uses it."""
+        history, slots, positions = cls(LEAST_NEIGHBOURS + 1), np.arange(LEAST_NEIGHBOURS + 1), np.eye(4, 3)
+        for _ in range(LEAST_COMMON):
+            history.learn(slots, positions)
+        history.keep_pose(slots, positions, 1)
+        history.find_noise(slots, 1.0)
+        neighbours = history.neighbours(slots[:1], slots[1:])
+        history.misfits(neighbours, positions[:1], positions[1:])
+        history.expected(neighbours, 0, positions[1:])
 
     @property
     def common(self) -> Floats:

@@ -137,6 +137,10 @@ class PoseFilter:
         self._rotation_steps[:], self._steps[:] = 0.0, 0.0
         self._spread[:] = MOST_SPREAD**2
 
+    def load_kernels(self) -> None:
+        """Load what numba compiled now, and not amid the first frames."""
+        self.fit(np.empty((0, 3)), np.empty(0, dtype=np.intp))
+
     def advance(self, n_steps: int) -> None:
         """Predict the pose `n_steps` frames later."""
         fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)

@@ -71,6 +71,7 @@ class RigidLabels:
     def __init__(self, n_slots: int, window: float) -> None:
         self.merged: dict[int, int] = {}
         self._history = MarkerHistory(n_slots)
+        MarkerHistory.load_kernels()
         self._window = window
         self._rate = 1.0
         self._track_slots = TrackLabels()
