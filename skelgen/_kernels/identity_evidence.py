@@ -139,12 +139,12 @@ def _density(length: float, law: Floats, reach: float) -> float:
 @kernel_part
 def _against_nowhere(lengths: Floats, own: Floats, reach: float) -> float:
     """Nats for the own place against nowhere in particular."""
-    product, n_told = 1.0, 0
+    product, n_known = 1.0, 0
     for index in range(len(own)):
         if not math.isnan(lengths[index]):
             product *= own[index] * reach
-            n_told += 1
-    return math.log(product) * min(1.0, COORDINATES / max(n_told, 1))
+            n_known += 1
+    return math.log(product) * min(1.0, COORDINATES / max(n_known, 1))
 
 
 @kernel_part
@@ -152,13 +152,13 @@ def _against(other: int, lengths: Floats, own: Floats, mates: Ints, law: Floats,
     """Nats for the own place against that of another marker."""
     if other < 0:
         return math.inf
-    ours, theirs, n_told = 1.0, 1.0, 0
+    ours, theirs, n_known = 1.0, 1.0, 0
     for index in range(len(own)):
         if not math.isnan(lengths[index]) and mates[index] != other:
             ours *= own[index]
             theirs *= _density(lengths[index], law[other, mates[index]], reach)
-            n_told += 1
-    return math.log(ours / theirs) * min(1.0, COORDINATES / max(n_told, 1))
+            n_known += 1
+    return math.log(ours / theirs) * min(1.0, COORDINATES / max(n_known, 1))
 
 
 @kernel_part

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.room.sources import RoomSource
 
-TOLD_EVERY = 10.0
+NOTICE_EVERY = 10.0
 """s between two sentences on what a wand has covered."""
 
 
@@ -110,7 +110,7 @@ def calibrate_room(
         noticed = time.monotonic()
         for views, sizes in seen_in(source, detected_balls, monitor):
             taking.add(views, sizes)
-            if time.monotonic() - noticed > TOLD_EVERY:
+            if time.monotonic() - noticed > NOTICE_EVERY:
                 monitor.notice(str(taking.progress()))
                 noticed = time.monotonic()
     found = on_floor(taking.calibrate(), ground, monitor)

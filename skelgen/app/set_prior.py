@@ -28,7 +28,7 @@ _OVERRULES_JOINT = 0.995
 _LOOSER = 4.0
 """How many times more a marker moves against the segment of the set than against another that it surely is on."""
 
-_TOLD = 5  # markers that a note names
+_MOST_NAMED = 5  # markers that a note names
 
 
 class HeldNotices:
@@ -106,9 +106,9 @@ def with_segments(
     if elsewhere:
         listed = ", ".join(
             f"{names[marker]} with the {segment.rpartition(':')[2]}"
-            for marker, segment in list(elsewhere.items())[:_TOLD]
+            for marker, segment in list(elsewhere.items())[:_MOST_NAMED]
         )
-        more = f" and {len(elsewhere) - _TOLD} more" if len(elsewhere) > _TOLD else ""
+        more = f" and {len(elsewhere) - _MOST_NAMED} more" if len(elsewhere) > _MOST_NAMED else ""
         monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {listed}{more}")
     if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
         return None

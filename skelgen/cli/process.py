@@ -119,17 +119,17 @@ class _Stream(io.TextIOWrapper):
 
     def write(self, text: str) -> int:
         """Write a text, whose lines are shown at once where somebody looks on."""
-        with self._told():
+        with self._errors_in_words():
             super().write(text)
         return len(text)
 
     def flush(self) -> None:
         """Write what was kept back."""
-        with self._told():
+        with self._errors_in_words():
             super().flush()
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _errors_in_words(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skelgen.model import Project
 
 _REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and costs nothing
-_TELL_SECONDS = 10.0  # between two lines in a log
+_NOTE_SECONDS = 10.0  # between two lines in a log
 _PIPED_WIDTH = 160  # columns of a table when nobody's terminal sets the width
 _MISSING = "-"
 _ROUNDING = 1e-9  # smaller values are what rounding leaves of 0
@@ -127,16 +127,16 @@ class _CountingNotes(_NoteMonitor):
 
     def __init__(self) -> None:
         self._name = ""
-        self._began = self._told = time.monotonic()
+        self._began = self._last_note = time.monotonic()
 
     def begin(self, name: str) -> None:
         self._name = name
-        self._began = self._told = time.monotonic()
+        self._began = self._last_note = time.monotonic()
 
     def advance(self, done: float, total: float) -> None:
         now = time.monotonic()
-        if 0 < done < total and now - self._told > _TELL_SECONDS:
-            self._told = now
+        if 0 < done < total and now - self._last_note > _NOTE_SECONDS:
+            self._last_note = now
             _print_note(f"{done:g} of {total:g} {self._name}, {remaining(done, total, now - self._began)} left")
 
 

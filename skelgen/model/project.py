@@ -325,9 +325,9 @@ def bodies_of(project: Project) -> tuple[Body, ...]:
     found = []
     for number, members in enumerate(topology.bodies, start=1):
         body = int(limbs.body_of_limb[members[0]])
-        is_told = limbs.n_bodies > 1 and np.array_equal(np.flatnonzero(limbs.body_of_limb == body), members)
+        is_one_body = limbs.n_bodies > 1 and np.array_equal(np.flatnonzero(limbs.body_of_limb == body), members)
         markers = np.flatnonzero(np.isin(limbs.limb_of_marker, members))
         root = int(members[topology.parents[members] < 0][0])
-        sure = float(limbs.body_probability[body]) if is_told else None
+        sure = float(limbs.body_probability[body]) if is_one_body else None
         found.append(Body(f"body{number}", root, members, markers, sure))
     return tuple(found)

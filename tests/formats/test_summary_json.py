@@ -65,7 +65,9 @@ def test_joints_are_told_with_angles_and_range_of_motion(told, small_project):
 
 
 def test_places_of_markers_are_told_with_their_deviations(told, small_project):
-    for marker in (marker for limb in told["limbs"] for marker in limb["markers"]):
+    markers = [marker for limb in told["limbs"] for marker in limb["markers"]]
+    assert len(markers) == (small_project.skeleton.limb_of_marker >= 0).sum()
+    for marker in markers:
         skeleton, index = small_project.skeleton, marker["index"]
         assert marker["offset"] == skeleton.marker_offsets[index].tolist()
         assert marker["offset_std"] == skeleton.offset_std[index].tolist()

@@ -38,7 +38,9 @@ def test_markers_of_one_limb_keep_their_distances(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES[1:])  # rods have no hinge
 def test_a_hinge_keeps_its_axis_in_both_limbs(name: str) -> None:
     truth = simulate(name, n_frames=N_FRAMES, seed=4).truth
-    for joint in [index for index, kind in enumerate(truth.joint_kinds) if kind == "hinge"]:
+    hinges = [index for index, kind in enumerate(truth.joint_kinds) if kind == "hinge"]
+    assert hinges
+    for joint in hinges:
         for limb in truth.edges[joint]:
             turns = truth.world_from_limb[:, limb, :3, :3]
             in_limb = (turns.swapaxes(1, 2) @ truth.joint_axes[:, joint, :, None])[..., 0]
@@ -48,7 +50,9 @@ def test_a_hinge_keeps_its_axis_in_both_limbs(name: str) -> None:
 @pytest.mark.parametrize("name", ["human", "quadruped", "tree:12"])
 def test_the_two_axes_of_a_universal_joint_keep_their_angle(name: str) -> None:
     structure, truth = find_structure(name, seed=4), simulate(name, n_frames=N_FRAMES, seed=4).truth
-    for joint in [index for index, kind in enumerate(truth.joint_kinds) if kind == "universal"]:
+    universal = [index for index, kind in enumerate(truth.joint_kinds) if kind == "universal"]
+    assert universal
+    for joint in universal:
         child = truth.edges[joint, 1]
         second = truth.world_from_limb[:, child, :3, :3] @ structure.limbs[child].axes[1]
         assert np.ptp((second * truth.joint_axes[:, joint]).sum(axis=1)) < ROUNDING

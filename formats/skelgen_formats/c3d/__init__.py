@@ -169,8 +169,8 @@ def _mark(joint: Joint) -> str:
 
 
 def _remarks_on_joints(project: Project, options: Options) -> tuple[str, ...]:
-    told_apart = "Joints have residual 0 and no camera, measured markers residual 1 and one camera."
-    return (told_apart, *C3D.remarks(project, options))
+    kinds_of_points = "Joints have residual 0 and no camera, measured markers residual 1 and one camera."
+    return (kinds_of_points, *C3D.remarks(project, options))
 
 
 C3D_JOINTS = Format(

@@ -44,7 +44,7 @@ DEVIATIONS = {
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 _ELEMENT = re.compile('<vec_elem val="([^"]+)" pos="[0-9]+"/>')
-_TOLD_EVERY = 1000  # texts, of which some thousands are written per second
+_PROGRESS_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
@@ -96,7 +96,7 @@ def write_classic_xml(
     n_joint_rows = 0 if detail == MOTION else 2 * skeleton.n_joints
     n_marker_rows = len(_bones(skeleton)) + 1 if detail == ALL else 0
     n_rows = motion.n_frames * (skeleton.n_limbs + n_joint_rows + n_marker_rows)
-    texts = with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY)
+    texts = with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _PROGRESS_EVERY)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
         stream.writelines(map(_compacted, texts) if compact else texts)

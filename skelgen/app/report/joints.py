@@ -20,7 +20,7 @@ Content = dict[str, Any]
 _OPEN_FIGURES, _MOST_FIGURES = 2, 24
 """Joints whose angles are drawn at once, and those that can be opened: a page of some megabytes is enough."""
 
-_LEAST_TOLD = 0.001  # deg
+_LEAST_SHOWN = 0.001  # deg
 
 _ANGLE_WORDS = {
     "turn": "about its axis",
@@ -180,4 +180,4 @@ def _figure(posture: Posture, joint: Joint, index: int, times: Floats) -> str:
 
 def _degrees(angle: float) -> str:
     degrees = float(np.rad2deg(angle))
-    return "0" if abs(degrees) < _LEAST_TOLD else digits(degrees)
+    return "0" if abs(degrees) < _LEAST_SHOWN else digits(degrees)

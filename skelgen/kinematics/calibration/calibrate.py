@@ -34,7 +34,7 @@ INFORMATION_WORK = 1.5e8
 """Multiplications that S for deviations may take, some 50 ms: larger chains use fewer frames, but `STEP_FRAMES`."""
 
 LEAST_SIGHTS = 10
-"""Frames of each marker that are among those for S, if there are as many."""
+"""Least frames of each marker among those from which S is computed, if there are as many."""
 
 MAX_ROUNDS = 12
 POSE_STEPS = 3
@@ -53,7 +53,7 @@ PRIOR_SPREAD = 30.0
 """mm; standard deviation from the start of constants that the frames do not determine (a joint along its hinge)."""
 
 FREE_SHARE = 1e-8
-"""Of the mean information: least prior, which holds the free frames of the limbs, however exact the take."""
+"""Part of the mean information that the prior has at least: it holds the free frames of the limbs in exact takes."""
 
 LEAST_VARIANCE = 1e-12
 """mm^2; of a coordinate, by which gains in likelihood are computed for exact takes."""
@@ -204,12 +204,12 @@ def _packed(chain: Chain) -> Floats:
 
 
 def level_of_tilts(chain: Chain) -> float:
-    """Return how many mm^2 a tilt of 1 rad^2 counts as: it moves points that are a limb's length away that far."""
+    """Return the square of the length [mm^2] by which a tilt of 1 rad moves a point at a typical distance."""
     return max(3 * float((chain.offsets**2).mean()), 1.0)
 
 
 def turned_like(fit: ObservedChain, poses: ChainPoses, before: ObservedChain) -> ChainPoses:
-    """Return poses of all frames with the frames of limbs turned as a fit to some frames turned them.
+    """Rotate the frames of limbs, in poses of all frames, as a fit to some of the frames rotated them.
 
     Parameters
     ----------

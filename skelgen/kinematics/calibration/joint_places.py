@@ -22,13 +22,13 @@ NEAR_MARKER = 0.15
 """Of D: standard deviation of a coordinate of a joint about the expected place."""
 
 DETERMINED = 0.2
-"""rad; turns across a direction that are larger determine where along it the joint is, and nothing else is asked."""
+"""rad; larger turns across a direction determine where along it the joint is: no other knowledge is used."""
 
 TOWARDS_CHILD = 0.17
 """Part of the way from the parent's nearest marker to the child's where a joint is expected."""
 
 ALONG = 1.5
-"""Times that deviation, along the axis of a joint that turns about one axis above all."""
+"""Factor on `NEAR_MARKER` along the axis of a joint that turns about one axis above all."""
 
 ONE_AXIS = 0.3
 """Of the largest turn: limbs whose second largest turn is less turn about one axis above all."""
@@ -72,7 +72,7 @@ class JointPlace:
     tail : float
         Standard deviations from which on what is known of it counts less and less.
     weight : float
-        Times that of other joints.
+        Factor on its weight; 1 for other joints.
     is_astray : bool
         Whether motion alone places it out of reach.
     """
@@ -131,7 +131,7 @@ def _turns(fit: ObservedChain, limb: int) -> tuple[Floats, Floats, Floats]:
 
 
 def out_of_reach(fit: ObservedChain) -> list[int]:
-    """Return the limbs below joints that lie out of reach, and that the limbs turn about too little to be trusted."""
+    """Return the limbs below joints that lie out of reach, and whose limbs turn too little to place them there."""
     markers, origins, found = fit.poses.markers(fit.chain), fit.poses.origins(fit.chain), []
     for joint in joint_places(fit):
         first, last = (markers[:, marker] for marker in joint.nearest)
@@ -146,7 +146,7 @@ def out_of_reach(fit: ObservedChain) -> list[int]:
 
 
 def place_residuals(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floats]:
-    """Return residuals from what is expected, over their deviations, as sums of coordinates of `places`; and tails.
+    """Return how residuals of joints from their expected places, in deviations, depend on `places`; and their tails.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def place_residuals(chain: Chain, known: list[JointPlace]) -> tuple[Floats, Floa
 
 
 def _middle_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
-    """Along the axis a joint lies near the middles of its limbs' markers."""
+    """Residuals of a joint along its axis from the middles of its limbs' markers."""
     above, below = (np.flatnonzero(chain.limb_of_marker == one) for one in (chain.parents[joint.limb], joint.limb))
     to_parent, to_child = np.zeros((2, chain.n_markers + chain.n_limbs - 1, 3))
     to_parent[chain.n_markers + joint.limb - 1] = joint.axes_in_parent[0]
@@ -196,7 +196,7 @@ def _middle_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
 
 
 def _row_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
-    """Bones in a row run across the axis of the joint between them."""
+    """Residuals of a joint along its axis from the next joints of a row of limbs, whose bones run across that axis."""
     children, found = np.flatnonzero(chain.parents == joint.limb), []
     ends = [(joint.limb, joint.axes_in_parent[0], TO_JOINT_ABOVE)]
     if len(children) == 1:

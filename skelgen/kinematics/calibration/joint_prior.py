@@ -69,22 +69,22 @@ from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.model.arrays import Floats, Ints, spread_frames
 
 ENOUGH_LIMBS = 6
-"""Limbs of a body from which on it is one of an animal or a person: machines of fewer are what they measure."""
+"""Bodies with so many limbs are taken for animals or people; smaller ones may be machines, which need no prior."""
 
 FARTHEST = 10.0
-"""Of D: standard deviation of a hinge's move along its axis; where it is expected counts far more."""
+"""Of D: standard deviation of a hinge's shift along its axis; the place where it is expected counts far more."""
 
 PRIOR_FRAMES = 150
-"""Frames to which joints and what is expected of them are fitted: all say little more."""
+"""Frames to which joints are fitted together with the prior: more frames say little more."""
 
 ENOUGH_MARKERS = 3
-"""Markers of a limb that hold its frame."""
+"""With so many markers or more, these alone hold the frame of a limb."""
 
 HELD = 1e3
-"""Of the mean information: what holds the frames of limbs during a step."""
+"""Times the mean information: weight with which the frames of limbs are held during a step."""
 
 LASTING = 2.0
-"""Frames of residuals that are worth one independent frame, from which on errors last."""
+"""Errors last, as of soft tissue, if more frames than this are worth one independent frame."""
 
 TOGETHER = 10.0
 """Variance of errors that markers of a limb share, in units of that of the residuals, which show none of them. They
@@ -95,12 +95,12 @@ FOLLOWING = 3.0
 motion and do not average out over frames."""
 
 MOST, MOST_OF_BUILD = 2.0, 5.0
-"""Times the squares of the residuals without what is known; more, and it is the data that contradict it. Of a body
-whose build is known it is more: where limbs have two markers, these follow wrong joints as well as right ones."""
+"""Largest factor by which the prior may raise the sum of squared residuals: beyond it, data contradict the prior.
+It is larger for a body of known build: limbs of two markers fit wrong joints as well as right ones."""
 
 ROUNDS = 40
 REMEMBERED = 8
-"""Steps that tell how the sum is curved."""
+"""Past steps from which the curvature of the sum is estimated."""
 
 LEAST_DAMPING, FIRST_DAMPING, MOST_DAMPING = 1e-9, 1e-6, 1.0
 """Dampings (Levenberg and Marquardt), each ten times the one before."""
@@ -131,9 +131,9 @@ def with_joint_prior(
     body: KnownBody | None = None,
     segments: Mapping[int, str] | None = None,
 ) -> tuple[Calibration, float]:
-    """Return the fit with joints where motion and what is known of any body together place them, and its growth.
+    """Fit the joints to the motion and to the prior together.
 
-    The information of the fit counts both, if all joints are weighed.
+    The information of the fit counts both, if `others` is true.
 
     Parameters
     ----------
@@ -144,17 +144,17 @@ def with_joint_prior(
     astray : sequence of int
         Limbs below the joints that motion alone places out of reach, from `out_of_reach`.
     others : bool
-        Whether the other joints are weighed as well.
+        Whether the prior acts on the other joints as well.
     body : KnownBody, optional
-        What is known of this one by the marker set that it wears.
+        Build of this body, known from the marker set that it wears.
     segments : mapping of int to str, optional
-        Which segments of a person limbs are.
+        Segment of a person that each of these limbs is.
 
     Returns
     -------
     tuple of Calibration and float
-        The fit, and how many frames determine as much as one independent frame, errors that markers of a limb share
-        counted.
+        The fit, and how many frames determine as much as one independent frame, if errors that markers of a limb share
+        are counted.
     """
     some = last.at(spread_frames(last.n_frames, PRIOR_FRAMES))
     shared = TOGETHER * max(1 - LASTING / correlated, 0.0)
@@ -179,7 +179,7 @@ def with_joint_prior(
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known of the joints of any body, this one's limbs, a person's joints, limbs' mirror images; a chain."""
+    """The prior: joints of any body, limbs of known build, joints of a person, limbs and their mirror images."""
 
     joints: list[JointPlace]
     limbs: list[KnownLimb]
@@ -208,7 +208,7 @@ def _known(
     *,
     others: bool,
 ) -> _Known:
-    """Return what is known; `astray` maps limbs below joints out of reach to the weights of their joints' places."""
+    """Gather the prior; `astray` holds the weight of the expected place, by limb, of joints that lie out of reach."""
     of_build = joints_of_limbs(fit.chain, limbs)
     every = joint_places(fit)
     twin = twins(fit.chain, every)
@@ -227,7 +227,7 @@ def _known(
 
 
 def _with_information(fit: Calibration, known: _Known, growth: float) -> Calibration:
-    """The fit with the information of its joints' expected places added."""
+    """Add the information of the prior to that of the fit."""
     alike = replace(known, joints=[replace(one, weight=1.0) for one in known.joints])
     slopes, towards, tails = alike.residuals(fit.chain)
     follow, seem = _turns_of_frames(fit.chain)
@@ -249,7 +249,7 @@ def _drawn_back(fit: ObservedChain, known: list[JointPlace]) -> ObservedChain:
 
 
 def _along_hinges(fit: ObservedChain, known: _Known) -> ObservedChain:
-    """Move hinges along their axes, which residuals leave open, to where they are expected."""
+    """Move hinges along their axes to where they are expected: residuals do not determine that."""
     chain, articulation = fit.chain, fit.articulation
     size_of = {one.limb: one.distance for one in known.joints if articulation.types[one.limb] == "hinge"}
     hinges = list(size_of)
@@ -273,7 +273,7 @@ def _along_hinges(fit: ObservedChain, known: _Known) -> ObservedChain:
 
 @dataclass(frozen=True, eq=False)
 class _Weighed:
-    """A fit weighed against what is known; what does not depend on the damping of a step is computed once.
+    """A fit and the prior; what does not depend on the damping of a step is computed once.
 
     Attributes
     ----------
@@ -282,7 +282,7 @@ class _Weighed:
     known : _Known
         What is known.
     weight : float, mm^2
-        What one squared standard deviation of that weighs beside squared residuals.
+        Weight of one squared standard deviation of the prior beside squared residuals.
     """
 
     fitted: FittedChain
@@ -295,7 +295,7 @@ class _Weighed:
 
     @cached_property
     def total(self) -> float:
-        """Squares of the residuals, and what is surprising about the joints: of what is hardly possible less."""
+        """Sum of the squared residuals and of those of the prior, whose large ones count less (Cauchy)."""
         _, towards, tails = self._residuals
         return self.fitted.squares + self.weight * float((tails**2 * np.log1p((towards / tails) ** 2)).sum())
 
@@ -327,7 +327,7 @@ class _Weighed:
         return self._equations[1]
 
     def solved(self, right: Floats, damping: float) -> Floats:
-        """Solve the damped normal equations; directions of which neither data nor what is known speak are left out."""
+        """Solve the damped normal equations, without directions that neither data nor prior determine."""
         matrix, _, free = self._equations
         spoken = right - free * np.linalg.solve(matrix, right)
         return np.asarray(np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), spoken))
@@ -341,7 +341,7 @@ class _Weighed:
 
 
 def _converged(state: _Weighed) -> FittedChain:
-    """Step until the sum of residuals and of what is known falls no more.
+    """Step until the sum of the residuals' squares and of the prior's falls no more.
 
     What motion hardly determines is curved: there Gauss-Newton steps stop far from the minimum, and where they stop is
     chance. How the gradient changed over the last steps corrects them (L-BFGS, Nocedal and Wright 2006, *Numerical
@@ -381,7 +381,7 @@ def _direction(state: _Weighed, past: Sequence[tuple[Floats, Floats]], damping: 
 
 
 def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
-    """How places follow turns of their limbs' frames, which nothing holds, and turns that displacements seem to be."""
+    """Derivatives of `places` by rotations of limbs' frames, and of the rotations that fit displacements of places."""
     place = places(chain)
     limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
     follow, seem = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))

@@ -24,13 +24,13 @@ MISPLACED = 10.0
 """mm; standard deviation of a coordinate of a marker, or of a joint, from its place."""
 
 UNLIKE = 0.06
-"""Of the distance to the middle of the segment: the same, as proportions of people differ."""
+"""The same, as a part of the distance to the middle of the segment, as proportions of people differ."""
 
 TAIL = 3.0
 """Standard deviations from which on a point counts less and less: some markers are stuck elsewhere."""
 
 FLAT = 0.05
-"""Of the largest: spread of a segment's markers across their line that tells how it is turned."""
+"""Part of the largest spread: markers with less across their line do not tell how their segment is turned."""
 
 ON_LINE = 1e-10
 """Of the largest inertia: segments with less have points on one line, and no turn about it."""
@@ -155,7 +155,7 @@ def joints_of_limbs(chain: Chain, limbs: list[KnownLimb]) -> set[int]:
 
 
 def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats]:
-    """Return what each point is off, in standard deviations, and how that depends on `places`.
+    """Return how far each point is off its expected place, in standard deviations, and the derivatives by `places`.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _turns_by_pulls(turned: Floats, weights: Floats, starts: Ints) -> Floats:
 
 
 def _laid_on_limb(chain: Chain, one: KnownLimb) -> tuple[Floats, Floats, Floats]:
-    """Return expected points of a limb about their middle as they are turned, how far it is off them, and weights."""
+    """Return the expected points of a limb about their middle, turned onto it, the residuals from them, and weights."""
     points, weights = one.at(chain), 1 / one.deviations
     turn, middle, there = _laid_on(points, one.expected, weights)
     turned = (one.expected - there) @ turn.T
@@ -245,7 +245,7 @@ def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
 
 
 def with_joint_at(fit: ObservedChain, limb: int, wanted: Floats) -> Chain:
-    """Return the chain with a joint as near as can be to where it is wanted in the world; all markers stay.
+    """Move a joint as near as possible to wanted places in the world; all markers stay where they are.
 
     Parameters
     ----------

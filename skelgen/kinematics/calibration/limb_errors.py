@@ -33,7 +33,7 @@ FAINT = 1e-4
 """Weight of points that only fix a rotation which the others leave open."""
 
 FRAME_ONLY = 0.05
-"""Of a limb's size: undetermined changes that move points of limbs against each other by less only rotate frames."""
+"""Part of a limb's size: undetermined changes that deform limbs by less only rotate their frames."""
 
 _WITH_AXES = ("hinge", "universal")
 

@@ -16,7 +16,7 @@ from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.model.arrays import Floats, Ints
 
 ALIKE = 1.25
-"""Times the distance between the middles of two limbs' markers that it may be between those of their twins."""
+"""Largest ratio of D between the joints of two limbs that mirror each other."""
 
 UNEQUAL = 0.02
 """Of the length: standard deviation of the difference between bones of both halves."""
@@ -129,7 +129,7 @@ def inward_places(
 
 
 def inward_residuals(chain: Chain, known: Sequence[InwardPlace]) -> tuple[Floats, Floats]:
-    """Return how joints being inward depends on `places`, and how far they are off, in standard deviations.
+    """Return derivatives by `places` of how far inward joints lie, and the residuals, in standard deviations.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def inward_residuals(chain: Chain, known: Sequence[InwardPlace]) -> tuple[Floats
 
 
 def twin_residuals(chain: Chain, twin: Ints) -> tuple[Floats, Floats]:
-    """Return how differences between bones of both halves depend on `places`, and these, in standard deviations.
+    """Return derivatives by `places` of differences between bones of both halves, and these, in standard deviations.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def twin_residuals(chain: Chain, twin: Ints) -> tuple[Floats, Floats]:
 
 
 def _log_length(chain: Chain, limb: int, ends: tuple[int, ...]) -> tuple[Floats, float]:
-    """How the logarithm of the distance [mm] between two joints of a limb depends on `places`, and what it is."""
+    """Derivatives by `places` of the logarithm of the distance [mm] between two joints of a limb, and its value."""
     first, second = (np.zeros(3) if one == limb else chain.joints[one] for one in ends)
     length = max(float(np.linalg.norm(second - first)), LEAST_LENGTH)
     row = np.zeros((chain.n_markers + chain.n_limbs - 1, 3))

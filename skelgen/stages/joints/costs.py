@@ -54,20 +54,20 @@ MOST_SPREAD = 1.0
 """Largest mean deviation of the logarithms of the ratios of gaps to expected gaps: that of people."""
 
 UNKNOWN_SPREAD, LEAST_RATIOS = 0.4, 3
-"""Where fewer joints than that have an expected gap: descents leave gaps of their own."""
+"""Spread that is assumed if fewer than `LEAST_RATIOS` joints have an expected gap, as most come from descents."""
 
 LEAST_RATIO = 0.1
-"""Of a gap to the expected one: in exact takes all are smaller, and by what rounding makes of them."""
+"""Least ratio of a gap to the expected one; in exact takes, rounding alone would decide between smaller ones."""
 
 HINGE_PART = 0.8
 """Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
 times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
 
 USUAL_PART = 0.25
-"""Of all pairs of limbs turn less than what counts as usual: limbs of a joint turn less than those far apart."""
+"""Quantile of the turns of all pairs of limbs that is the usual turn: joined limbs turn less than those far apart."""
 
 ROUNDS = 4
-"""Of tree and what is usual in it, each from the other."""
+"""Rounds in which tree and usual gaps are found, each from the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def comparable_costs(
 
 
 def _chance(ratios: Floats) -> float:
-    """Largest ratio of a gap to what is expected that noise still makes, from the ratios of the tree's joints."""
+    """Largest ratio of a gap to the expected one that noise explains, from the ratios of the tree's joints."""
     if len(ratios) < ENOUGH_RATIOS:
         return CHANCE
     middle = float(np.median(ratios))
@@ -152,7 +152,7 @@ def _chance(ratios: Floats) -> float:
 
 
 def _spread(ratios: Floats) -> float:
-    """Mean deviation of the logarithms, by their median deviation as of Laplace's distribution: some may be wrong."""
+    """Mean deviation of the logarithms, estimated from their median deviation: some ratios may be wrong (Laplace)."""
     if len(ratios) < LEAST_RATIOS:
         return UNKNOWN_SPREAD
     logarithms = np.log(np.maximum(ratios, LEAST_RATIO))
@@ -183,7 +183,7 @@ TIE = 0.05
 # Learned by tests/benchmarks/doubt.py
 BIAS, OF_LEAD, OF_TURN = 3.63, 0.62, 0.61
 RIVAL_SHARE = 0.26
-"""Of edges that are wrong, those whose rival is right; otherwise it is another edge, or limbs are wrong."""
+"""Part of the wrong edges whose rival is right; with the others another edge is right, or limbs are wrong."""
 
 
 def with_certainty(topology: Topology, turns: Floats, constraints: JointConstraints) -> Topology:

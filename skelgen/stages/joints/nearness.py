@@ -17,7 +17,7 @@ LOOKED_AT = 200
 """Frames: soft tissue and joints are slow, more would repeat each other."""
 
 FARTHEST = 0.95
-"""Part of the frames in which two markers are no farther from each other than what counts: labels may jump."""
+"""Quantile of the distance of two markers that counts as their largest: labels may jump in the other frames."""
 
 LEAST_COMMON = 8
 """Frames that must show both markers."""
@@ -26,7 +26,7 @@ ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual."""
 
 SOFT = 0.5
-"""Of the usual deviation between neighbours: less says nothing more."""
+"""Part of the usual deviation between neighbours that is added to all: smaller ones are alike."""
 
 TINY = 1e-3
 """mm; also of what is usual."""
@@ -106,7 +106,7 @@ SQUARE_WEIGHTS = (
 
 
 TRACE = 1e-9
-"""Of odds beyond the surest: it changes none, but which of two far limbs is nearer can still be told."""
+"""Part of the odds beyond the surest that is kept: so little changes no decision, but keeps the order of far limbs."""
 
 
 def neighbour_odds(segments: Sequence[Segment], frames: Ints, body_of_limb: Ints) -> Floats:
@@ -197,7 +197,7 @@ def _nearest_markers(markers: Sequence[Floats]) -> tuple[Floats, Floats, Floats,
 
 
 def _of_usual(table: Floats, floor: float) -> Floats:
-    """Logarithms of values in units of the median over limbs of their least, with `floor` of these added."""
+    """Logarithms of values over the usual one, the median over limbs of the least; `floor` is added to the ratio."""
     filled = _filled(table)
     usual = max(float(np.median(filled.min(axis=1))), TINY)
     logarithms = np.log(np.maximum(filled / usual, TINY) + floor)
@@ -214,7 +214,7 @@ def _filled(table: Floats) -> Floats:
 
 
 def _bottlenecks(table: Floats) -> Floats:
-    """Find for each two limbs the way whose largest step is least, and return that step."""
+    """Return for each two limbs the largest step of the path whose largest step is smallest."""
     steps = table.copy()
     np.fill_diagonal(steps, -np.inf)
     for limb in range(len(steps)):
@@ -223,7 +223,7 @@ def _bottlenecks(table: Floats) -> Floats:
 
 
 def _between(table: Floats) -> Floats:
-    """Logarithm of one more than how many third limbs have less with both of two."""
+    """For each pair, log(1 + number of third limbs whose values with both of them are smaller)."""
     counted = np.zeros(table.shape)
     for limb, row in enumerate(table):
         less = np.maximum(row[:, np.newaxis], row) < table

@@ -128,7 +128,7 @@ def guess_joint(first: Segment, second: Segment, how: Guessing, typical: float, 
 
 
 def drawn_joint(first: Segment, second: Segment, how: Guessing, typical: float, alpha: float) -> JointGuess:
-    """Find the joint between two segments by the joint cost of all their points, which draws it towards them.
+    """Find the joint between two segments by the least joint cost of all their points, which draws it towards them.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _with_distances(guess: JointGuess, first: Segment, second: Segment) -> Joint
 
 
 def _closed_form(first: Segment, second: Segment, typical: float) -> JointGuess:
-    """By the poses of both; where few frames have both, by those of one, if that is surer."""
+    """Find a joint from the poses of both limbs; where few frames have both, from those of one, if that is surer."""
     by_poses = _from_poses(first, second, typical)
     if by_poses is not None and by_poses.n_frames >= ENOUGH_FRAMES:
         return by_poses

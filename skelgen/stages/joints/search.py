@@ -31,7 +31,7 @@ AGAIN = 30
 """Likeliest neighbours of a limb whose joints are guessed again when its first joint gives it poses."""
 
 WORTH_PROCESSES = 200
-"""Descents cost some 5 ms each, starting workers about a second: below so many pairs without poses, one does."""
+"""A descent takes some 5 ms, starting workers a second: fewer pairs without poses are done in one process."""
 
 NOT_YET = JointGuess(np.zeros((0, 3)), np.inf)
 """Stands for the guess of two limbs without poses until it is made."""
@@ -105,14 +105,14 @@ class PairSearch:
         return any(self._segments[limb].shape.has_pose for limb in pair) or self._rank(pair) < NEAREST
 
     def _rank(self, pair: Pair) -> int:
-        """Number of limbs that are likelier neighbours of one of two than the other is: the smaller of both numbers."""
+        """Rank of each of two limbs among the likeliest neighbours of the other; the smaller of both ranks."""
         if self._odds is None:
             return 0
         one, other = pair
         return int((self._odds[[one, other]] > self._odds[one, other]).sum(axis=1).min())
 
     def _guess_or_put_off(self, pairs: list[Pair]) -> None:
-        """Guess the joints of some pairs, but for those of which neither limb has poses."""
+        """Guess the joints of some pairs; pairs in which neither limb has poses are put off."""
         for pair in pairs:
             self._guesses.setdefault(pair, NOT_YET)
         lacking = {pair for pair in pairs if all(self._segments[limb].lacks_poses for limb in pair)}

@@ -34,7 +34,7 @@ SHARP_FRAMES = 8
 """Frames next to a step on each side, between which most of it must lie: postures change more slowly."""
 
 SHARP_PART = 0.6
-"""That part of it."""
+"""The part of a step that must lie between these frames."""
 
 SAME_FRAMES = 3
 """Steps of several joints that are so near to each other in time are one."""
@@ -187,7 +187,7 @@ def slips_moved_back(poses: Poses) -> tuple[Poses, tuple[SensorSlip, ...]]:
 
 
 def _is_known(slip: SensorSlip, found: list[SensorSlip]) -> bool:
-    """Whether a slip was moved back already; what is left of it is no other one."""
+    """Whether a slip was moved back already: what remains of it does not count as another slip."""
     return any(slip.limb == one.limb and abs(slip.frame - one.frame) <= 2 for one in found)
 
 
@@ -216,7 +216,7 @@ def _motion(world: Floats, edges: Ints, slip: SensorSlip) -> Floats:
 
 
 def _places(body: Floats, neighbour: Floats, frame: int) -> tuple[Floats, Floats] | None:
-    """A joint in a body's frame before and after a frame [mm], the same in its neighbour's all the time."""
+    """A joint in a body's frame, before and after some frame of the take [mm]; it is fixed in the neighbour's frame."""
     known = ~np.isnan(body[:, 0, 3] + neighbour[:, 0, 3])
     is_after = np.arange(len(body)) >= frame
     if (known & is_after).sum() < 2 or (known & ~is_after).sum() < 2:

@@ -44,10 +44,10 @@ LOOSE_TIMES, LOOSE_GAP = 10.0, 50.0
 """Edges of the tree whose gap is so many times the usual one, and so many mm, hold nothing together all the time."""
 
 NEEDED = 5.0
-"""Times the gap in a span: beyond it, and with limbs as they were at another time, the gap must be larger."""
+"""Times the gap in a span: with limbs as they were at another time, the gap must be larger than that."""
 
 LEFT_OUT = 4
-"""Parts of a span, each of which is left out once."""
+"""A span is cut into so many parts, and each is left out once."""
 
 TURNS = 0.02
 """Least determinacy of a joint within one body: rotations by some 8 degrees about two axes."""
@@ -56,7 +56,7 @@ ARM, FIXED = 200.0, 4.0
 """Limbs are fixed to each other where points so far around them, in mm, move so little: times the gap of the joint."""
 
 WHOLE = 0.9
-"""Part of the take: joints outside the tree that hold longer close loops, of which another notice tells."""
+"""Part of the take: a joint outside the tree that holds longer closes a loop, which another notice reports."""
 
 ROUNDS = 4
 LAGS = (0.25, 0.5, 0.75)

@@ -102,7 +102,7 @@ class JointSearch:
         return self._tried[key]
 
     def _with_worn(self, odds: Floats, body_of_limb: Ints) -> Floats:
-        """Log odds that limbs are neighbours, with what is worn on each body."""
+        """Add what worn marker sets say to the log odds that limbs are neighbours, body by body."""
         positions, limb_of_marker = self._trajectories.positions, self._limbs.limb_of_marker
         for body in np.unique(body_of_limb).tolist():
             limbs = np.flatnonzero(body_of_limb == body)

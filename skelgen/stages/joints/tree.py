@@ -120,7 +120,7 @@ def find_tree(
 
 
 def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:
-    """Return the edges of a tree in which limbs of one marker carry no others, where these can be joined without.
+    """Return the edges of a tree whose limbs of one marker are leaves, where others can be joined without them.
 
     A single marker keeps its distance to nearly any joint, so that trees run through it. Its neighbours are joined past
     it where the gaps of these joints are at most `PAST` times those that are usual in the tree.

@@ -18,7 +18,7 @@ LOOKED_AT = 200
 """Frames: bodies move slowly against each other, more would repeat each other."""
 
 FARTHEST = 0.95
-"""Part of the frames in which two markers are no farther from each other than what counts: labels may jump."""
+"""Quantile of the distance of two markers that counts as their largest: labels may jump in the other frames."""
 
 LEAST_COMMON = 8
 """Frames that must show both markers."""
@@ -27,19 +27,19 @@ LEAST_MARKERS = 5
 """Markers of a body that is parted here; smaller things are found from joints, which the next stage looks for."""
 
 STEADY = 0.1
-"""Of the usual step of the tree: steadier pairs are all alike when the tree is made."""
+"""Part of the usual step that is added to deviations when the tree is made, so that very steady pairs are alike."""
 
 RIGID = 0.02
-"""Of the longest usual step: steadier pairs are all alike when they are compared."""
+"""Part of a long step: deviations below it count as this much when cuts are compared."""
 
 TINY = 1e-6
 """mm; keeps logarithms finite for markers in one place."""
 
 LONG = 0.9
-"""Part of the other steps that are shorter than a long one, beside which a step is judged."""
+"""Quantile of the other steps of the tree that is taken as a long step; distances across a cut are compared with it."""
 
 FEATURES = ("how far and unsteady / long step squared", "how far / long step")
-"""What the columns of `Cuts.features` hold: logarithms. Each is the least of all pairs of markers across."""
+"""What the columns of `Cuts.features` hold: logarithms of the least value over all pairs of markers across the cut."""
 
 # Learned by tests/benchmarks/learn_bodies.py
 BIAS = -2.9
@@ -55,7 +55,7 @@ class Cuts:
     is_second : ndarray of bool, shape (n_cuts, n_markers)
         Which markers are in the second part.
     features : ndarray, shape (n_cuts, n_features)
-        What the markers across are like.
+        Numbers that describe the pairs of markers across each cut, see `FEATURES`.
     """
 
     is_second: Bools
@@ -151,7 +151,7 @@ def cuts(far: Floats, unsteady: Floats) -> Cuts:
 
 
 def _best_cut(markers: Ints, far: Floats, unsteady: Floats) -> tuple[float, Ints]:
-    """Log odds of the cut that is most likely one between bodies, and the markers of its second part."""
+    """Log odds of the cut that most likely parts two bodies, and the markers of its second part."""
     block = np.ix_(markers, markers)
     found = cuts(far[block], unsteady[block])
     if not len(found.features):

@@ -15,16 +15,16 @@ ONE_PLACE = 1.0
 """mm; no two markers have their centres nearer to each other."""
 
 CORNERS = 4
-"""Markers whose signed volume distinguishes a limb from its mirror image; three are their own."""
+"""The signed volume of so many markers tells a limb from its mirror image; that of three is 0."""
 
 MOST_CORNERS = 8
-"""Markers of a limb, spread over it, of which all sets of four are compared: 70 sets."""
+"""Of so many markers, spread over the limb, all 70 sets of four are compared."""
 
 STEADY = 0.25
-"""Of the volume: where it varies more, in the median, it is noise of flat limbs or no rigid limb's."""
+"""Part of the volume: if its median deviation is larger, the limb is flat or not rigid, and is not checked."""
 
 MIRRORED = (0.5, 2.0)
-"""Times the usual volume, the other way round: a mirror image, whatever the noise."""
+"""A volume of the opposite sign between these multiples of the usual one is a mirror image, whatever the noise."""
 
 LEAST_MIRRORED = 3
 """Frames; single ones are noise."""

@@ -18,12 +18,12 @@ LARGEST = 6.0
 """Log odds of one pair: more would let it speak for all others."""
 
 MOST_DISTANCES = 5_000_000
-"""Distances that are looked at: takes of very many markers are looked at in fewer frames."""
+"""Distances that are computed in all: of takes with very many markers fewer frames are used."""
 
 LEAST_FRAMES = 20
 
 MOST_NAMED = 8
-"""Doubtful markers that notices name; nobody reads more."""
+"""Most doubtful markers that a notice names; nobody reads more."""
 
 # Learned by tests/benchmarks/doubt.py
 BIAS, OF_LEAD, OF_SIZE = 2.27, 0.61, -1.49
@@ -105,7 +105,7 @@ def is_alone(is_member: Bools) -> Bools:
 
 
 def leads(suits: Floats, is_member: Bools) -> Floats:
-    """Return by how much the limb of each marker suits it better than the next best or none, shape (n_markers,).
+    """Return how much better its limb suits each marker than the next best limb, or than none, shape (n_markers,).
 
     Parameters
     ----------

@@ -218,7 +218,7 @@ class _Merger:
         return np.where(pays, self._groups.across, np.inf)
 
     def _allowed(self, order: Floats) -> Floats:
-        """Exclude pairs whose relative motion shows a joint from an order of merging, up to the first that stays."""
+        """Set pairs whose relative motion shows a joint to infinity, in the order of merging, until one shows none."""
         n_refused = 0
         while True:
             first, second = (int(index) for index in np.unravel_index(np.argmin(order), order.shape))
@@ -230,7 +230,7 @@ class _Merger:
                 self._look_ahead(order)
 
     def _look_ahead(self, order: Floats) -> None:
-        """Measure the next pairs in an order at once, as where many are refused more will be."""
+        """Measure the next pairs of the order together: after many refusals, more are likely."""
         nearest_ones = np.argsort(order, axis=None, kind="stable")[:LOOKED_AHEAD]
         chosen = np.unravel_index(nearest_ones[np.isfinite(order.ravel()[nearest_ones])], order.shape)
         pairs = ((self._members(first), self._members(second)) for first, second in zip(*chosen, strict=True))
@@ -265,7 +265,7 @@ class _Merger:
         return float(misfit(motion.ratios(variances))) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
 
     def _bend(self, *groups: Group) -> float:
-        """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""
+        """Deformation that a limb of these groups may show, as a part of its size: less if a group is a rigid plate."""
         inner = [self._movements.inner(group) for group in groups if len(group) > 2]
         seen = [
             np.sqrt(np.trace(spread.covariance) / len(spread.covariance)) / spread.radius

@@ -20,7 +20,7 @@ LEAST_COMMON = 8
 """Frames that must show both markers."""
 
 SMALLEST = 0.3
-"""Of the take's noise: how much steadier a distance is than that says nothing more."""
+"""Part of the take's noise: smaller deviations of a distance count as this much."""
 
 TINY = 1e-3
 """mm."""
@@ -102,7 +102,7 @@ def pair_features(positions: Floats) -> Floats:
 
 
 def _between(deviation: Floats, away: Floats) -> list[Floats]:
-    """Of each pair: how unlike others move against the two, how many are steadier with both, and how many nearer."""
+    """For each pair: how differently others move against the two; how many are steadier with both; how many nearer."""
     unlike, steadier, nearer = np.zeros((3, *deviation.shape))
     for marker, (row, gap) in enumerate(zip(deviation, away, strict=True)):
         others = np.arange(len(row)) != marker

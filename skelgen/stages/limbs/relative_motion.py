@@ -83,7 +83,7 @@ class Spread:
 
 
 class _Asked(NamedTuple):
-    """Markers of which a spread is asked for: of their inner coordinates, or of the relative motion of two parts.
+    """What to measure: the inner coordinates of some markers, or the relative motion of two parts of them.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class Movements:
         return self._found(_Asked(group))
 
     def all_inner(self, groups: list[Group]) -> Iterator[tuple[Ints, Spread]]:
-        """Return `inner` of many groups, as numbers of groups with as many coordinates, and their spreads.
+        """Return `inner` of many groups: index arrays of groups with the same number of coordinates, and their spreads.
 
         Groups that too few frames show are in none of them. Nothing is kept, as it may be large.
         """
@@ -195,7 +195,7 @@ class Movements:
             self._known.update((new[index], spread.of(place)) for place, index in enumerate(indices.tolist()))
 
     def _spreads(self, asked: list[_Asked]) -> Iterator[tuple[Ints, Spread]]:
-        """Spreads of what is asked for, of those with as many coordinates at once, and which these are."""
+        """Measure what is asked for; yields spreads of equal size together, with the indices of what they answer."""
         alike: dict[tuple[int, int, int, bool], list[tuple[int, Ints]]] = {}
         for index, one in enumerate(asked):
             frames, are_sampled = self._frames_of(one.markers)
@@ -213,7 +213,7 @@ class Movements:
                     yield indices[places], spread
 
     def _frames_of(self, markers: Group) -> tuple[Ints, bool]:
-        """Frames that show most of some markers, and whether they number the sampled frames or all."""
+        """Frames that show most of some markers, and whether these are indices into the sampled frames or into all."""
         return self._of_any if self._is_complete else self._frames_with(markers)
 
     @cached_property
@@ -250,7 +250,7 @@ class Movements:
 
 
 def _spreads_of(points: Floats, seen: Bools, markers: Ints, n_first: int) -> Iterator[tuple[Ints, Spread]]:
-    """Spreads of groups, of those with as many coordinates at once, and which these are.
+    """Spreads of many groups; yields those with as many coordinates together, and the indices of their groups.
 
     Parameters
     ----------

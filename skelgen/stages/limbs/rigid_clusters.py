@@ -30,7 +30,7 @@ CLUSTER_COST = 0.5
 """nats."""
 
 MERGED = 12.0
-"""Pieces with a distance across that varies more, in units of its noise, cannot pay to be merged."""
+"""Largest variance of a distance between two clusters, in units of its noise, with which merging them can pay."""
 
 MOVED = 10.0
 """The same for a marker and the cluster it might move to, which gains less."""
@@ -268,7 +268,7 @@ def _largest(table: Floats, labels: Ints) -> Floats:
 
 
 def _near_pairs(table: Floats, limit: float) -> list[tuple[int, int]]:
-    """Pairs of which one is among the nearest of the other."""
+    """Pairs of clusters in which one is among the nearest of the other."""
     near = nearest(table, limit)
     return [(first, second) for first, second in np.argwhere(np.triu(near | near.T, 1)).tolist()]
 

@@ -121,7 +121,7 @@ def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, na
 def _bodies(
     positions: Floats, usable: Ints, named: MarkerConstraints, parameters: LimbParameters, n_limbs: int | None
 ) -> tuple[Ints, Floats]:
-    """Body of each marker, and how likely each body is one; a limb that the user states is on one body."""
+    """Body of each marker, and the probability of each body; limbs that the user states are not parted."""
     body_of_marker = np.zeros(positions.shape[1], dtype=np.intp)
     if n_limbs is not None and parameters.n_bodies > 1:
         raise InputError("give either the number of limbs or that of bodies: how limbs are shared is not known")
@@ -170,7 +170,7 @@ class _Grouping:
         self._n_limbs, self._seed = n_limbs, seed
 
     def limbs(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
-        """Return the limb of each marker, -1 for those that move against all limbs like none of them.
+        """Return the limb of each marker, -1 for markers that move against all limbs more than limbs do.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class _Grouping:
         return np.where(is_far & ~self._constraints.is_named, -1, groups)
 
     def voted(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
-        """Group by one sampling after the other until more than half agree; else take the majority of all pairs.
+        """Group markers by one sampling after the other until more than half agree; else by the majority on each pair.
 
         Parameters
         ----------

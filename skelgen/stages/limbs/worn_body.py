@@ -14,19 +14,19 @@ AGREED = 0.8
 """Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
 
 TRUNK = ("pelvis", "chest", "head")
-"""Segments that tell a body from its mirror image, as they bend little; all do where half a body is worn."""
+"""Segments that hardly bend, by which a body is told from its mirror image; all segments where half a body is worn."""
 
 LOOKED_AT = 30
-"""Frames for that."""
+"""Frames that are compared with the mirror image."""
 
 ENOUGH = 5
 """Markers of the trunk that a frame must show."""
 
 MOST_OF_LIMB = 0.6
-"""Part of a limb's markers that must be on one segment: else it is not known which segment the limb is."""
+"""A limb is a segment if at least this part of its markers is on that segment."""
 
 NEIGHBOURS = 4.0
-"""Log odds that limbs are neighbours which are on the body that is believed, and that others are not."""
+"""Log odds that two limbs are neighbours if their segments are; minus these if they are not."""
 
 BY_LIMBS = 6.0
 """Log odds that two markers on one limb share a segment."""
@@ -151,7 +151,7 @@ def _segments_of_limbs(match: Match, worn: WornSet, limb_of_marker: Ints) -> Int
 
 
 def _joined_segments(parents: Ints, segments: Ints) -> np.ndarray:
-    """Whether each two limbs are on one segment, or on two with none that has a limb between, (n_limbs, n_limbs)."""
+    """Whether two limbs are on one segment, or on two between which no other segment has a limb, (n_limbs, n_limbs)."""
     joined = segments[:, np.newaxis] == segments
     for limb, segment in enumerate(segments.tolist()):
         above = int(parents[segment]) if segment >= 0 else -1
@@ -162,7 +162,7 @@ def _joined_segments(parents: Ints, segments: Ints) -> np.ndarray:
 
 
 def _size(positions: Floats, offsets: Floats, pairs: np.ndarray) -> float:
-    """How large the body is beside the usual person, by the distances on its limbs."""
+    """Size of the body over that of the usual person, from distances between markers on one limb."""
     first, second = np.nonzero(np.triu(pairs))
     apart = np.linalg.norm(positions[:, first] - positions[:, second], axis=2)
     seen = ~np.isnan(apart).all(axis=0)
@@ -171,7 +171,7 @@ def _size(positions: Floats, offsets: Floats, pairs: np.ndarray) -> float:
 
 
 def _is_mirrored(positions: Floats, person: Structure, match: Match) -> bool:
-    """Whether left and right are exchanged: distances tell a body from its mirror image by no more than habit."""
+    """Whether left and right are exchanged: distances alone cannot tell a body from its mirror image."""
     origins = np.zeros((person.n_limbs, 3))
     for limb in range(1, person.n_limbs):
         origins[limb] = origins[person.parents[limb]] + person.limbs[limb].joint

@@ -41,10 +41,10 @@ STARTS, ROUNDS = 3, 12
 """Sets from which a search begins, and rounds of each."""
 
 WIDE = 0.5
-"""How much it counts against a place that its distances are wide: such a place fits anything."""
+"""Weight of the spread of a place's distances as a cost: a place with wide spreads fits any marker."""
 
 ONE_SIDED = 0.2
-"""What a place costs whose mirror image is free."""
+"""Cost of a place that is taken while its mirror image is free."""
 
 ENOUGH_MARKERS = 30
 """Distances of fewer hardly tell places apart: simulated people in sets of 25 that are not known may be mistaken."""
@@ -61,13 +61,13 @@ INDEPENDENT = 12.0
 as likely as they are right (log odds of -3, 1.5, 3 and 5 where -2.9 and less, 1.3, 3 and 5.2 are found)."""
 
 SURER = 1.5
-"""How many times a set that fits beyond doubt says what others say: skin may contradict it."""
+"""Factor on the log odds of a set that fits beyond doubt: its word counts more than the motion of skin."""
 
 MISTAKEN = 0.03
-"""Chance that places are wrong altogether: what seems surer is not. Soft bodies that are no person's fit too."""
+"""Probability that all places are wrong, which bounds the odds: soft bodies that are no person may fit as well."""
 
 MIRRORED = 0.5
-"""Part of the word of a pair that its mirror image has, where places are believed: both sides have the same limbs."""
+"""Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
 
 AT_PLACES, NOT_AT_PLACES = 1.0, 1.3
 """Misfit up to which places are believed, and from which they are not at all: people's is .3 to 1.2, animals' 1.4."""
@@ -132,7 +132,7 @@ class Wear:
 
     @property
     def share(self) -> float:
-        """Part of the word that places have."""
+        """Weight of the places; the sets have the rest."""
         return self.doubt * self.places.belief if self.places is not None else 0.0
 
 
@@ -180,7 +180,7 @@ def believed_wear(positions: Floats, by_motion: Floats) -> Wear | None:
 
 
 def _doubt(of_set: Match, places: Match) -> float:
-    """How far places are worn and no set, by how much better they fit."""
+    """How far to believe in places instead of a set, 0 to 1, from how much better they fit."""
     return 1.0 - float(part_of(of_set.misfit - places.misfit, SET_FITS, PLACES_FIT_BETTER))
 
 
@@ -218,7 +218,7 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
 
 
 def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
-    """Return the log odds that two markers share a segment, as likely as each is at any place, (n_markers, n_markers).
+    """Return the log odds that two markers share a segment, over all places that each may be at (n_markers, n_markers).
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
 
 
 def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:
-    """What motion says of the pair that mirrors each; of the pair itself where one of its markers has no image."""
+    """Log odds by motion of the mirror image of each pair; of the pair itself where a marker has no mirror image."""
     mirrored = _mirror_images()
     marker_at = np.full(len(mirrored), -1)
     marker_at[match.of_set] = match.markers
@@ -264,7 +264,8 @@ def _pair_odds(believed: Believed, n_markers: int) -> Floats:
 def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     """The log odds that two markers share a limb by their places, (n_markers, n_markers).
 
-    Places part markers by half of their word, and by more where other places that either may be at part them, too.
+    Where the places of two markers part them, so do at least half of the log odds of these places; more, if the other
+    places that either may be at part them as well.
     """
     odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
     parted = odds < 0
@@ -273,7 +274,7 @@ def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats
 
 
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
-    """Take markers for places so that their distances fit best, and those on one segment move as one limb.
+    """Match markers with places so that distances fit best, and markers on one segment move as one limb.
 
     Parameters
     ----------
@@ -306,7 +307,7 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
 
 
 def _misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floats) -> tuple[Floats, Floats]:
-    """How far distances to matched markers are off for each marker at each place, and what it costs in all."""
+    """For each marker at each place: misfit of its distances to matched markers, and the whole cost."""
     places = worn_places()
     others = max(len(taken) - 1, 1)
     misfits = misfits_of(shape, places, markers, taken)
@@ -318,7 +319,7 @@ def _misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floa
 
 @cache
 def _wide() -> Floats:
-    """What it costs that distances between places are wide, shape (n_places, n_places)."""
+    """Cost of the spread of the distances of each place, shape (n_places, n_places)."""
     spread = worn_places().spread
     wide = 2.0 * np.log(spread.distances) + 2.0 * MOTION_WEIGHT * np.log(spread.motions)
     return np.asarray(WIDE * np.nan_to_num(wide - np.nanmedian(wide)))

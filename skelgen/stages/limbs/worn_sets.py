@@ -37,7 +37,7 @@ SEARCHES, ROUNDS = 12, 10
 """Beginnings that are tried for each set, and rounds of each."""
 
 WITHOUT_PARTNER = 2.0
-"""What markers of the take or of the set that are left over cost."""
+"""Cost of a marker of the take, or of the set, that has no partner."""
 
 WORN, NOT_WORN = 1.3, 1.6
 """Misfit up to which a set is believed, and from which it is not at all."""
@@ -76,10 +76,10 @@ HALVES = {
 """Segments of half a person."""
 
 LEAST_OF_HALF = 15
-"""Markers by which half a person is told: fewer fit anything."""
+"""Least markers of half a person: fewer fit anything."""
 
 STRENGTH = 6.0
-"""Log odds that a set which is believed gives a pair of markers."""
+"""Log odds of a pair of markers by a set that is believed in full."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +192,7 @@ def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet
 
 
 def _parts(worn: WornSet, n_markers: int) -> list[tuple[Ints, WornSet]]:
-    """A set and its halves, as far as they have about as many markers."""
+    """A set and its halves, those that have about as many markers as the take."""
     halves = worn.halves if n_markers >= LEAST_OF_HALF else ()
     sized = [((np.arange(len(worn.segments)), worn), SIZES), *((half, SIZES_OF_HALF) for half in halves)]
     return [part for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
@@ -288,7 +288,7 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floa
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
-    """How unlike the distances to all others are, for each marker of one and each of the other."""
+    """Difference of the outlines of each marker of one shape and each of the other."""
     total = np.zeros((len(one.distances), len(other.distances)))
     pairs = zip(one.outlines, other.outlines, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True)
     for values, means, spread, weight in pairs:

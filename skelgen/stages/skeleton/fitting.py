@@ -316,14 +316,14 @@ def _with_joint_prior(
     worn: KnownBody | None = None,
     segments: Mapping[int, str] | None = None,
 ) -> _Fit:
-    """Weigh what motion says of joints against what is known of any body, of all or of those that lie out of reach."""
+    """Fit joints again with the prior of `joint_prior`: all of them, or only those that lie out of reach (`astray`)."""
     last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn, segments=segments)
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses, correlated=growth)
 
 
 def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
-    """Poses of all frames that obey the joints of a fit to some, whose limbs are turned as there; in these its own."""
+    """Poses of all frames for the limbs and joints of a fit; in its own `frames` they are those of the fit."""
     rotation = _rotation_between(last.poses, poses[frames])
     rotations = last.articulation.projected(last.chain.parents, poses.rotations @ rotation.swapaxes(1, 2))
     root = poses.root.copy()
@@ -332,13 +332,13 @@ def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
 
 
 def _followed(types: list[JointType], last: Calibration, before: ChainPoses) -> list[JointType]:
-    """Joint types with the axes that were fitted, and with the others in the frames that limbs have now."""
+    """Joint types for a new fit: its fitted axes, and all other axes rotated into the new frames of their limbs."""
     rotation = _rotation_between(last.poses, before)
     return body_joints.with_axes(_in_other_frames(types, last.chain.parents, rotation), last.articulation)
 
 
 def _rotation_between(now: ChainPoses, before: ChainPoses) -> Floats:
-    """How each limb's frame was turned between two poses of the same frames, now from before, shape (n_limbs, 3, 3)."""
+    """Rotation of each limb's frame between two fits of the same frames, now from before, shape (n_limbs, 3, 3)."""
     after, earlier = (one.rotations.swapaxes(0, 1).reshape(one.rotations.shape[1], -1, 3) for one in (now, before))
     return nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
 
@@ -349,7 +349,7 @@ def _squares(fit: Calibration) -> float:
 
 
 def _in_other_frames(types: list[JointType], parents: Ints, rotation: Floats) -> list[JointType]:
-    """Joint types for limbs whose frames were rotated: nothing holds the frame of a limb while it is fitted."""
+    """Rotate the axes of joint types with the frames of their limbs, which a fit may turn freely."""
     return [kind.with_frames(rotation[parents[limb]], rotation[limb]) for limb, kind in enumerate(types, start=1)]
 
 

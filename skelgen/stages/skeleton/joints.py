@@ -23,7 +23,7 @@ NEIGHBOUR_WEIGHT = 0.1
 markers an axis is known best, and an error of its direction grows with the distance along it."""
 
 HARMLESS = 1.2
-"""Times the squares of the residuals that shifts along hinges may leave."""
+"""Shifts along hinges may make the sum of squared residuals larger by this factor at most."""
 
 NUMBERS_OF_POSE = 6
 """Coordinates of a position and a rotation."""
@@ -164,7 +164,7 @@ def shifts_along_axes(chain: Chain, types: list[JointType], freedom: Floats) -> 
 
 
 def harmless(shifts: dict[int, float], fit: Calibration, types: list[JointType]) -> dict[int, float]:
-    """Return shifts along hinges that the markers bear: joints that are not held to their axes may not.
+    """Return all shifts if the markers still fit after them, else only those of joints that are held to their axes.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def axis_freedom(types: list[JointType], noise: float) -> Floats:
 def _attachments(
     chain: Chain, types: list[JointType], limb: int, column: dict[int, int]
 ) -> list[tuple[Floats, Floats]]:
-    """Joints of a limb: place before any shift, and how it follows the shifts, shape (3, n_hinges)."""
+    """For each joint of a limb, its place before any shift and the derivatives by the shifts, shape (3, n_hinges)."""
     places = []
     children = [child for child in range(1, chain.n_limbs) if chain.parents[child] == limb]
     for joint in ([limb] if limb else []) + children:
@@ -258,7 +258,7 @@ def errors_of_limbs(
 
 
 def _along_hinges(chain: Chain, types: list[JointType], freedom: Floats) -> Floats:
-    """Changes of offsets and joints by moving each hinge along its axis, by the size of its limb where it is free."""
+    """Changes of offsets and joints as each hinge moves along its axis; a free one moves by the size of its limb."""
     still = chain.moved(np.zeros_like(chain.joints), np.zeros_like(chain.offsets))
     columns = []
     for limb, kind in enumerate(types, start=1):

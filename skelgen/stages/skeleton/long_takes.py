@@ -29,10 +29,10 @@ LONGEST_AT_ONCE = 16_384
 """Frames; a take of forty markers needs some 10 KB for each while it is fitted."""
 
 THIN_FRAMES = 6_000
-"""Frames of longer takes that are fitted, beside those that show limbs which these hardly show."""
+"""Frames of a longer take that are fitted; frames of limbs that these hardly show are added."""
 
 FRAMES_OF_LIMB = 300
-"""Frames that show most of each limb are among them, if there are as many."""
+"""Of the fitted frames, at least so many show most of each limb, if the take has as many."""
 
 BLOCK_FRAMES = 8_192
 MARGIN = 400
@@ -40,7 +40,7 @@ MARGIN = 400
 
 
 TISSUE_ROUNDS = 2
-"""Times that slides of markers are taken off and limbs posed: slides follow the poses, and poses the slides."""
+"""Rounds in which slides of markers are taken off and limbs are posed again: each depends on the other."""
 
 
 @dataclass(frozen=True, eq=False)

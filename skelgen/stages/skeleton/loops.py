@@ -22,7 +22,7 @@ FOUND = "found"
 """What the user writes to close all loops that the stage before found."""
 
 LARGEST_GAP = 4.0
-"""Times the noise of a coordinate: loops that were found and whose ends are usually farther apart are none."""
+"""Times the noise of a coordinate: a found loop stays open if its ends are farther apart in half of the frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class ClosedLoops:
         return replace(self, joints=replace(self.joints, places=places), covariances=covariances)
 
     def with_errors(self, errors: LimbErrors, closed: ClosedCalibration, deviation: float) -> ClosedLoops:
-        """Return the loops with the covariances that chain and frames leave their joints.
+        """Return the loops with the covariances of their joints, by errors of the chain and noise of the frames.
 
         Parameters
         ----------

@@ -35,7 +35,7 @@ GENTLE = 2.0
 """Deviations at which Cauchy's weights are a half: noise keeps most of its weight."""
 
 LEAST_TYPICAL = 1e-60
-"""mm; what is off by nothing in half of the frames counts as this much: its square does not vanish."""
+"""mm; least typical deviation of a marker: of one that fits exactly in half of the frames it would be 0."""
 
 REWEIGHTINGS = 6
 STEPS_BETWEEN = 2
@@ -153,7 +153,7 @@ def out_of_line(held: ConstrainedChain, poses: ChainPoses, positions: Floats, fa
     Parameters
     ----------
     held : ConstrainedChain
-        The fitted limbs; loops are not heeded.
+        The fitted limbs; loops may open.
     poses : ChainPoses
         The fitted poses.
     positions : ndarray, shape (n_frames, n_markers, 3), mm

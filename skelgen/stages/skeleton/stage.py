@@ -132,7 +132,7 @@ def _loop_notices(fitted: list[FittedBody]) -> Iterator[str]:
 
 
 def _with_open_directions(skeleton: Skeleton, observed: Sequence[Observed], astray: set[int]) -> Skeleton:
-    """Say in how many directions motion leaves joints open; nothing but what is expected places those gone astray."""
+    """Note in how many directions motion leaves each joint open; joints gone astray are open in any case."""
     joints = [
         replace(joint, open_directions=max(seen.n_open, 1 + (joint.kind == "hinge") if joint.child in astray else 0))
         for joint, seen in zip(skeleton.joints, observed, strict=True)
@@ -141,7 +141,7 @@ def _with_open_directions(skeleton: Skeleton, observed: Sequence[Observed], astr
 
 
 def _astray_notices(skeleton: Skeleton, astray: set[int]) -> Iterator[str]:
-    """Say which joints lie where they are expected, below the limbs given."""
+    """Say which joints above the given limbs were put where joints are expected, as motion places them out of reach."""
     for joint in skeleton.joints:
         if joint.child in astray:
             yield (
@@ -294,7 +294,7 @@ def _loop_joints(one: FittedBody, closed: ClosedLoops) -> Iterator[Joint]:
 
 
 def _below(covariance: Floats, size: float) -> Floats:
-    """Covariance of a position [mm^2], shape (3, 3), no direction larger than the limb: there it is not determined."""
+    """Covariance of a position [mm^2], shape (3, 3), with deviations no larger than the limb, even if undetermined."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray((vectors * np.clip(values, 0.0, size**2)) @ vectors.T)
 

@@ -75,7 +75,9 @@ def test_every_control_is_reached_by_keys(controls):
 
 
 def test_menus_show_the_tips_of_their_commands(window, controls):
-    for menu in (menu for menu in window.findChildren(QMenu) if menu.title()):
+    menus = [menu for menu in window.findChildren(QMenu) if menu.title()]
+    assert menus
+    for menu in menus:
         assert menu.toolTipsVisible(), menu.title()
 
 

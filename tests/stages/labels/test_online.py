@@ -17,7 +17,7 @@ from skelgen.model import PointCloud, Skeleton
 from skelgen.stages.labels import Tracker
 from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.pose_search import find_pose
-from skelgen.stages.labels.online.rigid_labels import YOUNG_SECONDS, RigidLabels
+from skelgen.stages.labels.online.rigid_labels import RigidLabels
 
 RATE = 100.0
 FAULTS = {"noise": 0.3, "soft_tissue": 2.0}
@@ -258,20 +258,15 @@ def test_pose_is_found_from_one_frame_in_any_order_and_place(simulated, skeleton
     assert np.median(off) < 2 * FAULTS["soft_tissue"] * np.sqrt(3)
 
 
-def test_two_labels_of_one_marker_are_joined_and_told(rigid_body) -> None:
-    labels = RigidLabels(20, 30.0)
-    memory = labels._history
-    before = labelled_by(labels, rigid_body[:250], np.arange(6))
-    lost = int(before[-1, 0])
-    memory.n_seen[memory.label >= 0] += round(YOUNG_SECONDS * RATE)
-    tracks = np.array([10, 1, 2, 3, 4, 5])
-    fresh = memory.add(6, 251)
-    labels._n_labels = 7
-    labels._track_slots.keep(np.array([10]), np.array([fresh]))
-    after = labelled_by(labels, rigid_body[250:400], tracks)
-    assert after[0, 0] == 6
-    assert labels.merged == {6: lost}
-    assert after[-1].tolist() == before[-1].tolist()
+def test_two_labels_of_one_marker_are_joined_when_it_is_found_in_its_place(rigid_body) -> None:
+    """A marker is lost; what is followed from then on flutters somewhere else, and comes back into its place."""
+    labels, frames, tracks = RigidLabels(20, 30.0), rigid_body.copy(), np.array([10, 1, 2, 3, 4, 5])
+    frames[250:310, 0] += np.random.default_rng(0).normal((800.0, 0.0, 0.0), 200.0, (60, 3))
+    before = labelled_by(labels, frames[:250], np.arange(6))[-1]
+    lost, new = int(before[0]), 6
+    assert labelled_by(labels, frames[250:310], tracks)[-1].tolist() == [new, *before[1:]]
+    assert labelled_by(labels, frames[310:], tracks)[-1].tolist() == before.tolist()
+    assert labels.merged == {new: lost}
 
 
 def labelled_by(labels: RigidLabels, frames: np.ndarray, tracks: np.ndarray) -> np.ndarray:

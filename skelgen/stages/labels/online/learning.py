@@ -114,12 +114,13 @@ class LearnedPose:
         """
         rotations = np.full((self.pose.n_limbs, 3, 3), np.nan)
         origins = np.full((self.pose.n_limbs, 3), np.nan)
-        markers, index = self._present(labels)
+        markers = self.markers_of(labels)
+        limb_of_point = np.where(markers >= 0, self.pose.limb[markers], -1)
         for limb in range(self.pose.n_limbs):
-            own = (self.pose.limb[markers] == limb) & self.pose.carried[markers]
+            own = limb_of_point == limb
             if own.sum() >= 3:
                 seen = np.ones(int(own.sum()), dtype=np.bool_)
-                limb_pose = fit_transform(self.pose.offsets[markers[own]], points[index[own]], seen)
+                limb_pose = fit_transform(self.pose.offsets[markers[own]], points[own], seen)
                 rotations[limb], origins[limb] = limb_pose[:3, :3], limb_pose[:3, 3]
         if np.isnan(origins).all():
             return False
@@ -139,15 +140,15 @@ class LearnedPose:
         n_steps : int
             Frame periods since the frame before.
         """
-        markers, index = self._present(labels)
-        carried = self.pose.carried[markers]
+        markers = self.markers_of(labels)
+        is_known = markers >= 0
         before = self.pose.rotations, self.pose.origins
         self.pose.advance(n_steps)
-        prediction = self.pose.fit(points[index[carried]], markers[carried])
+        prediction = self.pose.fit(points[is_known], markers[is_known])
         self.pose.learn_motion(*before, n_steps)
         return prediction
 
-    def _present(self, labels: Ints) -> tuple[Ints, Ints]:
-        """Markers that are seen, and which points they are."""
-        _, markers, index = np.intersect1d(self.labels, labels, return_indices=True)
-        return markers, index
+    def markers_of(self, labels: Ints) -> Ints:
+        """Marker that a limb carries for each label, -1 for none; `labels` has shape (n,)."""
+        is_marker = (labels[:, np.newaxis] == self.labels) & self.pose.carried
+        return np.where(is_marker.any(axis=1), is_marker.argmax(axis=1), -1)

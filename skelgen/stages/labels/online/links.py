@@ -103,13 +103,13 @@ class Links:
         self._n_given = 0
         self._innovations: deque[float] = deque(maxlen=REMEMBERED)
         self._spacings: deque[float] = deque(maxlen=RENEWED)
-        self._reach = 0.0
+        self._spacing, self._reach = 1.0, 0.0
         self._n_frames = 0
 
     @property
     def spacing(self) -> float:
         """Typical distance [mm] between a point and its nearest neighbour; 1 before any is known."""
-        return float(np.median(self._spacings)) if self._spacings else 1.0
+        return self._spacing
 
     @property
     def reach(self) -> float:
@@ -192,13 +192,14 @@ class Links:
         if len(points) > 1 and (is_time or not self._spacings):
             nearest, _ = cKDTree(points).query(points, k=2)
             self._spacings.append(float(np.median(nearest[:, 1])) or 1.0)
+            self._spacing = float(np.median(self._spacings))
         if self._max_jump > 0:
             self._reach = self._max_jump
         elif is_time or len(self._innovations) < REMEMBERED // 4:
             self._reach = self._found_reach()
 
     def _found_reach(self) -> float:
-        spacing = self.spacing
+        spacing = self._spacing
         if len(self._innovations) < REMEMBERED // 4:
             return MOST_SPACINGS * spacing
         usual = float(np.sqrt(np.quantile(np.array(self._innovations), QUANTILE)))

@@ -9,6 +9,18 @@ whole takes).
 
 import numpy as np
 
+from skelgen._kernels import contiguous
+from skelgen._kernels.remembered_poses import SeenNeighbours, place_marker, room_for_poses, write_moments
+from skelgen._kernels.rigid_neighbours import (
+    LEAST_COMMON,
+    LEAST_NEIGHBOURS,
+    DistanceTables,
+    Neighbours,
+    find_neighbours,
+    learn_distances,
+    write_deviations,
+    write_misfits,
+)
 from skelgen.geometry.orientation import rotation_by_quaternion
 from skelgen.model.arrays import Floats, Ints
 
@@ -20,18 +32,6 @@ RECENT_SECONDS = 0.06
 
 NEIGHBOURS = 6
 """Visible markers by which a lost one is predicted, the most rigid first."""
-
-LEAST_NEIGHBOURS = 3
-"""Fewer do not fix a rotation."""
-
-PRIOR_SAMPLES = 20.0
-"""Weight of the prior variance of a distance, in samples: after fewer a distance is not known to be rigid."""
-
-PRIOR_SHARE = 0.1
-"""Prior deviation of a distance, as a part of it: that of near markers across a joint."""
-
-LEAST_COMMON = 3
-"""Samples that a distance needs."""
 
 LEAST_NOISE = 0.002
 """Of the typical spacing: deviations of distances are no smaller, however exact the tracker is."""
@@ -55,22 +55,37 @@ class MarkerHistory:
         Label of the marker in each slot, -1 = free.
     n_seen, last_seen : ndarray of intp, shape (n_slots,)
         Frames in which it was seen, and the last of these.
-    common : ndarray, shape (n_slots, n_slots)
-        Samples in which two markers were seen together.
     """
 
     def __init__(self, n_slots: int) -> None:
         self.label: Ints = np.full(n_slots, -1, dtype=np.intp)
         self.n_seen: Ints = np.zeros(n_slots, dtype=np.intp)
         self.last_seen: Ints = np.zeros(n_slots, dtype=np.intp)
-        self.common: Floats = np.zeros((n_slots, n_slots))
-        self._mean: Floats = np.zeros((n_slots, n_slots))
-        self._variance: Floats = np.zeros((n_slots, n_slots))
+        self._distances = DistanceTables(*np.zeros((3, n_slots, n_slots)))
         self._poses: Floats = np.full((RECENT + PAST, n_slots, 3), np.nan)
+        self._aligned = room_for_poses(RECENT + PAST)
+        self._places = np.empty((1 + RECENT + PAST, 4))
         self._n_past, self._past_every = 0, 1
         self._n_poses = 0
         self.window = 1
         self.noise = 0.0
+
+    @classmethod
+    def load_kernels(cls) -> None:
+        """Load what numba compiled now, and not amid the first frames: a small history uses it."""
+        history, slots, positions = cls(LEAST_NEIGHBOURS + 1), np.arange(LEAST_NEIGHBOURS + 1), np.eye(4, 3)
+        for _ in range(LEAST_COMMON):
+            history.learn(slots, positions)
+        history.keep_pose(slots, positions, 1)
+        history.find_noise(slots, 1.0)
+        neighbours = history.neighbours(slots[:1], slots[1:])
+        history.misfits(neighbours, positions[:1], positions[1:])
+        history.expected(neighbours, 0, positions[1:])
+
+    @property
+    def common(self) -> Floats:
+        """Samples in which two markers were seen together, shape (n_slots, n_slots)."""
+        return self._distances.common
 
     def add(self, label: int, frame: int) -> int:
         """Take a free slot for a marker, or that of the lost one that was seen least; returns the slot, -1 for none.
@@ -95,9 +110,15 @@ class MarkerHistory:
     def clear(self, slot: int) -> None:
         """Forget a marker."""
         self.label[slot], self.n_seen[slot] = -1, 0
-        for table in (self.common, self._mean, self._variance):
+        for table in self._distances:
             table[slot], table[:, slot] = 0.0, 0.0
         self._poses[:, slot] = np.nan
+
+    def lost(self, visible: Ints) -> Ints:
+        """Slots of markers that are remembered and not seen; `visible` has the slots of those that are."""
+        is_lost = self.label >= 0
+        is_lost[visible] = False
+        return np.flatnonzero(is_lost)
 
     def note(self, slots: Ints, frame: int) -> None:
         """Note which markers are seen in a frame.
@@ -122,14 +143,7 @@ class MarkerHistory:
         positions : ndarray, shape (n, 3), mm
             Where they are.
         """
-        pairs = np.ix_(slots, slots)
-        distance = _distances(positions, positions)
-        common = self.common[pairs] + 1.0
-        step = 1.0 / np.minimum(common, self.window)
-        surprise = distance - self._mean[pairs]
-        self.common[pairs] = common
-        self._mean[pairs] += step * surprise
-        self._variance[pairs] = (1.0 - step) * (self._variance[pairs] + step * surprise**2)
+        learn_distances(self._distances, slots, positions, self.window)
 
     def keep_pose(self, slots: Ints, positions: Floats, most_every: int) -> None:
         """Keep the frame as a pose; the oldest recent one moves to the past, where one of `most_every` stays at least.
@@ -173,11 +187,9 @@ class MarkerHistory:
         rows, columns : ndarray of intp
             Slots of the markers of both sides.
         """
-        pairs = np.ix_(rows, columns)
-        common = np.minimum(self.common[pairs], self.window)
-        prior = (PRIOR_SHARE * self._mean[pairs]) ** 2
-        variance = (common * self._variance[pairs] + PRIOR_SAMPLES * prior) / (common + PRIOR_SAMPLES)
-        return np.where(common >= LEAST_COMMON, np.sqrt(variance + self.noise**2), np.inf)
+        deviations = np.empty((len(rows), len(columns)))
+        write_deviations(self._distances, rows, columns, self.window, self.noise, deviations)
+        return deviations
 
     def distances(self, rows: Ints, columns: Ints) -> Floats:
         """Mean distances [mm] between markers, shape (n_rows, n_columns).
@@ -187,7 +199,7 @@ class MarkerHistory:
         rows, columns : ndarray of intp
             Slots of the markers of both sides.
         """
-        return np.asarray(self._mean[np.ix_(rows, columns)])
+        return np.asarray(self._distances.mean[np.ix_(rows, columns)])
 
     def find_noise(self, slots: Ints, spacing: float) -> None:
         """Estimate the noise: the median over markers of the deviation of the distance to the most rigid neighbour.
@@ -208,39 +220,45 @@ class MarkerHistory:
         if np.isfinite(least).any():
             self.noise = max(self.noise, float(np.median(least[np.isfinite(least)])))
 
-    def misfits(self, slots: Ints, points: Floats, visible: Ints, positions: Floats) -> Floats:
-        """Root mean square deviation of the distances between points and a marker's most rigid visible neighbours.
+    def neighbours(self, slots: Ints, visible: Ints, most: int = NEIGHBOURS) -> Neighbours:
+        """The most rigid visible neighbours of markers.
 
         Parameters
         ----------
-        slots : ndarray of intp, shape (n_slots,)
-            Markers that points may be.
+        slots : ndarray of intp, shape (n,)
+            The markers.
+        visible : ndarray of intp, shape (n_visible,)
+            Slots of markers that are seen.
+        most : int
+            Neighbours of each marker at most.
+        """
+        shape = (len(slots), most)
+        numbers = np.empty((len(slots), 1 + most), dtype=np.intp), np.empty(shape, dtype=np.intp)
+        found = Neighbours(*numbers, np.empty(shape), np.empty(shape))
+        find_neighbours(self._distances, slots, visible, self.window, self.noise, found)
+        return found
+
+    def misfits(self, neighbours: Neighbours, points: Floats, positions: Floats) -> Floats:
+        """Root mean square deviation of the distances between points and the neighbours of markers.
+
+        Parameters
+        ----------
+        neighbours : Neighbours
+            Those of the markers that points may be.
         points : ndarray, shape (n_points, 3), mm
             Points.
-        visible : ndarray of intp, shape (n_visible,)
-            Slots of other markers that are seen.
         positions : ndarray, shape (n_visible, 3), mm
-            Where they are.
+            Where the visible markers are.
 
         Returns
         -------
-        ndarray, shape (n_points, n_slots)
+        ndarray, shape (n_points, n_markers)
             In deviations; infinite where too few neighbours are seen.
         """
-        result = np.full((len(points), len(slots)), np.inf)
-        if len(visible) < LEAST_NEIGHBOURS or not len(slots):
-            return result
-        deviation = self.deviations(slots, visible)
-        deviation[slots[:, np.newaxis] == visible] = np.inf
-        order = np.argsort(deviation, axis=1, kind="stable")[:, :NEIGHBOURS]
-        chosen = np.take_along_axis(deviation, order, axis=1)
-        mean = np.take_along_axis(self._mean[np.ix_(slots, visible)], order, axis=1)
-        apart = _distances(points, positions)[:, order]
-        squares = ((apart - mean) / chosen) ** 2
-        enough = np.isfinite(chosen).sum(axis=1) >= LEAST_NEIGHBOURS
-        known = np.isfinite(chosen).sum(axis=1).clip(1)
-        result[:, enough] = np.sqrt(squares.sum(axis=2) / known)[:, enough]
-        return result
+        misfits = np.empty((len(points), len(neighbours.order)))
+        some, visible = contiguous(points, positions)
+        write_misfits(some, visible, neighbours, misfits)
+        return misfits
 
     def own_misfits(self, slots: Ints, positions: Floats) -> Floats:
         """Median deviation of the distances between visible markers and their most rigid neighbours, shape (n,).
@@ -252,35 +270,34 @@ class MarkerHistory:
         positions : ndarray, shape (n, 3), mm
             Where they are.
         """
-        deviation = self.deviations(slots, slots)
-        np.fill_diagonal(deviation, np.inf)
-        order = np.argsort(deviation, axis=1, kind="stable")[:, :LEAST_NEIGHBOURS]
-        off = np.abs(_distances(positions, positions) - self._mean[np.ix_(slots, slots)]) / deviation
-        return np.asarray(np.median(np.take_along_axis(off, order, axis=1), axis=1))
+        _, order, deviations, means = self.neighbours(slots, slots, LEAST_NEIGHBOURS)
+        apart = np.sqrt(((positions[:, np.newaxis] - positions[order]) ** 2).sum(axis=2))
+        return np.asarray(np.median(np.abs(apart - means) / deviations, axis=1))
 
-    def expected(self, slot: int, visible: Ints, positions: Floats) -> tuple[Floats, float] | None:
+    def expected(self, neighbours: Neighbours, row: int, positions: Floats) -> tuple[Floats, float] | None:
         """Predict a lost marker, with the variance per coordinate [mm^2]; None if too little is known.
 
         Parameters
         ----------
-        slot : int
-            The marker.
-        visible, positions
-            As in `misfits`.
+        neighbours : Neighbours
+            Those of some markers.
+        row : int
+            Which of the markers is predicted.
+        positions : ndarray, shape (n_visible, 3), mm
+            Where the visible markers are.
         """
-        deviation = self.deviations(np.array([slot]), visible)[0]
-        order = np.argsort(deviation, kind="stable")[:NEIGHBOURS]
-        order = order[np.isfinite(deviation[order])]
-        if len(order) < LEAST_NEIGHBOURS:
+        count = int((neighbours.order[row] >= 0).sum())
+        if count < LEAST_NEIGHBOURS:
             return None
-        poses = self._poses[~np.isnan(self._poses[:, slot, 0])]
-        seen = ~np.isnan(poses[:, visible[order], 0])
-        usable = seen.sum(axis=1) >= LEAST_NEIGHBOURS
-        if not usable.any():
+        weights = 1.0 / neighbours.deviations[row, :count]
+        seen = SeenNeighbours(neighbours.slots[row, : 1 + count], positions[neighbours.order[row, :count]], weights)
+        aligned = self._aligned
+        n_used = write_moments(self._poses, seen, aligned)
+        if not n_used:
             return None
-        poses, seen = poses[usable], seen[usable]
-        weights = seen / deviation[order]
-        return _placed(poses[:, visible[order]], positions[order], weights, poses[:, slot], self.noise)
+        rotations = rotation_by_quaternion(aligned.moments[:n_used])
+        variance = place_marker(self._poses, seen, aligned, rotations, self.noise, self._places)
+        return self._places[0, :3].copy(), variance
 
     def join(self, young: int, old: int) -> None:
         """Merge two slots of one marker; the older keeps its label.
@@ -292,8 +309,9 @@ class MarkerHistory:
         old : int
             Slot that stays.
         """
-        fresh = self.common[young] > self.common[old]
-        for table in (self._mean, self._variance, self.common):
+        common = self._distances.common
+        fresh = common[young] > common[old]
+        for table in self._distances:
             table[old, fresh] = table[young, fresh]
             table[fresh, old] = table[fresh, young]
         unknown = np.isnan(self._poses[:, old, 0])
@@ -301,42 +319,3 @@ class MarkerHistory:
         self.n_seen[old] += self.n_seen[young]
         self.last_seen[old] = max(self.last_seen[old], self.last_seen[young])
         self.clear(young)
-
-
-def _distances(first: Floats, second: Floats) -> Floats:
-    apart = first[:, np.newaxis] - second
-    return np.asarray(np.sqrt((apart * apart).sum(axis=2)))
-
-
-def _placed(
-    poses: Floats, positions: Floats, weights: Floats, places: Floats, noise: float
-) -> tuple[Floats, float] | None:
-    """Align poses with what is seen, and average where they put a marker, weighted by how well they fit.
-
-    Parameters
-    ----------
-    poses : ndarray, shape (n_poses, n_neighbours, 3), mm
-        Neighbours in earlier poses.
-    positions : ndarray, shape (n_neighbours, 3), mm
-        Neighbours now.
-    weights : ndarray, shape (n_poses, n_neighbours)
-        0 for neighbours that a pose lacks.
-    places : ndarray, shape (n_poses, 3), mm
-        The marker in the poses.
-    noise : float, mm
-        Standard deviation of rigid distances.
-    """
-    share = (weights / weights.sum(axis=1, keepdims=True))[..., np.newaxis]
-    known = np.where(share > 0, poses, 0.0)
-    centre, now = (share * known).sum(axis=1), (share * positions).sum(axis=1)
-    source, target = known - centre[:, np.newaxis], positions - now[:, np.newaxis]
-    rotation = rotation_by_quaternion((share * target).swapaxes(1, 2) @ source)
-    placed = (rotation @ (places - centre)[..., np.newaxis])[..., 0] + now
-    left = target - source @ rotation.swapaxes(1, 2)
-    misfit = (share * left**2).sum(axis=(1, 2))
-    scale = misfit.min() + noise**2
-    share_of_pose = np.exp(-0.5 * (misfit - misfit.min()) / scale)
-    share_of_pose /= share_of_pose.sum()
-    mean = share_of_pose @ placed
-    spread = float(share_of_pose @ ((placed - mean) ** 2).sum(axis=1)) / 3
-    return mean, spread + scale

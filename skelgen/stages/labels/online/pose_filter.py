@@ -18,6 +18,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
+from skelgen._kernels import contiguous
+from skelgen._kernels.spring_joints import (
+    LimbPoses,
+    SeenMarkers,
+    SpringBody,
+    add_joints,
+    add_markers,
+    move_limbs,
+    predict_markers,
+)
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -45,9 +55,6 @@ MOST_SPREAD = 1.0
 
 ROOT_STRAY = 200.0
 """mm, and rad over the size of a typical limb, that a root may deviate in a frame from its predicted motion."""
-
-_LOWER: Bools = np.tri(6, dtype=np.bool_)
-"""What LAPACK fills of a symmetric matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +92,6 @@ class PoseFilter:
         self.at_parent = _rows([joint.position_in_parent for joint in skeleton.joints])
         self.at_child = _rows([joint.position_in_child for joint in skeleton.joints])
         self.roots: Ints = skeleton.roots
-        every = np.arange(self.n_limbs)[:, np.newaxis]
-        self._of_limb: Floats = (self.limb == every).astype(np.float64)
-        self._of_parent: Floats = (self.parents == every).astype(np.float64)
         self.reference: Floats = np.array(skeleton.reference_pose)
         # [mm], of a typical limb
         self.size = float(np.sqrt((self.offsets[self.carried] ** 2).sum(axis=1).mean())) or 1.0
@@ -96,6 +100,12 @@ class PoseFilter:
         usual = float(np.nanmedian(known)) if self.carried.any() else 0.0
         self.deviation = np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * self.size))
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
+        joints = np.stack([self.parents, self.children], axis=1)
+        places = np.concatenate([self.at_parent, self.at_child], axis=1)
+        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2, joints, places))
+        prior = np.zeros((self.n_limbs, 6))
+        prior[self.roots] = np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
+        self._prior = np.diag(prior.ravel())
         self.rotations: Floats = self.reference[:, :3, :3].copy()
         self.origins: Floats = self.reference[:, :3, 3].copy()
         self._rotation_steps: Floats = np.zeros((self.n_limbs, 3))
@@ -127,6 +137,10 @@ class PoseFilter:
         self._rotation_steps[:], self._steps[:] = 0.0, 0.0
         self._spread[:] = MOST_SPREAD**2
 
+    def load_kernels(self) -> None:
+        """Load what numba compiled now, and not amid the first frames."""
+        self.fit(np.empty((0, 3)), np.empty(0, dtype=np.intp))
+
     def advance(self, n_steps: int) -> None:
         """Predict the pose `n_steps` frames later."""
         fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)
@@ -144,23 +158,22 @@ class PoseFilter:
         markers : ndarray of intp, shape (n,)
             The marker of each.
         """
+        places, numbers = contiguous(points, markers)
+        seen = SeenMarkers(places, numbers, np.inf)
+        poses = LimbPoses(self.rotations.copy(), self.origins.copy())
         factor: Floats = np.empty(0)
         for step in range(STEPS):
-            normal, gradient = self._equations(points, markers, is_robust=step > 0)
+            normal, gradient = self._equations(seen if step == 0 else seen._replace(robust=ROBUST), poses)
             factor, _ = dpotrf(normal.T, lower=1, overwrite_a=1)
-            change = dpotrs(factor, gradient, lower=1)[0].reshape(self.n_limbs, 2, 3)
-            self.rotations = matrix_from_vector(change[:, 0]) @ self.rotations
-            self.origins = self.origins + change[:, 1]
-        inverse = dpotri(factor, lower=1, overwrite_c=1)[0].reshape(self.n_limbs, 6, self.n_limbs, 6)
-        own = inverse[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
-        own = np.where(_LOWER, own, own.swapaxes(1, 2))
-        self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
-        every = np.arange(self.n_markers)
-        places = self.positions_of(every)
-        columns = _columns(places - self.origins[self.limb])
-        spread = columns @ own[self.limb] @ columns.swapaxes(1, 2)
-        spread = spread + np.eye(3) * (self.deviation**2)[:, np.newaxis, np.newaxis]
-        return PosePrediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
+            move_limbs(poses, dpotrs(factor, gradient, lower=1)[0])
+        self.rotations, self.origins = poses
+        inverse = dpotri(factor, lower=1, overwrite_c=1)[0]
+        turned = inverse.diagonal().reshape(self.n_limbs, 6)[self.children, :3]
+        self._seen_spread = turned.sum(axis=1) / 3
+        predicted, spread = np.empty((self.n_markers, 3)), np.empty((self.n_markers, 3, 3))
+        predict_markers(self._body, poses, inverse.T, predicted, spread)
+        predicted[~self.carried] = np.nan
+        return PosePrediction(predicted, spread)
 
     def learn_motion(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
         """Take the motion since an earlier pose as what continues.
@@ -185,55 +198,13 @@ class PoseFilter:
         limb = self.limb[markers]
         return np.asarray((self.rotations[limb] @ self.offsets[markers, :, np.newaxis])[..., 0] + self.origins[limb])
 
-    def _equations(self, points: Floats, markers: Ints, *, is_robust: bool) -> tuple[Floats, Floats]:
-        """Normal matrix (6 n_limbs, 6 n_limbs) and gradient, by rotation vectors [rad] and translations [mm]."""
-        count = self.n_limbs
-        normal = np.zeros((count, 6, count, 6))
-        limb, variance = self.limb[markers], self.deviation[markers] ** 2
-        places = self.positions_of(markers)
-        error, weights = points - places, 1.0 / variance
-        if is_robust:
-            weights /= (1.0 + (error**2).sum(axis=1) / (variance * ROBUST**2)) ** 2
-        columns = _columns(places - self.origins[limb])
-        transposed = (columns * weights[:, np.newaxis, np.newaxis]).swapaxes(1, 2)
-        of_limb = self._of_limb[:, markers]
-        diagonal = (of_limb @ (transposed @ columns).reshape(-1, 36)).reshape(count, 6, 6)
-        gradient = of_limb @ (transposed @ error[..., np.newaxis])[..., 0]
-        self._add_joints(normal, diagonal, gradient)
-        diagonal[self.roots] += np.eye(6) * np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
-        every = np.arange(count)
-        normal[every, :, every] += diagonal
-        return normal.reshape(6 * count, 6 * count), gradient.ravel()
-
-    def _add_joints(self, normal: Floats, diagonal: Floats, gradient: Floats) -> None:
-        parents, children = self.parents, self.children
-        arm = (self.rotations[parents] @ self.at_parent[..., np.newaxis])[..., 0]
-        other = (self.rotations[children] @ self.at_child[..., np.newaxis])[..., 0]
-        apart = (self.origins[children] + other) - (self.origins[parents] + arm)
-        weight = self.joint_deviation**-2
-        first, second = _columns(arm), _columns(other)
-        keep = np.zeros((len(parents), 6, 6))
-        keep[:, [0, 1, 2], [0, 1, 2]] = (1.0 / self._spread)[:, np.newaxis]
-        at_first = weight * first.swapaxes(1, 2)
-        at_second = weight * second.swapaxes(1, 2)
-        diagonal += (self._of_parent @ (at_first @ first + keep).reshape(-1, 36)).reshape(diagonal.shape)
-        diagonal[children] += at_second @ second + keep
-        gradient += self._of_parent @ (at_first @ apart[..., np.newaxis])[..., 0]
-        gradient[children] -= (at_second @ apart[..., np.newaxis])[..., 0]
-        cross = at_first @ second + keep
-        normal[parents, :, children] -= cross
-        normal[children, :, parents] -= cross.swapaxes(1, 2)
+    def _equations(self, seen: SeenMarkers, poses: LimbPoses) -> tuple[Floats, Floats]:
+        """Upper half of the normal matrix and gradient, by rotation vectors [rad] and translations [mm]."""
+        normal, gradient = self._prior.copy(), np.zeros(len(self._prior))
+        add_markers(self._body, poses, seen, normal, gradient)
+        add_joints(self._body, poses, 1.0 / self._spread, self.joint_deviation**-2, normal, gradient)
+        return normal, gradient
 
 
 def _rows(vectors: list[Floats]) -> Floats:
     return np.array(vectors, dtype=np.float64).reshape(-1, 3)
-
-
-def _columns(arm: Floats) -> Floats:
-    """Derivative of points by the rotation vector and the translation of their limb, shape (n, 3, 6)."""
-    columns = np.zeros((len(arm), 3, 6))
-    columns[:, 0, 1], columns[:, 0, 2] = arm[:, 2], -arm[:, 1]
-    columns[:, 1, 0], columns[:, 1, 2] = -arm[:, 2], arm[:, 0]
-    columns[:, 2, 0], columns[:, 2, 1] = arm[:, 1], -arm[:, 0]
-    columns[:, 0, 3] = columns[:, 1, 4] = columns[:, 2, 5] = 1.0
-    return columns

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen._kernels import contiguous
+from skelgen._kernels.pose_scores import LimbMarkers, scores_of_poses
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.online.marker_history import MarkerHistory
@@ -141,7 +143,8 @@ def _limb_candidates(
         Poses of all limbs: where they put the limb's joints counts like points, so that two markers can be enough.
     """
     own = np.flatnonzero(skeleton.carried & (skeleton.limb == limb))
-    marks = _Marks(skeleton.offsets[own], skeleton.deviation[own], [points] * len(own))
+    carried = LimbMarkers(skeleton.offsets[own], skeleton.deviation[own])
+    marks = _Marks(*carried, [points] * len(own))
     triples = itertools.combinations(range(len(own)), 3)
     if neighbours is not None:
         marks = marks.with_joints(skeleton, limb, neighbours)
@@ -155,7 +158,8 @@ def _limb_candidates(
         return PoseCandidates(np.empty((0, 4, 4)), np.empty(0), np.empty((0, len(points)), dtype=np.bool_))
     target = np.concatenate(targets)
     poses = fit_transform(np.array(sources), target, np.ones(target.shape[:2], dtype=np.bool_))
-    scores, used = _scores(poses, skeleton.offsets[own], skeleton.deviation[own], points, spacing)
+    candidates, places = contiguous(poses, points)
+    scores, used = scores_of_poses(candidates, carried, places, chance(spacing))
     order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
     order = order[scores[order] > 0]
     return PoseCandidates(poses[order], scores[order], used[order])
@@ -224,19 +228,6 @@ def _wide_triples(
     order = np.argsort(-areas, kind="stable")
     order = order[areas[order] > LEAST_AREA * longest[order]][:MOST_TRIPLES]
     return [(one, two, three) for one, two, three in chosen[order].tolist()]
-
-
-def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, spacing: float) -> tuple[Floats, Bools]:
-    """Log likelihood of points by each pose over chance [nats], and the points that it explains."""
-    places = np.einsum("nij,mj->nmi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3]
-    squares = ((places[:, :, np.newaxis] - points) ** 2).sum(axis=3)
-    nearest = squares.argmin(axis=2)
-    least = np.take_along_axis(squares, nearest[..., np.newaxis], axis=2)[..., 0]
-    gain = chance(spacing) - 0.5 * least / deviation**2 - 1.5 * np.log(2 * np.pi * deviation**2)
-    used = np.zeros((len(poses), len(points)), dtype=np.bool_)
-    rows, markers = np.nonzero(gain > 0)
-    used[rows, nearest[rows, markers]] = True
-    return np.maximum(gain, 0.0).sum(axis=1), used
 
 
 def _best_combination(skeleton: PoseFilter, found: list[PoseCandidates], spacing: float) -> Ints:
@@ -356,7 +347,8 @@ def _extended(
     proof = 0.0
     for slot in others[order].tolist():
         chosen = np.array(list(group.values()))
-        expected = history.expected(slot, np.array(list(group)), points[chosen])
+        neighbours = history.neighbours(np.array([slot]), np.array(list(group)))
+        expected = history.expected(neighbours, 0, points[chosen])
         if expected is None:
             continue
         place, variance = expected

@@ -71,6 +71,7 @@ class RigidLabels:
     def __init__(self, n_slots: int, window: float) -> None:
         self.merged: dict[int, int] = {}
         self._history = MarkerHistory(n_slots)
+        MarkerHistory.load_kernels()
         self._window = window
         self._rate = 1.0
         self._track_slots = TrackLabels()
@@ -160,7 +161,7 @@ class RigidLabels:
         free = np.flatnonzero((slots < 0) & (tracks >= 0))
         if len(free) < MANY_FREE or self._frame % REGROUP_EVERY:
             return
-        lost = np.setdiff1d(np.flatnonzero(self._history.label >= 0), slots)
+        lost = self._history.lost(slots[slots >= 0])
         for slot, index in find_group(self._history, lost, points[free], spacing).items():
             slots[free[index]] = slot
             for track in tracks[free].tolist():
@@ -186,7 +187,7 @@ class RigidLabels:
         self, points: Floats, young: Ints, visible: Ints, positions: Floats, spacing: float
     ) -> list[tuple[float, int, int]]:
         """Score, point and slot of each pair of a point and a lost marker that may be one."""
-        lost = np.setdiff1d(np.flatnonzero(self._history.label >= 0), visible)
+        lost = self._history.lost(visible)
         scores = self._remembered_scores(points[young], lost, visible, positions, spacing)
         scores = np.maximum(scores, self._learned_scores(points[young], lost, spacing))
         rows, columns = np.nonzero(scores > -np.inf)
@@ -197,11 +198,12 @@ class RigidLabels:
         self, points: Floats, lost: Ints, visible: Ints, positions: Floats, spacing: float
     ) -> Floats:
         """Log likelihood of points by lost markers in remembered poses, over chance [nats]; -inf where implausible."""
-        misfit = self._history.misfits(lost, points, visible, positions)
+        neighbours = self._history.neighbours(lost, visible)
+        misfit = self._history.misfits(neighbours, points, positions)
         scores = np.full(misfit.shape, -np.inf)
         least = misfit.min(axis=0, initial=np.inf)
         for column in np.argsort(least, kind="stable")[: min(MOST_TRIALS, int((least < PLAUSIBLE).sum()))].tolist():
-            expected = self._history.expected(int(lost[column]), visible, positions)
+            expected = self._history.expected(neighbours, column, positions)
             if expected is not None:
                 place, variance = expected
                 squares = ((points - place) ** 2).sum(axis=1)
@@ -214,9 +216,10 @@ class RigidLabels:
         scores = np.full((len(points), len(lost)), -np.inf)
         if self._learned is None or self._prediction is None:
             return scores
-        labels = np.where(self._learned.pose.carried, self._learned.labels, -1)
-        _, columns, markers = np.intersect1d(self._history.label[lost], labels, return_indices=True)
-        if len(markers):
+        known = self._learned.markers_of(self._history.label[lost])
+        columns = np.flatnonzero(known >= 0)
+        if len(columns):
+            markers = known[columns]
             found = explained(points, self._prediction, markers, spacing)
             scores[:, columns] = np.where(found > 0, found, -np.inf)
         return scores
@@ -245,27 +248,28 @@ class RigidLabels:
 
     def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
         """Merge markers with lost ones in whose place they are found repeatedly."""
-        memory = self._history
-        due = [i for i in np.flatnonzero(slots >= 0).tolist() if self._is_to_be_reconsidered(int(slots[i]))]
-        for index in due[:MOST_RECONSIDERED]:
+        history = self._history
+        for index in self._due_to_be_reconsidered(slots)[:MOST_RECONSIDERED]:
             young = int(slots[index])
             others = np.flatnonzero((slots >= 0) & (slots != young))
             if not len(others):
                 continue
             found = self._explanations(points, np.array([index]), slots[others], points[others], spacing)
-            found = [entry for entry in found if entry[2] != young and memory.common[young, entry[2]] <= TOGETHER]
+            found = [entry for entry in found if entry[2] != young and history.common[young, entry[2]] <= TOGETHER]
             for score, _, old in sorted(found, reverse=True)[:1]:
-                pair = (int(memory.label[young]), int(memory.label[old]))
+                pair = (int(history.label[young]), int(history.label[old]))
                 self._votes[pair] = self._votes.get(pair, 0) + 1 if score > CONVINCING else 0
                 if self._votes[pair] >= JOIN_VOTES:
                     self._join(young, old)
                     slots[index] = old
 
-    def _is_to_be_reconsidered(self, slot: int) -> bool:
-        """Whether a marker is young and is to be compared now; slots take turns, to spread the work."""
-        n_seen = int(self._history.n_seen[slot])
+    def _due_to_be_reconsidered(self, slots: Ints) -> list[int]:
+        """Points whose markers are young and are compared now; slots take turns, to spread the work."""
+        known = np.flatnonzero(slots >= 0)
+        n_seen = self._history.n_seen[slots[known]]
         turn = max(1, round(RECONSIDER_SECONDS * self._rate))
-        return n_seen < YOUNG_SECONDS * self._rate and (n_seen + slot) % turn == 0
+        is_due = (n_seen < YOUNG_SECONDS * self._rate) & ((n_seen + slots[known]) % turn == 0)
+        return [int(index) for index in known[is_due]]
 
     def _join(self, young: int, old: int) -> None:
         label, older = int(self._history.label[young]), int(self._history.label[old])

@@ -44,6 +44,7 @@ class SkeletonLabels:
         self._pose: PoseFilter | None = None
         self._track_labels = TrackLabels()
         self._until_search = 0
+        PoseFilter(skeleton).load_kernels()
 
     @property
     def n_markers(self) -> int:
