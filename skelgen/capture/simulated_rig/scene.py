@@ -86,7 +86,7 @@ def scene_of_bodies(
     bodies: Sequence[BodyTarget],
     world_from_body: Floats,
     *,
-    stray: Floats | None = None,
+    single_balls: Floats | None = None,
     rate: float = 60.0,
     name: str = "targets",
 ) -> Scene:
@@ -98,7 +98,7 @@ def scene_of_bodies(
         The targets.
     world_from_body : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
         Their poses in the rig's world.
-    stray : ndarray, shape (n_frames, n_stray, 3) or (n_stray, 3), mm, optional
+    single_balls : ndarray, shape (n_frames, n_single_balls, 3) or (n_single_balls, 3), mm, optional
         Balls of no body; they come last, with -1 in `body_of_ball`.
     rate : float, Hz
         Frames a second.
@@ -109,9 +109,9 @@ def scene_of_bodies(
     owners = np.repeat(np.arange(len(bodies)), [len(body.points) for body in bodies])
     points = [poses[:, i, np.newaxis, :3, :3] @ body.points[..., np.newaxis] for i, body in enumerate(bodies)]
     placed = [points[i][..., 0] + poses[:, i, np.newaxis, :3, 3] for i in range(len(bodies))]
-    if stray is not None:
-        placed.append(np.broadcast_to(stray, (len(poses), *np.shape(stray)[-2:])))
-        owners = np.append(owners, np.full(np.shape(stray)[-2], -1))
+    if single_balls is not None:
+        placed.append(np.broadcast_to(single_balls, (len(poses), *np.shape(single_balls)[-2:])))
+        owners = np.append(owners, np.full(np.shape(single_balls)[-2], -1))
     return Scene(np.concatenate(placed, axis=1), poses, owners, tuple(bodies), rate=rate, name=name)
 
 

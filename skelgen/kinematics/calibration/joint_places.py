@@ -12,7 +12,7 @@ REACH = 1.5
 """Of D: joints farther from the line between both limbs' nearest markers are out of reach; of 33 joints of three people
 that an expert placed, none lies farther than 0.39."""
 
-TRUSTED_TURN = 0.05
+LEAST_TURN = 0.05
 """rad; limbs that turn more than this about a second axis tell where their joint is."""
 
 FAR_OUT = 3.0
@@ -139,8 +139,8 @@ def out_of_reach(fit: ObservedChain) -> list[int]:
         part = np.clip((way * off).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1.0), 0.0, 1.0)
         excess = np.linalg.norm(off - part[:, np.newaxis] * way, axis=1).mean() / joint.distance
         is_hinge = fit.articulation.types[joint.limb] == "hinge"
-        trusted = DETERMINED if excess > FAR_OUT else TRUSTED_TURN
-        if excess > REACH and joint.turns[1] < trusted and not is_hinge:
+        least = DETERMINED if excess > FAR_OUT else LEAST_TURN
+        if excess > REACH and joint.turns[1] < least and not is_hinge:
             found.append(joint.limb)
     return found
 

@@ -216,8 +216,8 @@ def _fitted_chain(
         segments = segments_by_shape(found.last) if parameters.known_build else {}
         found = _with_joint_prior(found, astray, worn=worn, segments=segments)
         chain = found.last.chain
-        told = joints_of_limbs(chain, known_limbs(chain, worn)) if worn is not None else set()
-        found = replace(found, astray=tuple(limb for limb in astray if limb not in told))
+        placed = joints_of_limbs(chain, known_limbs(chain, worn)) if worn is not None else set()
+        found = replace(found, astray=tuple(limb for limb in astray if limb not in placed))
     return fitter.closed(found, loops), seen, lasts
 
 

@@ -42,7 +42,7 @@ ROUNDS = 3
 HELD_SHARE = 0.5
 """A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
 
-JUDGED_FRAMES = 200
+EVIDENCE_FRAMES = 200
 """Frames in which proposals are compared."""
 
 
@@ -175,7 +175,7 @@ def _followed(points: FollowedPoints, skeleton: Skeleton, spacing: float, frames
 
 def _n_explained(points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
     """Number of positions at their places in some frames."""
-    frames = spread_frames(points.cloud.n_frames, JUDGED_FRAMES)
+    frames = spread_frames(points.cloud.n_frames, EVIDENCE_FRAMES)
     positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
     if np.isnan(positions[:, :, 0]).all():
         return 0
