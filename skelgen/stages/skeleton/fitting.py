@@ -33,7 +33,7 @@ from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, withou
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough to tell the types of the joints."""
 
-ROUGH_ROUNDS = 4
+ROUGH_ROUNDS = 6
 """Rounds of the fit that tells outliers from the others: the fit without them goes on from there."""
 
 LEAST_FRAMES = 30
