@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
+from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
@@ -239,7 +240,7 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
     before, after = (table[row[:, np.newaxis], others] for row in rows)
     possible = (before >= 0) & (after >= 0) & (others != which[0][:, np.newaxis]) & (others != which[1][:, np.newaxis])
     source, target = points[before], points[after]
-    away = np.where(possible, np.linalg.norm(source - begin[:, np.newaxis], axis=2), np.inf)
+    away = np.where(possible, lengths_of(source - begin[:, np.newaxis]), np.inf)
     count = min(NEIGHBOURS, away.shape[1])
     nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
     valid = np.take_along_axis(possible, nearest, axis=1)

@@ -158,7 +158,7 @@ def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> 
         return marker_of_point
     order = np.argsort(tracks, kind="stable")[int((tracks < 0).sum()) :]
     starts = np.searchsorted(tracks[order], np.arange(n_tracks + 1))
-    votes = np.stack([scores[order[start:end]].sum(axis=0) for start, end in itertools.pairwise(starts)])
+    votes = np.add.reduceat(scores[order], starts[:-1], axis=0)
     taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
     candidates = np.argwhere(votes > 0)
     ranking = np.argsort(-votes[votes > 0], kind="stable")

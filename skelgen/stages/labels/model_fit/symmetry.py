@@ -68,8 +68,10 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
         marker = result[block.points]
         positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
         for tree, of_limbs in zip(model.trees, ways, strict=True):
+            poses: Floats | None = None
             for limb in _suspected(tree, of_limbs, positions[::stride, tree.markers], share / stride):
-                poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
+                if poses is None:
+                    poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
                 members, orders = tree.markers[tree.chain.limb_of_marker == limb], of_limbs[limb]
                 losses = _losses(tree.chain, limb, orders, positions[:, tree.markers], poses)
                 way = _best_ways(losses / share)
@@ -81,6 +83,7 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
                 marker[owned] = becomes[block.frames[owned], marker[owned]]
                 result[block.points] = marker
                 positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
+                poses = None  # those of this limb have changed
     return result
 
 
@@ -172,15 +175,13 @@ def _best_ways(losses: Floats) -> Ints:
     """The most probable way of each frame, shape (n_frames,)."""
     if _most_gained(losses) <= CHANGE:
         return np.zeros(len(losses), dtype=np.intp)
-    total = losses[0].copy()
-    before = np.empty(losses.shape, dtype=np.intp)
-    for frame, loss in enumerate(losses):
-        if frame:
-            best = int(np.argmin(total))
-            before[frame] = np.where(total <= total[best] + CHANGE, np.arange(len(total)), best)
-            total = np.minimum(total, total[best] + CHANGE) + loss
-    way = np.empty(len(losses), dtype=np.intp)
-    way[-1] = int(np.argmin(total))
-    for frame in range(len(losses) - 1, 0, -1):
-        way[frame - 1] = before[frame, way[frame]]
-    return way
+    total, before = losses[0].tolist(), []
+    for loss in losses[1:].tolist():  # of two ways or six: lists are faster than arrays
+        least = min(total)
+        best = total.index(least)
+        before.append([way if value <= least + CHANGE else best for way, value in enumerate(total)])
+        total = [min(value, least + CHANGE) + more for value, more in zip(total, loss, strict=True)]
+    ways = [total.index(min(total))]
+    for came_from in reversed(before):
+        ways.append(came_from[ways[-1]])
+    return np.array(ways[::-1], dtype=np.intp)
