@@ -139,18 +139,17 @@ def _losses(chain: Chain, limb: int, orders: Ints, positions: Floats, poses: Flo
     if parent >= 0:
         met.append(_moved(poses[:, parent], chain.joints[[limb]])[:, 0])
     targets = np.concatenate([positions[:, members], *(one[:, np.newaxis] for one in met)], axis=1)
-    seen = ~np.isnan(targets[..., 0])
-    losses, usual = np.zeros((len(positions), len(orders))), np.ones(seen.shape[1])
-    places = chain.offsets[members]
+    losses = np.zeros((len(positions), len(orders)))
+    shown = np.flatnonzero((~np.isnan(targets[..., 0])).sum(axis=1) >= LEAST_POINTS)
+    targets = targets[shown]
+    seen, usual, places = ~np.isnan(targets[..., 0]), np.ones(targets.shape[1]), chain.offsets[members]
     for way, order in enumerate(orders):
         source = np.concatenate([places[order], ends])
         squares = ((targets - _moved(fit_transform(source, targets, seen), source)) ** 2).sum(axis=2)
         if way == 0:
             usual = np.array([np.median(one[~np.isnan(one)]) if (~np.isnan(one)).any() else 1.0 for one in squares.T])
-        losses[:, way] = np.nan_to_num(np.minimum(squares / (2.0 * np.maximum(usual, EXACT)), MOST_EVIDENCE)).sum(
-            axis=1
-        )
-    losses[seen.sum(axis=1) < LEAST_POINTS] = 0.0
+        evidence = np.minimum(squares / (2.0 * np.maximum(usual, EXACT)), MOST_EVIDENCE)
+        losses[shown, way] = np.nan_to_num(evidence).sum(axis=1)
     return losses
 
 
@@ -162,7 +161,7 @@ def _is_sure(losses: Floats, way: Ints) -> bool:
 
 def _moved(pose: Floats, places: Floats) -> Floats:
     """Places on a posed limb in the world [mm], shape (n_frames, n, 3)."""
-    return np.asarray(np.einsum("fij,nj->fni", pose[:, :3, :3], places) + pose[:, np.newaxis, :3, 3])
+    return np.asarray(places @ pose[:, :3, :3].swapaxes(1, 2) + pose[:, np.newaxis, :3, 3])
 
 
 def _most_gained(losses: Floats) -> float:
