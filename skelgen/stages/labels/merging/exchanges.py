@@ -11,7 +11,6 @@ Which exchanges are tried is told by how well each point suits the usual distanc
 short exchange does not change.
 """
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -96,10 +95,11 @@ def exchange_markers(
     changed = set(np.flatnonzero(~is_held).tolist())
     free = frozenset(changed)
     while True:
-        promising = search.promising()
-        for pair in itertools.combinations(sorted(free), 2):
-            if changed & set(pair):
-                found[pair] = search.best(*pair) if promising[pair] else NOTHING
+        for one, is_promising in zip(sorted(changed), search.promising(sorted(changed)), strict=True):
+            for other in free - {one}:
+                pair = min(one, other), max(one, other)
+                if other > one or other not in changed:
+                    found[pair] = search.best(*pair) if is_promising[other] else NOTHING
         pair = max(found, key=lambda one: found[one].gain, default=(0, 0))
         best = found.get(pair, NOTHING)
         if best.gain < LEAST_GAIN:
@@ -133,11 +133,14 @@ class _Search:
         self._witnesses = np.full((n_markers, WITNESSES), -1, dtype=np.intp)
         self._measure(np.arange(n_markers), *np.triu_indices(n_markers))
 
-    def promising(self) -> Bools:
-        """Which pairs are worth a trial: near ones, and those whose points suit each other's distances for a while."""
-        count, total, _ = self._sums
+    def promising(self, markers: list[int]) -> Bools:
+        """Whether some markers' exchange with any is worth a trial, shape (len(markers), n_markers).
+
+        That is with near ones, and with those whose points suit each other's distances for a while.
+        """
+        count, total, _ = self._sums[:, markers]
         is_near = (count > 0) & (total <= NEAR * self._spacing * count)
-        both = self._suits + self._suits.swapaxes(0, 1)
+        both = self._suits[markers] + self._suits[:, markers].swapaxes(0, 1)
         best, run = np.zeros((2, *both.shape[:2]))
         for moment in np.ascontiguousarray(np.moveaxis(both, 2, 0)):
             run = np.maximum(run + moment, 0.0)
@@ -268,7 +271,9 @@ class _Search:
         away = self._distance[points[:, np.newaxis], witnesses]
         away -= self._usual[marker, witnesses, np.newaxis]
         away /= self._deviation[marker, witnesses, np.newaxis]
-        misfit = np.minimum(away * away / 2, MOST_MISFIT)
+        away *= away
+        away *= 0.5
+        misfit = np.minimum(away, MOST_MISFIT, out=away)
         np.copyto(misfit, 0.0, where=np.isnan(misfit))
         misfit[points[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
         return np.asarray(misfit.sum(axis=1))

@@ -18,7 +18,7 @@ from skelgen.kinematics.inverse.root_outward import pose_by_own_markers, pose_ou
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.limbs import LimbParameters, find_limbs
+from skelgen.stages.limbs import LimbParameters, draft_limbs
 from skelgen.stages.skeleton import BodyOfTake, SkeletonParameters, StructuredTake, assemble
 
 GATE_DEVIATIONS = 6.0
@@ -185,7 +185,7 @@ def fit_model(
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     if structure is None:
         try:
-            limbs = find_limbs(chosen, BY_MOTION, seed=seed)
+            limbs = draft_limbs(chosen, BY_MOTION, seed=seed)
             structure = FoundStructure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
         except InputError:
             return None
