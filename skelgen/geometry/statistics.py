@@ -1,8 +1,13 @@
 """Middle and spread that a few wild values do not spoil, and the distances they are taken of."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+
+SORTED_AT_ONCE = 1_000_000
+"""Distances that are sorted at once: 8 MB."""
 
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of normal numbers with a median absolute deviation of 1."""
@@ -41,6 +46,21 @@ def quantile_of(values: Floats, part: float) -> float:
     return low + (high - low) * way if way < 0.5 else high - (high - low) * (1 - way)
 
 
+def lengths_of(vectors: Floats) -> Floats:
+    """Return the lengths of vectors, shape (...): `numpy.linalg.norm` of the last axis, many times as fast.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (..., 3)
+        NaN gives NaN.
+    """
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    squares = np.asarray(x * x)
+    squares += y * y
+    squares += z * z
+    return np.asarray(np.sqrt(squares))
+
+
 def pair_lengths(positions: Floats, first: Ints, second: Ints) -> Floats:
     """Return the distances of pairs of markers [mm], shape (n_pairs, n_frames): a row per pair, for sorting.
 
@@ -61,3 +81,26 @@ def pair_lengths(positions: Floats, first: Ints, second: Ints) -> Floats:
         away = coordinate[first] - coordinate[second]
         squares += away * away
     return np.sqrt(squares, out=squares)
+
+
+def sorted_pair_lengths(positions: Floats, first: Ints, second: Ints) -> Iterator[tuple[slice, Floats]]:
+    """Sort the distances of pairs of markers over all frames, some pairs after the other.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    first, second : ndarray of intp, shape (n_pairs,)
+        Indices of markers.
+
+    Yields
+    ------
+    part : slice
+        Which pairs.
+    lengths : ndarray, shape (n_frames, n_part), mm
+        Their distances, rising down each column; NaN last.
+    """
+    step = max(1, SORTED_AT_ONCE // max(1, len(positions)))
+    for start in range(0, len(first), step):
+        part = slice(start, start + step)
+        yield part, np.ascontiguousarray(np.sort(pair_lengths(positions, first[part], second[part]), axis=1).T)

@@ -144,20 +144,24 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
     seen = ~np.isnan(positions[:, :, 0])
     reference = int(np.argmax(seen.sum(axis=1)))
     points = positions[reference] - np.nanmean(positions[reference], axis=0) if seen[reference].any() else positions[0]
-    before: Bools | None = None
+    before, used = np.zeros((0,), dtype=bool), np.zeros((0,), dtype=bool)
     for _ in range(MAX_ROUNDS):
         known = ~np.isnan(points[:, 0])
-        if before is None or (known != before).any():
+        is_new = not np.array_equal(known, before)
+        if is_new:
             shown, before = seen & known, known
             patterns, inverse = distinct_rows(shown)
         filled = np.where(known[:, np.newaxis], points, 0.0)
         usable = _span_space(filled, patterns, flatness)[inverse]
-        if not usable.any():
+        if is_new or not np.array_equal(usable, used):
+            frames, used = np.flatnonzero(usable), usable
+            places, fitted, averaged = positions[frames], shown[frames], seen[frames]
+        if not len(frames):
             break
-        poses = fit_transform(filled, positions[usable], shown[usable], rotator)
-        mean = means_in_body(poses, positions[usable], seen[usable])
+        poses = fit_transform(filled, places, fitted, rotator)
+        mean = means_in_body(poses, places, averaged)
         average = mean - mean[~np.isnan(mean[:, 0])].mean(axis=0)
-        moved = np.nanmax(np.abs(average - points), initial=0.0)
+        moved = np.fmax.reduce(np.abs(average - points), axis=None, initial=0.0)
         gained = bool((np.isnan(points) & ~np.isnan(average)).any())
         points = average
         if moved < SHAPE_TOLERANCE and not gained:

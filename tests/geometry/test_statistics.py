@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.geometry.statistics import median_of_known, pair_lengths, quantile_of
+from skelgen.geometry.statistics import (
+    lengths_of,
+    median_of_known,
+    pair_lengths,
+    quantile_of,
+    sorted_pair_lengths,
+)
 
 
 @pytest.mark.parametrize("n_rows", [1, 2, 7, 8])
@@ -39,3 +45,20 @@ def test_each_row_holds_the_distances_of_a_pair():
 def test_no_pairs_have_no_rows():
     none = np.zeros(0, dtype=np.intp)
     assert pair_lengths(np.zeros((3, 2, 3)), none, none).shape == (0, 3)
+
+
+def test_lengths_are_those_of_numpy():
+    vectors = np.random.default_rng(0).normal(size=(7, 4, 3))
+    vectors[2, 1, 0] = np.nan
+    assert np.array_equal(lengths_of(vectors), np.linalg.norm(vectors, axis=-1), equal_nan=True)
+
+
+def test_sorted_distances_rise_and_are_those_of_the_pairs(monkeypatch):
+    monkeypatch.setattr("skelgen.geometry.statistics.SORTED_AT_ONCE", 20)  # two pairs at once
+    positions = np.random.default_rng(1).normal(size=(10, 4, 3))
+    positions[3:5, 2] = np.nan
+    first, second = np.triu_indices(4, 1)
+    found = np.full((10, len(first)), -1.0)
+    for part, lengths in sorted_pair_lengths(positions, first, second):
+        found[:, part] = lengths
+    assert np.array_equal(found, np.sort(pair_lengths(positions, first, second).T, axis=0), equal_nan=True)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from skelgen.geometry.statistics import sorted_pair_lengths
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.stages.joints.segments import Segment
 
@@ -183,16 +184,20 @@ def _nearest_markers(markers: Sequence[Floats]) -> tuple[Floats, Floats, Floats,
     places = np.concatenate(markers, axis=1)
     limb_of = np.repeat(np.arange(len(markers)), [one.shape[1] for one in markers])
     found = np.full((4, len(markers), len(markers)), np.inf)
-    for marker, limb in enumerate(limb_of.tolist()):
-        gaps = np.sort(np.linalg.norm(places - places[:, [marker]], axis=2), axis=0)  # NaN last
+    first, second = np.triu_indices(len(limb_of), 1)
+    across = limb_of[first] != limb_of[second]
+    first, second = first[across], second[across]
+    for part, gaps in sorted_pair_lengths(places, first, second):
         n_common = (~np.isnan(gaps)).sum(axis=0)
-        other = np.flatnonzero((n_common >= LEAST_COMMON) & (limb_of != limb))
-        far = gaps[(FARTHEST * (n_common[other] - 1)).astype(np.intp), other]
+        pair = np.flatnonzero(n_common >= LEAST_COMMON)
+        one, other, count = limb_of[first[part][pair]], limb_of[second[part][pair]], n_common[pair]
+        far, shown = gaps[(FARTHEST * (count - 1)).astype(np.intp), pair], gaps[:, pair]
         # Markers seen together in few frames had little time to move
-        unsteady = np.sqrt(len(gaps) / n_common[other]) * np.nanstd(gaps[:, other], axis=0)
-        middle = np.nanmean(gaps[:, other], axis=0)
-        for table, value in zip(found, (far, unsteady, far**2 * unsteady, middle), strict=True):
-            np.minimum.at(table[limb], limb_of[other], value)
+        unsteady = np.sqrt(len(gaps) / count) * np.nanstd(shown, axis=0)
+        values = far, unsteady, far**2 * unsteady, np.nanmean(shown, axis=0)
+        for table, value in zip(found, values, strict=True):
+            np.minimum.at(table, (one, other), value)
+    found = np.minimum(found, found.transpose(0, 2, 1))
     return found[0], found[1], found[2], found[3]
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +25,6 @@ _MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D
 """Odd numbers that scatter the bits of coordinates over a key."""
 
 _FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
-
-Scores = NDArray[np.floating[Any]]
-"""How well markers explain points, shape (n_points, n_markers); float32 does."""
 
 _Keys = NDArray[np.uint64]
 

@@ -29,7 +29,7 @@ from skelgen.stages.labels.input_checks import (
 )
 from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.likelihood import evidence_of_labels
-from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs
+from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
@@ -288,10 +288,10 @@ def _exchanged(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
     return join_duplicates(task.cloud, merged, task.rate, task.spacing)
 
 
-def _on_limbs(task: LabelTask, pieces: TrackletPoints, found: Ints) -> Ints:
+def _on_limbs(task: LabelTask, pieces: PairTables, found: Ints) -> Ints:
     """Marker of each point, merged limb by limb; the markers found so far say which limbs there are."""
-    known = main_groups(found[pieces.points], pieces.tracklet_of_point)
-    return _grouped(task, pieces, merge_on_limbs(task.cloud.points, pieces, task.rate, task.spacing, known))
+    known = main_groups(found[pieces.tracklets.points], pieces.tracklets.tracklet_of_point)
+    return _grouped(task, pieces.tracklets, merge_on_limbs(pieces, known))
 
 
 def _filled(task: LabelTask, labels: Ints, found: Ints) -> Ints:
@@ -324,7 +324,7 @@ def _evidence(task: LabelTask, found: Ints) -> tuple[float, float]:
     return evidence_of_labels(sampled_distances(task.cloud, found, task.rate), task.spacing)
 
 
-def _pieces(task: LabelTask, tracks: Ints) -> TrackletPoints | None:
+def _pieces(task: LabelTask, tracks: Ints) -> PairTables | None:
     """Tracklets that are long enough to be merged limb by limb; None if these are too many, or none."""
     usual = least_length(task.cloud.n_frames, task.rate, task.parameters)
     least = max(1, round(min(PIECE_SECONDS * task.rate, usual))) + 2 * task.parameters.trim_range
@@ -332,7 +332,7 @@ def _pieces(task: LabelTask, tracks: Ints) -> TrackletPoints | None:
     if not 0 < n_pieces <= MOST_PIECES:
         return None
     pieces = find_tracklets(task.cloud, tracks, task.rate, replace(task.parameters, min_range=least))
-    return pieces if len(pieces) else None
+    return measure_pairs(task.cloud.points, pieces, task.rate, task.spacing) if len(pieces) else None
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

@@ -9,7 +9,7 @@ from skelgen.stages.limbs.constraints import LimbConstraints
 from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
 from skelgen.stages.limbs.parameters import LimbParameters
-from skelgen.stages.limbs.stage import find_limbs
+from skelgen.stages.limbs.stage import draft_limbs, find_limbs
 from skelgen.stages.limbs.worn_body import markers_of_set, worn_body, worn_neighbours
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "LimbParameters",
     "bodies_by_distances",
     "doubt_notices",
+    "draft_limbs",
     "find_limbs",
     "markers_of_set",
     "rigid_groups",

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.statistics import sorted_pair_lengths
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 LOOKED_AT = 200
@@ -165,13 +166,14 @@ def marker_distances(positions: Floats) -> tuple[Floats, Floats]:
     positions = positions[evenly_spread(np.arange(len(positions)), LOOKED_AT)]
     n_frames, n_markers = positions.shape[:2]
     far, unsteady = np.full((2, n_markers, n_markers), np.inf)
-    for marker in range(n_markers):
-        gaps = np.sort(np.linalg.norm(positions - positions[:, [marker]], axis=2), axis=0)  # NaN last
+    first, second = np.triu_indices(n_markers)
+    for part, gaps in sorted_pair_lengths(positions, first, second):
         n_common = (~np.isnan(gaps)).sum(axis=0)
-        other = np.flatnonzero(n_common >= LEAST_COMMON)
-        far[marker, other] = gaps[(FARTHEST * (n_common[other] - 1)).astype(np.intp), other]
+        pair = np.flatnonzero(n_common >= LEAST_COMMON)
+        one, other, count = first[part][pair], second[part][pair], n_common[pair]
+        far[one, other] = far[other, one] = gaps[(FARTHEST * (count - 1)).astype(np.intp), pair]
         # Markers seen together in few frames had little time to move
-        unsteady[marker, other] = np.sqrt(n_frames / n_common[other]) * np.nanstd(gaps[:, other], axis=0)
+        unsteady[one, other] = unsteady[other, one] = np.sqrt(n_frames / count) * np.nanstd(gaps[:, pair], axis=0)
     return far, unsteady
 
 

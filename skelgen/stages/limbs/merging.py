@@ -37,7 +37,15 @@ from skelgen.stages.limbs.distances import (
 )
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Group, Movements, Spread
-from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, find_rigid_clusters, marker_noise, misfit, nearest
+from skelgen.stages.limbs.rigid_clusters import (
+    GAIN,
+    LINKED,
+    find_rigid_clusters,
+    largest_by_label,
+    marker_noise,
+    misfit,
+    nearest,
+)
 
 BEND = 4.0
 """Times the bending that three markers or more show: no more is allowed for a limb that they belong to."""
@@ -48,7 +56,6 @@ LIMB = 5.0
 PLATE = 3.0
 """The same between clusters with poses of their own: that each is rigid is evidence of a joint already, while pairs of
 markers on soft tissue are rigid because they are near."""
-
 
 UNRELATED = 1e6
 """Times the largest variance: for markers that are never seen together. Finite, so that sums stay numbers."""
@@ -154,17 +161,16 @@ def _with_resting(
     seen_part = movements.seen_part
     for marker in [block[0] for block in constraints.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
         own = int(groups[marker])
-        mates = {
-            group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
-            for group in np.unique(groups).tolist()
-        }
-        near = [
-            group
-            for group, others in mates.items()
-            if group != own and ratio[marker, others].max() <= LINKED and not constraints.apart[marker, others].any()
-        ]
-        if not near or not mates[own]:
+        is_near = largest_by_label(ratio[[marker]], groups)[0] <= LINKED
+        is_near[own] = False
+        is_near[groups[constraints.apart[marker]]] = False
+        near = np.flatnonzero(is_near).tolist()
+        if not near or (groups == own).sum() == 1:
             continue
+        mates: dict[int, Group] = {
+            group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
+            for group in (own, *near)
+        }
         meanwhile = movements.while_seen(marker)
         least = _cost(meanwhile.relative(mates[own], (marker,)), noise) + LEAST_GAIN
         resting = [

@@ -8,6 +8,7 @@ neighbours, and with how many markers lie between the two.
 
 import numpy as np
 
+from skelgen.geometry.statistics import sorted_pair_lengths
 from skelgen.model.arrays import Bools, Floats, spread_frames
 
 LOOKED_AT = 200
@@ -116,17 +117,21 @@ def _between(deviation: Floats, away: Floats) -> list[Floats]:
 
 def _distances(positions: Floats) -> tuple[Bools, Floats, Floats, Floats]:
     """Whether markers are seen together; deviation, mean and largest usual distance [mm]; the largest of all if not."""
-    gaps = np.sort(np.linalg.norm(positions[:, :, np.newaxis] - positions[:, np.newaxis], axis=3), axis=0)
-    n_common = (~np.isnan(gaps)).sum(axis=0)
-    ends = [
-        np.take_along_axis(gaps, np.rint(part * np.maximum(n_common - 1, 0)).astype(np.intp)[np.newaxis], axis=0)
-        for part in KEPT
-    ]
-    kept = np.clip(gaps, *ends)
+    n_markers = positions.shape[1]
+    first, second = np.triu_indices(n_markers)
+    n_common = np.empty((n_markers, n_markers), dtype=np.intp)
+    spread, mean, farthest = np.empty((3, n_markers, n_markers))
+    for part, gaps in sorted_pair_lengths(positions, first, second):
+        n_seen = (~np.isnan(gaps)).sum(axis=0)
+        places = [np.rint(share * np.maximum(n_seen - 1, 0)).astype(np.intp) for share in KEPT]
+        ends = [gaps[place, np.arange(len(place))] for place in places]
+        kept, count = np.clip(gaps, *ends), np.maximum(n_seen, 1)
+        middle = np.nansum(kept, axis=0) / count
+        # What is seen together for a part of the time has had less time to move
+        deviation = np.sqrt(np.nansum((kept - middle) ** 2, axis=0) / count * (len(positions) / count))
+        pairs = zip((n_common, spread, mean, farthest), (n_seen, deviation, middle, ends[1]), strict=True)
+        for table, values in pairs:
+            table[first[part], second[part]] = table[second[part], first[part]] = values
     known = n_common >= LEAST_COMMON
-    count = np.maximum(n_common, 1)
-    mean = np.nansum(kept, axis=0) / count
-    # What is seen together for a part of the time has had less time to move
-    spread = np.sqrt(np.nansum((kept - mean) ** 2, axis=0) / count * (len(positions) / count))
-    deviation, middle, far = (np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, ends[1][0]))
-    return known, deviation, middle, far
+    spread, mean, farthest = (np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, farthest))
+    return known, spread, mean, farthest

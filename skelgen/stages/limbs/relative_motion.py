@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -116,7 +116,6 @@ class Movements:
 
     def __init__(self, positions: Floats, frames: Ints) -> None:
         self._all = positions
-        self._all_seen: Bools | None = None
         self._sampled = positions[frames]
         self._sampled_seen: Bools = ~np.isnan(self._sampled[:, :, 0])
         self._known: dict[_Asked, Spread | None] = {}
@@ -221,25 +220,29 @@ class Movements:
         return self._frames_with((0,))
 
     @cached_property
+    def _sampled_rows(self) -> Bools:
+        """Which sampled frames show each marker, shape (n_markers, n_sampled): rows are added up in one go."""
+        return np.ascontiguousarray(self._sampled_seen.T)
+
+    @cached_property
+    def _all_rows(self) -> Bools:
+        return np.ascontiguousarray(~np.isnan(self._all[:, :, 0]).T)
+
+    @cached_property
     def _is_complete(self) -> bool:
         return not np.isnan(self._all).any()
 
     def _frames_with(self, markers: Group) -> tuple[Ints, bool]:
-        frames = self._frames_that_show(markers, self._sampled_seen)
+        frames = self._frames_that_show(markers, self._sampled_rows)
         are_sampled = len(frames) >= ENOUGH_FRAMES
         if not are_sampled:
-            if self._all_seen is None:
-                self._all_seen = ~np.isnan(self._all[:, :, 0])
-            frames = self._frames_that_show(markers, self._all_seen)
-        if len(frames) > TEST_FRAMES:
-            frames = frames[np.linspace(0, len(frames) - 1, TEST_FRAMES).astype(np.intp)]
-        return frames, are_sampled
+            frames = self._frames_that_show(markers, self._all_rows)
+        return (frames[_test_places(len(frames))] if len(frames) > TEST_FRAMES else frames), are_sampled
 
     def _frames_that_show(self, markers: Group, seen: Bools) -> Ints:
-        """Those of the frames in `seen` that show most of some markers."""
-        index = list(markers)
-        needed = max(min(3, len(index)), int(np.ceil(SEEN_PART * len(index))))
-        return np.flatnonzero(seen[:, index].sum(axis=1) >= needed)
+        """Those of the frames that show most of some markers; `seen` has a row for each marker."""
+        needed = max(min(3, len(markers)), int(np.ceil(SEEN_PART * len(markers))))
+        return np.flatnonzero(seen[list(markers)].sum(axis=0, dtype=np.int16) >= needed)
 
     def _shown(self, markers: Ints, frames: Ints, are_sampled: bool) -> tuple[Floats, Bools]:
         """Positions (0 where unseen) and visibility of the markers of many groups in frames of their own."""
@@ -247,6 +250,12 @@ class Movements:
         points = (self._sampled if are_sampled else self._all)[where]
         seen: Bools = ~np.isnan(points[..., 0])
         return np.where(seen[..., np.newaxis], points, 0.0), seen
+
+
+@cache
+def _test_places(n_frames: int) -> Ints:
+    """Places of `TEST_FRAMES` frames, spread over so many."""
+    return np.linspace(0, n_frames - 1, TEST_FRAMES).astype(np.intp)
 
 
 def _spreads_of(points: Floats, seen: Bools, markers: Ints, n_first: int) -> Iterator[tuple[Ints, Spread]]:
@@ -319,7 +328,7 @@ def _relative_bases(shapes: Floats, n_first: int) -> Iterator[tuple[Ints, Floats
         for part in (shapes[:, :n_first], shapes[:, n_first:], shapes)
     ]
     ranks = np.stack([_ranks(sizes) for _, sizes in found], axis=1)
-    for kinds in np.unique(ranks, axis=0).tolist():
+    for kinds in sorted(set(map(tuple, ranks.tolist()))):
         places = np.flatnonzero((ranks == kinds).all(axis=1))
         first, second, whole = (left[places, :, :rank] for (left, _), rank in zip(found, kinds, strict=True))
         parts = np.zeros((len(places), whole.shape[1], kinds[0] + kinds[1]))

@@ -167,8 +167,8 @@ class _Search:
 
     def _merges_and_moves(self) -> Iterator[Change]:
         labels = self._labels()
-        to_piece = _largest(self._ratio, labels)
-        across = _largest(to_piece.T, labels)
+        to_piece = largest_by_label(self._ratio, labels)
+        across = largest_by_label(to_piece.T, labels)
         for first, second in _near_pairs(across, MERGED):
             yield (first, second), [_union(self.clusters[first], self.clusters[second])]
         for index, cluster in enumerate(self.clusters):
@@ -187,7 +187,7 @@ class _Search:
 
     def _regroupings(self) -> Iterator[Change]:
         labels = self._labels()
-        least = -_largest(_largest(-self._ratio, labels).T, labels)
+        least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
         for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
             if len(both) > REGROUPED:
@@ -251,7 +251,7 @@ def _linkage(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
     for index, block in enumerate(blocks):
         labels[list(block)] = index
     large = np.where(apart, np.finfo(np.float64).max / 4, np.minimum(ratio, np.finfo(np.float64).max / 8))
-    between = _largest(_largest(large, labels).T, labels)
+    between = largest_by_label(largest_by_label(large, labels).T, labels)
     np.fill_diagonal(between, 0.0)
     number = fcluster(linkage(squareform(between, checks=False), method="complete"), LINKED, criterion="distance")
     return [
@@ -260,8 +260,16 @@ def _linkage(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
     ]
 
 
-def _largest(table: Floats, labels: Ints) -> Floats:
-    """Largest entry of each row over the columns of each label, shape (len(table), n_labels)."""
+def largest_by_label(table: Floats, labels: Ints) -> Floats:
+    """Return the largest entry of each row over the columns of each label, shape (len(table), n_labels).
+
+    Parameters
+    ----------
+    table : ndarray, shape (n, n_markers)
+        Any measure.
+    labels : ndarray of intp, shape (n_markers,)
+        Label of each column, from 0 without holes.
+    """
     order = np.argsort(labels, kind="stable")
     starts = np.searchsorted(labels[order], np.arange(labels.max() + 1))
     return np.asarray(np.maximum.reduceat(table[:, order], starts, axis=1))

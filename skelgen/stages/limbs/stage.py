@@ -6,7 +6,9 @@ clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import is_soft, revised
+from skelgen.stages.limbs.votes import majority
 
 HALF_WEIGHT = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
@@ -75,6 +78,57 @@ def find_limbs(
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
     named = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
+    found = _groups(trajectories, parameters, n_limbs, named, seed, monitor)
+    limb_of_marker = found.limb_of_marker
+    about = limb_notices(trajectories, limb_of_marker, found.frames)
+    notices = _about_bodies(found.body_of_marker[found.usable], found.sure), about
+    for notice in chain(*notices):
+        monitor.notice(notice)
+    limbs = found.limbs()
+    membership = _memberships(trajectories.positions[found.frames], limb_of_marker, limbs.body_of_limb, named)
+    monitor.advance(1, 1)
+    return replace(limbs, membership=membership)
+
+
+def draft_limbs(trajectories: Trajectories, parameters: LimbParameters, *, seed: int = 0) -> Limbs:
+    """Group the markers of a take into rigid limbs as `find_limbs` does, without how sure each marker's limb is.
+
+    Parameters
+    ----------
+    trajectories, parameters, seed
+        As for `find_limbs`, which says what is raised.
+    """
+    named = LimbConstraints().with_parameters(parameters).of_markers(trajectories.names)
+    return _groups(trajectories, parameters, None, named, seed, SILENT).limbs()
+
+
+class _Groups(NamedTuple):
+    """Limb of each marker by sampled frames, with the deviations of distances there; markers that are seen with others;
+    body of each marker, and how sure each body is.
+    """
+
+    limb_of_marker: Ints
+    frames: Ints
+    deviations: pair_distances.Deviations
+    usable: Ints
+    body_of_marker: Ints
+    sure: Floats
+
+    def limbs(self) -> Limbs:
+        """The limbs, without memberships."""
+        kept, body_of_limb = _bodies_of_limbs(self.limb_of_marker, self.body_of_marker)
+        return Limbs(self.limb_of_marker, self.deviations.plain, (), None, body_of_limb, self.sure[kept])
+
+
+def _groups(
+    trajectories: Trajectories,
+    parameters: LimbParameters,
+    n_limbs: int | None,
+    named: MarkerConstraints,
+    seed: int,
+    monitor: Monitor,
+) -> _Groups:
+    """Part markers into bodies, and these into limbs."""
     frames = pair_distances.sample_frames(trajectories.n_frames, parameters, seed)
     every = pair_distances.distance_deviations(trajectories.positions, frames)
     usable = _usable(every.plain, named)
@@ -89,13 +143,7 @@ def find_limbs(
         _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
     limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
-    notices = _about_bodies(body_of_marker[usable], sure), limb_notices(trajectories, limb_of_marker, frames)
-    for notice in chain(*notices):
-        monitor.notice(notice)
-    kept, body_of_limb = _bodies_of_limbs(limb_of_marker, body_of_marker)
-    membership = _memberships(trajectories.positions[frames], limb_of_marker, body_of_limb, named)
-    monitor.advance(1, 1)
-    return Limbs(limb_of_marker, every.plain, (), membership, body_of_limb, sure[kept])
+    return _Groups(limb_of_marker, frames, every, usable, body_of_marker, sure)
 
 
 def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
@@ -294,49 +342,6 @@ def _count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> in
         return aligned_count(vectors[:, ::-1])
     gaps = -np.diff(values[::-1])  # the number of leading eigenvalues before the largest gap (von Luxburg 2007, 8.3)
     return int(np.argmax(gaps[: max(1, len(values) // 2)])) + 1
-
-
-def majority(groupings: list[Ints]) -> Ints:
-    """Group markers that more than half of the groupings put together.
-
-    Where that is contradictory, because a is with b and b with c but a not with c, the markers that hang together are
-    grouped as in the grouping that agrees best with the others about them. Kirk et al. (2005) keep the tightest of
-    several groupings.
-
-    Parameters
-    ----------
-    groupings : list of ndarray of intp, shape (n_markers,)
-        Group of each marker, by several samplings.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_markers,)
-    """
-    together: Floats = np.mean([groups[:, np.newaxis] == groups for groups in groupings], axis=0)
-    result = np.full(len(together), -1, dtype=np.intp)
-    for marker in range(len(together)):
-        if result[marker] < 0:
-            reached = np.flatnonzero(_reached(together > 1 / 2, marker))
-            result[reached] = reached[_agreed(together[np.ix_(reached, reached)], [one[reached] for one in groupings])]
-    return result
-
-
-def _reached(linked: Bools, marker: int) -> Bools:
-    """Markers that are linked to one, directly or through others."""
-    reached = np.zeros(len(linked), dtype=np.bool_)
-    reached[marker] = True
-    while (wider := np.asarray(linked[reached].any(axis=0))).sum() > reached.sum():
-        reached = wider
-    return reached
-
-
-def _agreed(together: Floats, groupings: list[Ints]) -> Ints:
-    """For each of some markers that hang together, the first of its group."""
-    if (together > 1 / 2).all():
-        return np.zeros(len(together), dtype=np.intp)
-    same = [groups[:, np.newaxis] == groups for groups in groupings]
-    best = min(same, key=lambda pairs: float(np.abs(pairs - together).sum()))
-    return np.asarray(best.argmax(axis=1), dtype=np.intp)
 
 
 def _usable(deviation: Floats, constraints: MarkerConstraints) -> Ints:

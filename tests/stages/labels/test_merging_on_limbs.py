@@ -11,7 +11,7 @@ from skelgen.model.tracklets import TrackletPoints
 from skelgen.simulation import simulate
 from skelgen.stages.labels import label_markers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels
-from skelgen.stages.labels.merging.limbs import main_groups, merge_on_limbs, rigid_odds
+from skelgen.stages.labels.merging.limbs import main_groups, measure_pairs, merge_on_limbs, rigid_odds
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import counts_together, find_points
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
@@ -51,7 +51,7 @@ def test_limb_that_vanishes_whole_is_found_again_by_its_shape():
     pieces = [(marker, first, last) for first, last in ((0, 180), (220, 400)) for marker in range(4)]
     pieces += [(marker, 0, 400) for marker in range(4, 8)]
     points, tracklets = cut_up(positions, pieces)
-    group = merge_on_limbs(points, tracklets, RATE, SPACING, np.arange(len(tracklets)))
+    group = merge_on_limbs(measure_pairs(points, tracklets, RATE, SPACING), np.arange(len(tracklets)))
     assert group[:4].tolist() == group[4:8].tolist()
     assert len(np.unique(group)) == 8
 
@@ -60,7 +60,7 @@ def test_markers_that_come_back_together_are_told_by_the_distances_between_them(
     positions = two_limbs(np.random.default_rng(1), 400)
     pieces = [(marker, first, last) for first, last in ((0, 200), (230, 400)) for marker in (1, 2, 3)]
     points, tracklets = cut_up(positions, [(0, 0, 400), *pieces, *((marker, 0, 400) for marker in range(4, 8))])
-    group = merge_on_limbs(points, tracklets, RATE, SPACING, np.arange(len(tracklets)))
+    group = merge_on_limbs(measure_pairs(points, tracklets, RATE, SPACING), np.arange(len(tracklets)))
     assert group[1:4].tolist() == group[4:7].tolist()
 
 
@@ -91,7 +91,8 @@ def test_tracklets_of_one_group_never_overlap():
     made = simulate("tree:4", seed=0, n_frames=400, dropouts=0.3, dropout_seconds=0.2, noise=0.3, labelled=False)
     tracks, _ = follow_points(made.take, LabelParameters())
     tracklets = find_tracklets(made.take, tracks, RATE, replace(LabelParameters(), min_range=14))
-    group = merge_on_limbs(made.take.points, tracklets, RATE, typical_spacing(made.take), np.arange(len(tracklets)))
+    pairs = measure_pairs(made.take.points, tracklets, RATE, typical_spacing(made.take))
+    group = merge_on_limbs(pairs, np.arange(len(tracklets)))
     same = group[:, np.newaxis] == group
     assert not (same & tracklets.overlaps & ~np.eye(len(group), dtype=bool)).any()
 

@@ -11,9 +11,9 @@ from skelgen.evaluation.matching import find_identity
 from skelgen.model import Limbs, Project, StageReport, Topology
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, follow_points, label_markers, refit_labels
+from skelgen.stages.labels.explanations import Explanations, explain_points
 from skelgen.stages.labels.model_fit.assignment import (
     assign_tracks,
-    point_scores,
     same_places,
     split_where_marker_changes,
 )
@@ -71,27 +71,42 @@ def test_labels_that_cannot_be_bettered_stay(quadruped):
     np.testing.assert_array_equal(refit(quadruped, truth), truth)
 
 
+def explanations_of(table):
+    """Explanations from a table of scores, shape (n_points, n_markers)."""
+    table = np.asarray(table, dtype=np.float32)
+    return Explanations(*np.nonzero(table), table[table > 0], *table.shape)
+
+
 def test_a_track_that_changes_its_marker_is_cut_there():
     scores = np.zeros((40, 2))
     scores[:25, 0] = scores[25:, 1] = 1.0
     scores[10, :] = [0.0, 1.0]  # a single contrary vote does not cut
-    pieces = split_where_marker_changes(np.zeros(40, dtype=np.intp), scores)
+    pieces = split_where_marker_changes(np.zeros(40, dtype=np.intp), explanations_of(scores))
     np.testing.assert_array_equal(np.flatnonzero(np.diff(pieces)), [24])
 
 
 def test_a_marker_has_one_point_in_a_frame():
     frames = np.repeat(np.arange(20), 2)
     pieces = np.tile([0, 1], 20)
-    scores = np.tile([[0.9], [0.5]], (20, 1))
-    assigned = assign_tracks(pieces, frames, scores, 20)
+    assigned = assign_tracks(pieces, frames, explanations_of(np.tile([[0.9], [0.5]], (20, 1))), 20)
     np.testing.assert_array_equal(assigned.reshape(20, 2), np.tile([0, -1], (20, 1)))
 
 
-def test_points_outside_the_gate_and_unknown_places_score_nothing():
+def test_points_outside_the_gate_and_unknown_places_are_not_explained():
     predicted = np.array([[[0.0, 0, 0], [np.nan] * 3]])
     points = np.array([[0.0, 0, 0], [0, 3, 0], [0, 0, 9]])
-    scores = point_scores(points, np.zeros(3, dtype=np.intp), predicted, np.full((1, 2), 6.0))
-    np.testing.assert_allclose(scores, [[1.0, 0], [0.75, 0], [0, 0]])
+    explained = explain_points(points, np.zeros(3, dtype=np.intp), predicted, np.full((1, 2), 6.0))
+    assert explained.points.tolist() == [0, 1]
+    assert explained.markers.tolist() == [0, 0]
+    assert explained.scores.tolist() == [1.0, 0.75]
+
+
+def test_a_point_is_explained_best_by_the_first_of_equal_markers_and_by_what_is_stated():
+    explained = explanations_of([[0.0, 0.5, 0.5], [0.2, 0.0, 0.3], [0.0, 0.0, 0.0]])
+    assert explained.best.tolist() == [1, 2, -1]
+    stated = explained.with_pairs(np.array([2, 1]), np.array([0, 1]), 0.7)
+    assert stated.best.tolist() == [1, 1, 0]
+    assert stated.points.tolist() == [0, 0, 1, 1, 1, 2]
 
 
 def test_markers_with_one_place_that_are_never_seen_together_are_one():

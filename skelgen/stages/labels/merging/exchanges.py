@@ -11,19 +11,18 @@ Which exchanges are tried is told by how well each point suits the usual distanc
 short exchange does not change.
 """
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
+from skelgen._kernels.tracklet_evidence import WITNESSES
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.likelihood import (
     EXISTENCE,
     LEAST_DEVIATION,
-    WITNESSES,
     explained,
     of_witnesses,
     sample_frames,
@@ -96,10 +95,11 @@ def exchange_markers(
     changed = set(np.flatnonzero(~is_held).tolist())
     free = frozenset(changed)
     while True:
-        promising = search.promising()
-        for pair in itertools.combinations(sorted(free), 2):
-            if changed & set(pair):
-                found[pair] = search.best(*pair) if promising[pair] else NOTHING
+        for one, is_promising in zip(sorted(changed), search.promising(sorted(changed)), strict=True):
+            for other in free - {one}:
+                pair = min(one, other), max(one, other)
+                if other > one or other not in changed:
+                    found[pair] = search.best(*pair) if is_promising[other] else NOTHING
         pair = max(found, key=lambda one: found[one].gain, default=(0, 0))
         best = found.get(pair, NOTHING)
         if best.gain < LEAST_GAIN:
@@ -126,20 +126,23 @@ class _Search:
         self._places = point_labels.sampled_positions(cloud, marker, moments)
         n_moments, n_markers = self._places.shape[:2]
         self._pauses = [self._pauses_of(one) for one in range(n_markers)]
-        self._distance = np.empty((n_moments, n_markers, n_markers))
-        self._before = np.zeros((n_moments + 1, 3, n_markers, n_markers))
+        self._distance = np.empty((n_markers, n_markers, n_moments))
+        self._before = np.zeros((n_markers, n_markers, 3, n_moments + 1))
         self._usual, self._deviation, self._gains = np.empty((3, n_markers, n_markers))
-        self._misfits = np.empty((n_moments, n_markers, n_markers))
-        self._witnesses = [np.empty(0, dtype=np.intp)] * n_markers
-        self._measure(list(range(n_markers)))
+        self._misfits = np.empty((n_markers, n_markers, n_moments))
+        self._witnesses = np.full((n_markers, WITNESSES), -1, dtype=np.intp)
+        self._measure(np.arange(n_markers), *np.triu_indices(n_markers))
 
-    def promising(self) -> Bools:
-        """Which pairs are worth a trial: near ones, and those whose points suit each other's distances for a while."""
-        count, total, _ = self._sums
+    def promising(self, markers: list[int]) -> Bools:
+        """Whether some markers' exchange with any is worth a trial, shape (len(markers), n_markers).
+
+        That is with near ones, and with those whose points suit each other's distances for a while.
+        """
+        count, total, _ = self._sums[:, markers]
         is_near = (count > 0) & (total <= NEAR * self._spacing * count)
-        both = self._suits + self._suits.transpose(0, 2, 1)
-        best, run = np.zeros((2, *both.shape[1:]))
-        for moment in both:
+        both = self._suits[markers] + self._suits[:, markers].swapaxes(0, 1)
+        best, run = np.zeros((2, *both.shape[:2]))
+        for moment in np.ascontiguousarray(np.moveaxis(both, 2, 0)):
             run = np.maximum(run + moment, 0.0)
             best = np.maximum(best, run)
         return np.asarray(is_near | (best > LEAST_GAIN))
@@ -150,12 +153,13 @@ class _Search:
         if not len(moments):
             return NOTHING
         pair = [one, other]
-        first, end = (self._before[moments[:, [side]], :, pair] for side in (0, 1))
-        inside = (end - first).swapaxes(1, 2)  # span, kind, of two, marker
+        before = self._before[pair]
+        inside = before[..., moments[:, 1]] - before[..., moments[:, 0]]
+        inside = inside.transpose(3, 2, 0, 1)  # span, kind, of two, marker
         sums = self._sums[:, pair] - inside + inside[:, :, ::-1]
         seen = np.stack([inside[:, 0, 0, one], inside[:, 0, 1, other]], axis=1)
-        before = self._sums[0, pair, pair]
-        n_fewer = (before > 0).sum() - (before - seen + seen[:, ::-1] > 0).sum(axis=1)
+        samples = self._sums[0, pair, pair]
+        n_fewer = (samples > 0).sum() - (samples - seen + seen[:, ::-1] > 0).sum(axis=1)
         sums[..., pair] = 0.0
         gains = explained(np.moveaxis(sums, 1, 0), self._spacing)
         gains[:, 0, other] = gains[:, 1, one] = self._gains[one, other]
@@ -177,12 +181,13 @@ class _Search:
         marker[points & (self.marker_of_point == other)] = one
         self.marker_of_point = marker
         self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
-        self._measure([one, other])
+        n_markers = len(self._gains)
+        self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
 
     def _spans(self, one: int, other: int) -> tuple[Ints, Ints]:
         """Spans between common pauses in which an exchange may gain: first and end as moments and frames, (n, 2)."""
         moment, frame = self._common_pauses(one, other)
-        both = self._suits[:, one, other] + self._suits[:, other, one]
+        both = self._suits[one, other] + self._suits[other, one]
         total = np.concatenate([[0.0], both.cumsum()])[moment]
         # What begins with the take ends elsewhere: exchanging all else is the same, but for the markers' numbers
         gain = total - total[1:, np.newaxis]
@@ -220,53 +225,55 @@ class _Search:
         following = np.concatenate([frame[:1], frame[ends + 1], [self._n_frames]])
         return last, following
 
-    def _measure(self, changed: list[int]) -> None:
-        """Sums of all distances before each moment, what they explain, and how points suit other markers.
+    def _measure(self, changed: Ints, first: Ints, second: Ints) -> None:
+        """Sums of distances before each moment, what they explain, and how points suit other markers.
 
-        All is measured anew that depends on the markers `changed`.
+        All is measured anew that depends on the markers `changed`: the distances between `first` and `second`.
         """
-        distance = np.linalg.norm(self._places[:, changed, np.newaxis] - self._places[:, np.newaxis], axis=3)
-        self._distance[:, changed] = distance
-        self._distance[:, :, changed] = distance.swapaxes(1, 2)
-        known = ~np.isnan(distance)
-        filled = np.where(known, distance, 0.0)
-        for kind, table in enumerate((known, filled, filled**2)):
-            sums = np.cumsum(table, axis=0, dtype=np.float64)
-            self._before[1:, kind, changed] = sums
-            self._before[1:, kind, :, changed] = np.moveaxis(sums, 1, 0)
-        self._sums = self._before[-1]
+        lengths = pair_lengths(self._places, first, second)
+        known = ~np.isnan(lengths)
+        filled = np.where(known, lengths, 0.0)
+        sums = np.cumsum(np.stack([known, filled, filled**2], axis=1), axis=2)
+        for one, other in ((first, second), (second, first)):
+            self._distance[one, other] = lengths
+            self._before[one, other, :, 1:] = sums
+        self._sums = np.ascontiguousarray(self._before[..., -1].transpose(2, 0, 1))
         gains = explained(self._sums[:, changed], self._spacing)
         self._gains[changed], self._gains[:, changed] = gains, gains.T
         self._witnessed = of_witnesses(self._gains)
-        self._judge(distance, changed)
-
-    def _judge(self, distance: Floats, changed: list[int]) -> None:
-        """How much better a marker's point suits another one's usual distances [nats], (n_moments, n, n).
-
-        Distances [mm] are those of the markers `changed`.
-        """
-        shape = distance.shape
-        flat = distance.reshape(len(distance), -1)
-        usual = median_of_known(flat)
-        spread = median_of_known(np.abs(flat - usual)).reshape(shape[1:])
+        usual = median_of_known(lengths.T)
+        spread = median_of_known(np.abs(lengths - usual[:, np.newaxis]).T)
         deviation = np.maximum(SIGMA_OF_MEDIAN * spread, LEAST_DEVIATION * self._spacing)
-        for table, rows in ((self._usual, usual.reshape(shape[1:])), (self._deviation, deviation)):
-            table[changed], table[:, changed] = rows, rows.T
-        for marker, gain in enumerate(self._gains):
-            witnesses = np.argsort(-gain, kind="stable")[:WITNESSES]
-            witnesses = witnesses[gain[witnesses] > 0.0]
-            is_new = marker in changed or not np.array_equal(witnesses, self._witnesses[marker])
-            is_new = is_new or bool(np.isin(changed, witnesses).any())
-            self._witnesses[marker] = witnesses
-            points = list(range(len(self._gains))) if is_new else changed
-            self._misfits[:, points, marker] = self._misfit(marker, points)
-        own = self._misfits.diagonal(axis1=1, axis2=2)[:, :, np.newaxis]
-        self._suits = own - self._misfits
+        for table, values in ((self._usual, usual), (self._deviation, deviation)):
+            table[first, second] = table[second, first] = values
+        self._judge(changed)
 
-    def _misfit(self, marker: int, others: list[int]) -> Floats:
-        """How badly points of some markers suit a marker's usual distances [nats], shape (n_moments, n_others)."""
+    def _judge(self, changed: Ints) -> None:
+        """How much better a marker's point suits another one's usual distances [nats], (n, n, n_moments)."""
+        witnesses = np.argsort(-self._gains, axis=1, kind="stable")[:, :WITNESSES]
+        witnesses = np.where(np.take_along_axis(self._gains, witnesses, axis=1) > 0.0, witnesses, -1)
+        is_new = (witnesses != self._witnesses[:, : witnesses.shape[1]]).any(axis=1)
+        is_new |= np.isin(witnesses, changed).any(axis=1)
+        is_new[changed] = True
+        self._witnesses = witnesses
+        everyone = np.arange(len(witnesses))
+        for marker in np.flatnonzero(is_new).tolist():
+            self._misfits[:, marker] = self._misfit(everyone, marker)
+        for marker in np.flatnonzero(~is_new).tolist():
+            self._misfits[changed, marker] = self._misfit(changed, marker)
+        own = self._misfits.diagonal().T
+        self._suits = own[:, np.newaxis] - self._misfits
+
+    def _misfit(self, points: Ints, marker: int) -> Floats:
+        """How badly points of some markers suit a marker's usual distances [nats], shape (n_points, n_moments)."""
         witnesses = self._witnesses[marker]
-        distance = self._distance[:, np.array(others)[:, np.newaxis], witnesses]
-        squares = ((distance - self._usual[marker, witnesses]) / self._deviation[marker, witnesses]) ** 2
-        squares[:, np.array(others)[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
-        return np.asarray(np.minimum(np.nan_to_num(squares / 2), MOST_MISFIT).sum(axis=2))
+        witnesses = witnesses[witnesses >= 0]
+        away = self._distance[points[:, np.newaxis], witnesses]
+        away -= self._usual[marker, witnesses, np.newaxis]
+        away /= self._deviation[marker, witnesses, np.newaxis]
+        away *= away
+        away *= 0.5
+        misfit = np.minimum(away, MOST_MISFIT, out=away)
+        np.copyto(misfit, 0.0, where=np.isnan(misfit))
+        misfit[points[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
+        return np.asarray(misfit.sum(axis=1))

@@ -15,6 +15,7 @@ import itertools
 
 import numpy as np
 
+from skelgen._kernels.tracklet_evidence import WITNESSES
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
@@ -23,7 +24,6 @@ from skelgen.stages.labels.merging.likelihood import (
     LEAST_DEVIATION,
     LEAST_WITNESSES,
     SEEN_ENOUGH,
-    WITNESSES,
 )
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, sampled_distances
 

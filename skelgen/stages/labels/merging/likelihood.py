@@ -21,11 +21,15 @@ each other. So they do not count at first: under both hypotheses the loose compo
 rigid distances are needed. All distances count only for the pairs that are still open then.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from scipy.special import gammaln
 
+from skelgen._kernels.tracklet_evidence import (
+    WITNESSES,
+    DistanceTables,
+    UsualDeviations,
+    evidence_of_one,
+    witness_weights,
+)
 from skelgen.model.arrays import Bools, Floats, Ints
 
 STALE = 0.5
@@ -37,26 +41,11 @@ SAMPLE_SECONDS = 0.25
 EVIDENCE = 3.0
 """nats; tracklets are merged if one marker is this much more likely than two."""
 
-WITNESSES = 6
-"""Tracklets to which distances are compared: a place has three coordinates, so more would repeat these."""
-
 LEAST_WITNESSES = 3
 """Fewer distances do not fix a place."""
 
-RIGID_PRIOR = 0.2
-"""Prior probability that a pair is rigid."""
-
-PRIOR_SAMPLES = 4.0
-"""Weight of the usual deviation of distances, in samples."""
-
 SEEN_ENOUGH = 4
 """Samples of a distance from which its deviation is known."""
-
-TRUSTED_SAMPLES = 8
-"""More samples do not make a better witness, so that rigidity counts before duration."""
-
-SLOW_FREEDOM = 4.0
-"""Of Student's distribution for means that may rest on one pose each: heavy tails."""
 
 EXACT = 1e-6
 """mm; keeps the deviation of exact takes above zero."""
@@ -67,22 +56,8 @@ EXISTENCE = 8.0
 LEAST_DEVIATION = 0.02
 """Deviation of a distance on a limb that is expected beforehand, in spacings."""
 
-
-class _Deviations(NamedTuple):
-    """Usual deviations of a distance [mm]: on one limb, and between any two markers; and the markers' spacing."""
-
-    rigid: float
-    loose: float
-    spacing: float
-
-
-class _Compared(NamedTuple):
-    """Differences of mean distances [mm]; samples and scatters [mm^2] of both; whether poses may have been slow."""
-
-    difference: Floats
-    counts: tuple[Floats, Floats]
-    scatters: tuple[Floats, Floats]
-    is_slow: bool
+PAIRS_AT_ONCE = 500_000
+"""Distances that are held at once: some 30 MB."""
 
 
 class DistanceRecord:
@@ -108,45 +83,42 @@ class DistanceRecord:
         self.prior = np.zeros(count.shape) if prior is None else prior
         self.deviations = _usual_deviations(*self._moments(slice(None)), count, spacing)
         self.mean, self.scatter = self._moments(slice(None))
-        self.witness = _witness(count, self.scatter, self.deviations)
+        self.witness = witness_weights(count, self.scatter, self.deviations)
+        np.fill_diagonal(self.witness, 0.0)
+        self._is_witness = (self.witness > 0.0).astype(np.float32)  # of which products count quickly
 
-    def evidence(self, one: int, counts_loose: bool = True, is_slow: bool = False) -> Floats:
-        """Evidence [nats] that one tracklet is the same marker as each other one, shape (n,); -inf where it cannot be.
+    def evidence(
+        self, one: int, others: Ints | None = None, *, counts_loose: bool = True, is_slow: bool = False
+    ) -> Floats:
+        """Evidence [nats] that one tracklet is the same marker as others, shape (n_others,); -inf where it cannot be.
 
         Parameters
         ----------
         one : int
             The tracklet.
+        others : ndarray of intp, shape (n_others,), optional
+            Which others; all by default.
         counts_loose : bool
             Whether distances that are not rigid count.
         is_slow : bool
             Whether a tracklet may have been seen in one slow pose alone: what its distances did not vary by may then
             still be the error of their mean, and far distances are less surprising.
         """
-        result = np.full(len(self.count), -np.inf)
-        others = np.flatnonzero(~self.apart[one])
-        if not len(others):
+        others = np.arange(len(self.count)) if others is None else others
+        result = np.full(len(others), -np.inf)
+        places = np.flatnonzero(~self.apart[one, others])
+        if not len(places):
             return result
-        partners = np.flatnonzero(self.witness[one])  # few tracklets of a long take are ever seen together
-        rank = self.witness[one, partners] * self.witness[np.ix_(others, partners)]
-        comparable = ((rank > 0.0).sum(axis=1) >= LEAST_WITNESSES) | (self.prior[one, others] != 0.0)
-        if not comparable.any():
+        prior, n_shared = self.prior[one, others], self._is_witness @ self._is_witness[one]
+        places = places[(n_shared[others[places]] >= LEAST_WITNESSES) | (prior[places] != 0.0)]
+        if not len(places):
             return result
-        others, rank = others[comparable], rank[comparable]
-        if len(partners) > WITNESSES:
-            best = np.argpartition(-rank, WITNESSES - 1, axis=1)[:, :WITNESSES]
-        else:
-            best = np.broadcast_to(np.arange(len(partners)), rank.shape)
-        chosen, valid = partners[best], np.take_along_axis(rank, best, axis=1) > 0.0
-        rows = others[:, np.newaxis]
-        first, second = (np.where(valid, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
-        difference = self.mean[rows, chosen] - self.mean[one][chosen]
-        scatters = self.scatter[one][chosen], self.scatter[rows, chosen]
-        measured = _Compared(difference, (first, second), scatters, is_slow)
-        gain, rigid = _log_ratio(measured, self.deviations, counts_loose)
-        n_valid = np.where(valid, 1.0 if counts_loose else rigid, 0.0).sum(axis=1)
-        known = (n_valid > LEAST_WITNESSES - 0.5) | (self.prior[one, others] != 0.0)
-        result[others[known]] = self.prior[one, others[known]] + np.where(valid, gain, 0.0).sum(axis=1)[known]
+        tables = DistanceTables(self.count, self.mean, self.scatter, self.witness)
+        gain, n_distances = evidence_of_one(
+            one, others[places], tables, self.deviations, counts_loose=counts_loose, is_slow=is_slow
+        )
+        known = (n_distances > LEAST_WITNESSES - 0.5) | (prior[places] != 0.0)
+        result[places[known]] = (prior[places] + gain)[known]
         return result
 
     def merge(self, one: int, other: int) -> None:
@@ -167,11 +139,13 @@ class DistanceRecord:
         self.apart[:, one] = self.apart[one]
         self.apart[other] = self.apart[:, other] = True
         mean, scatter = self._moments(one)
-        weight = _witness(self.count[one], scatter, self.deviations)
+        weight = witness_weights(self.count[one], scatter, self.deviations)
         weight[one] = 0.0
         for table, row in ((self.mean, mean), (self.scatter, scatter), (self.witness, weight)):
             table[one] = table[:, one] = row
         self.witness[other] = self.witness[:, other] = 0.0
+        self._is_witness[one] = self._is_witness[:, one] = weight > 0.0
+        self._is_witness[other] = self._is_witness[:, other] = 0.0
 
     def _moments(self, rows: int | slice) -> tuple[Floats, Floats]:
         """Mean distance [mm] and scatter about it [mm^2]; 0 where never seen."""
@@ -203,15 +177,30 @@ def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
         Markers or tracklets at independent moments, NaN where unseen.
     """
     n = positions.shape[1]
-    count, total, squares = (np.zeros((n, n)) for _ in range(3))
-    for pose in positions:
-        seen = np.flatnonzero(~np.isnan(pose[:, 0]))
-        distance = np.linalg.norm(pose[seen, np.newaxis] - pose[seen], axis=2)
-        block = np.ix_(seen, seen)
-        count[block] += 1.0
-        total[block] += distance
-        squares[block] += distance**2
-    return count, total, squares
+    sums = np.zeros((3, n, n))
+    most = int((~np.isnan(positions[:, :, 0])).sum(axis=1).max(initial=1))
+    step = max(1, PAIRS_AT_ONCE // most**2)
+    for start in range(0, len(positions), step):
+        sums += _distance_sums(positions[start : start + step])
+    return sums[0], sums[1], sums[2]
+
+
+def _distance_sums(positions: Floats) -> Floats:
+    """Number, sum [mm] and sum of squares [mm^2] of the distances at few moments, shape (3, n, n)."""
+    n = positions.shape[1]
+    moment, marker = np.nonzero(~np.isnan(positions[:, :, 0]))
+    n_later = np.cumsum(np.bincount(moment, minlength=1))[moment] - 1 - np.arange(len(moment))  # of the same moment
+    second = np.arange(n_later.sum()) + np.repeat(np.arange(1, len(moment) + 1) - np.cumsum(n_later) + n_later, n_later)
+    squares = np.zeros(len(second))
+    for coordinate in positions[moment, marker].T.copy():
+        away = np.repeat(coordinate, n_later) - coordinate[second]
+        squares += away * away
+    distance = np.sqrt(squares)
+    pair = np.repeat(marker * n, n_later) + marker[second]
+    above = [np.bincount(pair, values, minlength=n * n).reshape(n, n) for values in (None, distance, distance**2)]
+    sums = np.array([table + table.T for table in above], dtype=np.float64)
+    np.fill_diagonal(sums[0], np.bincount(marker, minlength=n))
+    return sums
 
 
 def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
@@ -269,79 +258,34 @@ def merge_likely(record: DistanceRecord) -> Ints:
 
 def _merge(record: DistanceRecord, group: Ints, counts_loose: bool) -> None:
     """Merge while there is evidence; `group` is changed in place."""
-    link = np.array([record.evidence(one, counts_loose) for one in range(len(group))]).reshape(len(group), -1)
+    link = _links(record, counts_loose)
     while len(group):
-        one, other = np.unravel_index(int(np.argmax(link)), link.shape)
+        one, other = sorted(int(index) for index in np.unravel_index(int(np.argmax(link)), link.shape))
         if link[one, other] < EVIDENCE:
             break
-        one, other = min(one, other), max(one, other)
-        now = record.evidence(int(one), counts_loose)
-        if now[other] < link[one, other] - STALE:  # their witnesses have changed since
-            link[one] = link[:, one] = now
-            continue
-        record.merge(int(one), int(other))
-        group[group == other] = one
-        link[other] = link[:, other] = -np.inf
-        link[one] = link[:, one] = record.evidence(int(one), counts_loose)
+        now = float(record.evidence(one, np.array([other]), counts_loose=counts_loose)[0])
+        if now >= link[one, other] - STALE:  # else their witnesses have changed since
+            record.merge(one, other)
+            group[group == other] = one
+            link[other] = link[:, other] = -np.inf
+        link[one] = link[:, one] = record.evidence(one, counts_loose=counts_loose)
 
 
-def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> _Deviations:
+def _links(record: DistanceRecord, counts_loose: bool) -> Floats:
+    """Evidence [nats] that each two tracklets are one marker, shape (n, n); symmetric."""
+    n_tracklets = len(record.count)
+    link = np.full((n_tracklets, n_tracklets), -np.inf)
+    for one in range(n_tracklets):
+        later = np.arange(one + 1, n_tracklets)
+        link[one, later] = link[later, one] = record.evidence(one, later, counts_loose=counts_loose)
+    return link
+
+
+def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> UsualDeviations:
     """The take's own deviations: about one rigid partner for each tracklet, and the median of all pairs."""
     pairs = np.triu(count >= SEEN_ENOUGH, 1)
     deviation = np.sort(np.sqrt(scatter[pairs] / (count[pairs] - 1.0)))
     if not len(deviation):
-        return _Deviations(max(0.1 * spacing, EXACT), max(spacing, EXACT), max(spacing, EXACT))
+        return UsualDeviations(max(0.1 * spacing, EXACT), max(spacing, EXACT), max(spacing, EXACT))
     rigid = max(float(deviation[min(len(deviation) - 1, len(count))]), EXACT)
-    return _Deviations(rigid, max(float(np.median(deviation)), rigid), max(spacing, EXACT))
-
-
-def _witness(count: Floats, scatter: Floats, deviations: _Deviations) -> Floats:
-    """How much each tracklet tells of another one's place: probability of being rigid with it, samples, steadiness."""
-    freedom = np.maximum(count - 1.0, 0.0)
-    rigid, loose = (_log_weight(freedom, scatter, tau, prior)[0] for tau, prior in _components(deviations))
-    probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
-    after = PRIOR_SAMPLES + freedom
-    deviation = np.sqrt((PRIOR_SAMPLES * deviations.rigid**2 + scatter) / after)
-    weight = np.where(count > 0.0, probability, 0.0) * np.minimum(count, TRUSTED_SAMPLES)
-    weight *= deviations.rigid / deviation
-    if weight.ndim == 2:
-        np.fill_diagonal(weight, 0.0)
-    return np.asarray(weight)
-
-
-def _components(deviations: _Deviations) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Both usual deviations [mm] with their prior probabilities."""
-    return (deviations.rigid, RIGID_PRIOR), (deviations.loose, 1.0 - RIGID_PRIOR)
-
-
-def _log_weight(freedom: Floats, scatter: Floats, tau: float, prior: float) -> tuple[Floats, Floats, Floats]:
-    """Log probability of a scatter if the usual deviation is tau, and Student's freedom and variance after it."""
-    after = PRIOR_SAMPLES + freedom
-    variance = (PRIOR_SAMPLES * tau**2 + scatter) / after
-    weight = np.log(prior) + gammaln(after / 2) - gammaln(PRIOR_SAMPLES / 2)
-    weight = weight + PRIOR_SAMPLES / 2 * np.log(PRIOR_SAMPLES * tau**2) - after / 2 * np.log(after * variance)
-    return weight, after, variance
-
-
-def _log_ratio(measured: _Compared, deviations: _Deviations, counts_loose: bool) -> tuple[Floats, Floats]:
-    """Evidence of each distance: log likelihood of one marker over two; and the probability that it is rigid."""
-    (first, second), found = measured.counts, []
-    scatter = measured.scatters[0] + measured.scatters[1]
-    for tau, prior in _components(deviations):
-        weight, freedom, variance = _log_weight(first + second - 2.0, scatter, tau, prior)
-        narrow = variance * (1.0 / first + 1.0 / second)
-        if measured.is_slow:
-            own, other = (
-                variance - part / count for part, count in zip(measured.scatters, measured.counts, strict=True)
-            )
-            narrow = np.maximum(variance / first, own) + np.maximum(variance / second, other)
-            freedom = np.minimum(freedom, SLOW_FREEDOM)
-        near, far = (
-            weight + (-0.5 * np.log(width) - (freedom + 1.0) / 2 * np.log1p(measured.difference**2 / (freedom * width)))
-            for width in (narrow, narrow + deviations.spacing**2)
-        )
-        found.append((weight, near, far))
-    (rigid, near, far), (loose, loosely_near, loosely_far) = found
-    same = np.logaddexp(near, loosely_near if counts_loose else loosely_far)
-    probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
-    return np.asarray(same - np.logaddexp(far, loosely_far)), probability
+    return UsualDeviations(rigid, max(float(np.median(deviation)), rigid), max(spacing, EXACT))

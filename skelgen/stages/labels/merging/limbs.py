@@ -69,12 +69,15 @@ TURNS = 2
 SHAPE_MARKERS = 6
 """Markers by which shapes are compared, those that are seen most."""
 
+LEAST_SHAPE = 3
+"""Fewer markers have no shape."""
+
 SAME_LIMB = 1.0
 """nats beyond those of chance with which two sets of tracklets are one limb that was not seen for a moment: more limbs
 than can be seen at once hardly exist."""
 
 
-class _Pairs(NamedTuple):
+class PairTables(NamedTuple):
     """Tracklets, how long two are seen together (in independent moments), their mean distances [mm], odds that they
     are on one limb [nats], evidence that one goes on where another ended [nats], and the law of distances.
     """
@@ -100,19 +103,13 @@ class _Anchors(NamedTuple):
 NO_ANCHORS = _Anchors(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
-def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float, known: Ints) -> Ints:
+def merge_on_limbs(pairs: PairTables, known: Ints) -> Ints:
     """Group tracklets into markers.
 
     Parameters
     ----------
-    points : ndarray, shape (n_points, 3), mm
-        The cloud's points.
-    tracklets : TrackletPoints
-        What to group.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
+    pairs : PairTables
+        Tracklets, and what their distances say; from `measure_pairs`.
     known : ndarray of intp, shape (n_tracklets,)
         Groups of tracklets that are on one limb; from `main_groups`.
 
@@ -121,11 +118,10 @@ def merge_on_limbs(points: Floats, tracklets: TrackletPoints, rate: float, spaci
     ndarray of intp, shape (n_tracklets,)
         Group of each tracklet, from 0 without holes; tracklets of one group never overlap in time.
     """
-    pairs = _pairs(points, tracklets, rate, spacing)
     among = _table(known)
     part = _parted(among.T @ pairs.odds @ among)[np.unique(known, return_inverse=True)[1]]
     limbs = [np.flatnonzero(part == number) for number in range(part.max() + 1)]
-    marker, limb = np.full((2, len(tracklets)), -1, dtype=np.intp)
+    marker, limb = np.full((2, len(known)), -1, dtype=np.intp)
     for number, (members, labels) in enumerate(_joined(pairs, [(part, _labelled(pairs, part)) for part in limbs])):
         marker[members], limb[members] = marker.max(initial=-1) + 1 + labels, number
     for _ in range(TURNS):
@@ -155,7 +151,7 @@ def main_groups(label: Ints, tracklet: Ints) -> Ints:
     return np.where(most < n_labels, most, n_labels + np.arange(len(most)))
 
 
-def _anchors(pairs: _Pairs, members: Ints, marker: Ints) -> _Anchors:
+def _anchors(pairs: PairTables, members: Ints, marker: Ints) -> _Anchors:
     """The markers of other limbs whose distances to a limb's markers vary least."""
     outside = np.setdiff1d(np.arange(len(marker)), members)
     among = [_table(marker[members]), _table(marker[outside])]
@@ -182,8 +178,20 @@ def _table(labels: Ints) -> Floats:
     return np.asarray(labels[:, np.newaxis] == np.unique(labels), dtype=np.float64)
 
 
-def _pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> _Pairs:
-    """Measure all distances between tracklets."""
+def measure_pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> PairTables:
+    """Measure all distances between tracklets.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        The cloud's points.
+    tracklets : TrackletPoints
+        What to group.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    """
     order = np.argsort(tracklets.frames, kind="stable")
     starts = np.searchsorted(tracklets.frames[order], np.arange(tracklets.n_frames + 1))
     arrays = points[tracklets.points[order]], tracklets.tracklet_of_point[order].astype(np.intp), starts
@@ -197,7 +205,7 @@ def _pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacing: floa
     before, after, evidence = continuity_evidence(points, tracklets, rate, spacing)
     continuity[before, after] = np.clip(evidence, -MOST_CONTINUITY, MOST_CONTINUITY)
     weight = np.where(count > 0.0, 1.0 + count / (SAMPLE_SECONDS * rate), 0.0)
-    return _Pairs(tracklets, weight, mean, odds, continuity, rigid, spacing, deviation**2)
+    return PairTables(tracklets, weight, mean, odds, continuity, rigid, spacing, deviation**2)
 
 
 def rigid_odds(count: Floats, deviation: Floats) -> tuple[Floats, float]:
@@ -254,12 +262,13 @@ def _parted(odds: Floats) -> Ints:
         part[part == other] = one
         value[other] = -np.inf
         changed = np.flatnonzero((best == one) | (best == other) | (odds[one] >= value))
-        for row in {one, *changed.tolist()}:
-            best[row], value[row] = odds[row].argmax(), odds[row].max()
+        changed = np.union1d(changed, one)
+        best[changed] = odds[changed].argmax(axis=1)
+        value[changed] = odds[changed, best[changed]]
     return np.asarray(np.unique(part, return_inverse=True)[1], dtype=np.intp)
 
 
-def _labelled(pairs: _Pairs, members: Ints, anchors: _Anchors = NO_ANCHORS) -> Ints:
+def _labelled(pairs: PairTables, members: Ints, anchors: _Anchors = NO_ANCHORS) -> Ints:
     """Markers of a limb's tracklets, from 0; each one by itself where there are too many."""
     tracklets = pairs.tracklets
     overlaps = pairs.tracklets.first[members][:, np.newaxis] <= pairs.tracklets.last[members]
@@ -292,29 +301,30 @@ class _Shape(NamedTuple):
     distance: Floats
 
 
-def _joined(pairs: _Pairs, limbs: list[tuple[Ints, Ints]]) -> list[tuple[Ints, Ints]]:
+def _joined(pairs: PairTables, limbs: list[tuple[Ints, Ints]]) -> list[tuple[Ints, Ints]]:
     """Join limbs of one shape that are not seen together: members and labels of each limb."""
     found = dict(enumerate(limbs))
     shapes = {number: _shape(pairs, *limb) for number, limb in found.items()}
-    evidence = {
-        (one, other): _evidence(pairs, (found[one], found[other]), (shapes[one], shapes[other]))
-        for one, other in itertools.combinations(found, 2)
-    }
-    while evidence:
-        (one, other), best = max(evidence.items(), key=lambda item: item[1])
-        if best < SAME_LIMB:
-            break
+    shapes = {number: shape for number, shape in shapes.items() if len(shape.weight) >= LEAST_SHAPE}
+    evidence: dict[tuple[int, int], float] = {}
+    new = list(itertools.combinations(shapes, 2))
+    while True:
+        for one, other in new:
+            value = _evidence(pairs, (found[one], found[other]), (shapes[one], shapes[other]))
+            if value >= SAME_LIMB:
+                evidence[one, other] = value
+        if not evidence:
+            return list(found.values())
+        one, other = max(evidence, key=lambda both: evidence[both])
         members = np.concatenate([found[one][0], found.pop(other)[0]])
         found[one] = members, _labelled(pairs, members)
         shapes[one] = _shape(pairs, *found[one])
+        del shapes[other]
         evidence = {both: value for both, value in evidence.items() if one not in both and other not in both}
-        for third, limb in found.items():
-            if third != one:
-                evidence[one, third] = _evidence(pairs, (found[one], limb), (shapes[one], shapes[third]))
-    return list(found.values())
+        new = [(one, third) for third in shapes if third != one]
 
 
-def _shape(pairs: _Pairs, members: Ints, labels: Ints) -> _Shape:
+def _shape(pairs: PairTables, members: Ints, labels: Ints) -> _Shape:
     """The markers of a limb that are seen most."""
     among = (labels[:, np.newaxis] == np.arange(labels.max() + 1)).astype(np.float64)
     block = np.ix_(members, members)
@@ -326,13 +336,11 @@ def _shape(pairs: _Pairs, members: Ints, labels: Ints) -> _Shape:
 
 
 def _evidence(
-    pairs: _Pairs, limbs: tuple[tuple[Ints, Ints], tuple[Ints, Ints]], shapes: tuple[_Shape, _Shape]
+    pairs: PairTables, limbs: tuple[tuple[Ints, Ints], tuple[Ints, Ints]], shapes: tuple[_Shape, _Shape]
 ) -> float:
     """Evidence [nats] that two sets of tracklets are one limb, by their shapes, over all ways in which they may fit."""
     few, many = sorted(shapes, key=lambda shape: len(shape.weight))
     n_few = len(few.weight)
-    if n_few < 3:
-        return -np.inf
     odds = float(pairs.odds[np.ix_(limbs[0][0], limbs[1][0])].sum())
     if odds < -MOST_ODDS:
         return -np.inf

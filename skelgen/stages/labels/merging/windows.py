@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
+from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
@@ -43,6 +44,10 @@ CHI_MEDIAN = 1.538
 
 PAIRS_AT_ONCE = 2000
 """Pairs of tracklets whose neighbours are held at once."""
+
+
+CARRIED_AT_ONCE = 250
+"""Of these, those that are carried over their gaps at once: their neighbours stay in the processor's cache."""
 
 
 class WindowSize(NamedTuple):
@@ -235,20 +240,34 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
     # Few tracklets of a long take are seen in one frame: candidates are those, padded with -1
     n_seen = (table >= 0).sum(axis=1)
     listed = np.argsort(table < 0, axis=1, kind="stable")[:, : n_seen.max()]
-    others = listed[rows[0]]
-    before, after = (table[row[:, np.newaxis], others] for row in rows)
-    possible = (before >= 0) & (after >= 0) & (others != which[0][:, np.newaxis]) & (others != which[1][:, np.newaxis])
-    source, target = points[before], points[after]
-    away = np.where(possible, np.linalg.norm(source - begin[:, np.newaxis], axis=2), np.inf)
+    missed = np.empty(len(begin))
+    for start in range(0, len(begin), CARRIED_AT_ONCE):
+        part = slice(start, start + CARRIED_AT_ONCE)
+        others = listed[rows[0][part]]
+        before, after = (table[row[part, np.newaxis], others] for row in rows)
+        possible = (before >= 0) & (after >= 0)
+        for tracklet in which:
+            possible &= others != tracklet[part, np.newaxis]
+        missed[part] = _missed_by(begin[part], end[part], points[before], points[after], possible)
+    return missed
+
+
+def _missed_by(begin: Floats, end: Floats, source: Floats, target: Floats, possible: Bools) -> Floats:
+    """Distance [mm] of ends, shape (n, 3), from where the nearest of others carry begins; NaN where these are too few.
+
+    Source and target are the others at both times, shape (n, n_others, 3), and possible ones are those seen at both.
+    """
+    away = np.where(possible, lengths_of(source - begin[:, np.newaxis]), np.inf)
     count = min(NEIGHBOURS, away.shape[1])
     nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
     valid = np.take_along_axis(possible, nearest, axis=1)
-    source, target = (np.take_along_axis(place, nearest[..., np.newaxis], axis=1) for place in (source, target))
+    row = np.arange(len(nearest))[:, np.newaxis]
+    source, target = source[row, nearest], target[row, nearest]
     carried = fit_transform(np.where(valid[..., np.newaxis], source, 0.0), target, valid)
     expected = np.einsum("nij,nj->ni", carried[:, :3, :3], begin) + carried[:, :3, 3]
-    missed = np.linalg.norm(end - expected, axis=1)
+    missed = lengths_of(end - expected)
     missed[valid.sum(axis=1) < LEAST_NEIGHBOURS] = np.nan
-    return np.asarray(missed)
+    return missed
 
 
 def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> Callable[[Floats], Floats] | None:

@@ -9,14 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels.explanations import Explanations
 from skelgen.stages.labels.model_fit.model import LimbPoses, steadiest_place
-from skelgen.stages.labels.point_labels import Block, Scores
-
-CHUNK_PAIRS = 100_000
-"""Distances between points and markers held at once: less than 1 MB, which the processor keeps at hand."""
-
-FAR = 1e15
-"""mm; where a marker is put whose place is not known: its square is still a number."""
+from skelgen.stages.labels.point_labels import Block
 
 PERSISTENT = 7
 """Frames for which another marker must explain a track better before the track is cut."""
@@ -31,62 +26,22 @@ COMMON_FRAMES = 3
 """Two markers that are seen together in more frames are two."""
 
 
-def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats) -> Scores:
-    """How well each marker explains each point, 1 - (distance / gate)^2, 0 outside the gate.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n_points, 3), mm
-        Measured points.
-    frames : ndarray of intp, shape (n_points,)
-        Frame of each.
-    predicted : ndarray, shape (n_frames, n_markers, 3), mm
-        Where markers must be; NaN where nothing is known.
-    gates : ndarray, shape (n_frames, n_markers), mm
-        Largest distances that are explained, above 0.
-
-    Returns
-    -------
-    ndarray of float32, shape (n_points, n_markers)
-    """
-    n_markers = predicted.shape[1]
-    scores = np.zeros((len(points), n_markers), dtype=np.float32)
-    if not len(points) or not n_markers:
-        return scores
-    places = np.where(np.isnan(predicted), FAR, predicted).transpose(2, 0, 1).copy()
-    factor = -1.0 / gates**2
-    step = max(1, CHUNK_PAIRS // n_markers)
-    for start in range(0, len(points), step):
-        part = slice(start, start + step)
-        squares = np.zeros((len(points[part]), n_markers))
-        for axis in range(3):
-            offset = places[axis].take(frames[part], axis=0)
-            offset -= points[part, axis, np.newaxis]
-            offset *= offset
-            squares += offset
-        squares *= factor.take(frames[part], axis=0)
-        squares += 1.0
-        np.maximum(squares, 0.0, out=scores[part], casting="same_kind")
-    return scores
-
-
-def split_where_marker_changes(track_of_point: Ints, scores: Scores) -> Ints:
+def split_where_marker_changes(track_of_point: Ints, explained: Explanations) -> Ints:
     """Cut tracks at which one marker stops to explain the points and another begins to.
 
     Parameters
     ----------
     track_of_point : ndarray of intp, shape (n_points,)
         Track of each point in order of frames, -1 for none.
-    scores : ndarray, shape (n_points, n_markers)
-        From `point_scores`.
+    explained : Explanations
+        Which markers explain the points.
 
     Returns
     -------
     ndarray of intp, shape (n_points,)
         Finer tracks, numbered from 0; -1 for points of none.
     """
-    best = scores.argmax(axis=1)
-    best[np.take_along_axis(scores, best[:, np.newaxis], axis=1)[:, 0] <= 0.0] = -1
+    best = explained.best
     order = np.argsort(track_of_point, kind="stable")
     order = order[track_of_point[order] >= 0]
     tracks = np.full(len(track_of_point), -1, dtype=np.intp)
@@ -133,7 +88,7 @@ def _carried(track: Ints, voting: Ints, steady: Ints) -> Ints:
     return held
 
 
-def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
+def assign_tracks(tracks: Ints, frames: Ints, explained: Explanations, n_frames: int) -> Ints:
     """Give tracks to markers, the best explained first; a marker has one point in a frame.
 
     Parameters
@@ -142,8 +97,8 @@ def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> 
         Track of each point, -1 for none.
     frames : ndarray of intp, shape (n_points,)
         Frame of each point.
-    scores : ndarray, shape (n_points, n_markers)
-        From `point_scores`.
+    explained : Explanations
+        Which markers explain the points.
     n_frames : int
         Number of frames.
 
@@ -158,8 +113,11 @@ def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> 
         return marker_of_point
     order = np.argsort(tracks, kind="stable")[int((tracks < 0).sum()) :]
     starts = np.searchsorted(tracks[order], np.arange(n_tracks + 1))
-    votes = np.stack([scores[order[start:end]].sum(axis=0) for start, end in itertools.pairwise(starts)])
-    taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
+    votes = np.zeros((n_tracks, explained.n_markers), dtype=np.float32)
+    voting = tracks[explained.points] >= 0
+    ballots = tracks[explained.points[voting]], explained.markers[voting]
+    np.add.at(votes, ballots, explained.scores[voting])
+    taken = np.zeros((n_frames, explained.n_markers), dtype=bool)
     candidates = np.argwhere(votes > 0)
     ranking = np.argsort(-votes[votes > 0], kind="stable")
     placed = np.zeros(n_tracks, dtype=bool)
@@ -177,25 +135,24 @@ def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> 
     return marker_of_point
 
 
-def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
+def fill_single_points(marker_of_point: Ints, frames: Ints, explained: Explanations, n_frames: int) -> Ints:
     """Give points that no track brought to the markers that explain them and have none, the best first.
 
     Parameters
     ----------
-    marker_of_point, frames, scores, n_frames
+    marker_of_point, frames, explained, n_frames
         As in `assign_tracks`; the marker of each point is what that returned.
     """
     result = marker_of_point.copy()
-    taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
+    taken = np.zeros((n_frames, explained.n_markers), dtype=bool)
     owned = result >= 0
     taken[frames[owned], result[owned]] = True
-    free = np.flatnonzero(~owned)
-    rows, markers = np.nonzero(scores[free] > 0)
-    ranking = np.argsort(-scores[free[rows], markers], kind="stable")
-    for row, marker in zip(free[rows[ranking]].tolist(), markers[ranking].tolist(), strict=True):
-        if result[row] < 0 and not taken[frames[row], marker]:
-            result[row] = marker
-            taken[frames[row], marker] = True
+    free = explained.kept(~owned[explained.points])
+    ranking = np.argsort(-free.scores, kind="stable")
+    for point, marker in zip(free.points[ranking].tolist(), free.markers[ranking].tolist(), strict=True):
+        if result[point] < 0 and not taken[frames[point], marker]:
+            result[point] = marker
+            taken[frames[point], marker] = True
     return result
 
 

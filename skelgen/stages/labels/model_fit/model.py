@@ -18,7 +18,7 @@ from skelgen.kinematics.inverse.root_outward import pose_by_own_markers, pose_ou
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.limbs import LimbParameters, find_limbs
+from skelgen.stages.limbs import LimbParameters, draft_limbs
 from skelgen.stages.skeleton import BodyOfTake, SkeletonParameters, StructuredTake, assemble
 
 GATE_DEVIATIONS = 6.0
@@ -185,7 +185,7 @@ def fit_model(
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     if structure is None:
         try:
-            limbs = find_limbs(chosen, BY_MOTION, seed=seed)
+            limbs = draft_limbs(chosen, BY_MOTION, seed=seed)
             structure = FoundStructure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
         except InputError:
             return None
@@ -240,7 +240,8 @@ def steadiest_place(
     if not len(limbs):
         return None
     pose = poses.world_from_limb[np.ix_(seen, limbs)]
-    local = np.einsum("flji,flj->fli", pose[..., :3, :3], positions[seen, np.newaxis] - pose[..., :3, 3])
+    away = positions[seen, np.newaxis] - pose[..., :3, 3]
+    local = (away[..., np.newaxis, :] @ pose[..., :3, :3])[..., 0, :]
     weight = known[:, limbs, np.newaxis].astype(np.float64)
     mean = (local * weight).sum(axis=0) / weight.sum(axis=0)
     spread = np.sqrt((((local - mean) ** 2) * weight).sum(axis=(0, 2)) / weight[..., 0].sum(axis=0))
@@ -271,8 +272,11 @@ def _gates(residuals: Floats, least: float) -> Floats:
 
 def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
     """Markers on posed limbs [mm], shape (n_frames, n_markers, 3); NaN for those without a place."""
-    pose = world_from_limb[:, limb]
-    return np.asarray(np.einsum("fmij,mj->fmi", pose[..., :3, :3], offsets) + pose[..., :3, 3])
+    placed = np.empty((len(world_from_limb), len(limb), 3))
+    for axis in range(3):  # einsum takes six times as long
+        rows = [world_from_limb[:, limb, axis, column] for column in range(4)]
+        placed[..., axis] = rows[0] * offsets[:, 0] + rows[1] * offsets[:, 1] + rows[2] * offsets[:, 2] + rows[3]
+    return placed
 
 
 def _tree(body: BodyOfTake, core: Ints) -> Tree:

@@ -20,6 +20,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.explanations import Explanations, explain_points
 from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
@@ -29,7 +30,7 @@ from skelgen.stages.labels.model_fit.symmetry import turned_limbs
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import stand_alone_frames
 from skelgen.stages.labels.tracking.take import point_weights
-from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained_scores, markers_of_names
+from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained, markers_of_names
 
 MODEL_FRAMES = 600
 """Frames that the skeleton is fitted to, spread over the take."""
@@ -222,13 +223,13 @@ def _relabelled(
     for block in point_labels.blocks_of(cloud):
         points = cloud.points[block.points]
         poses = model.pose(point_labels.marker_positions(cloud, marker_of_point, n_markers, block))
-        scores = _scores(points, block, marker_of_point[block.points], poses, model)
-        scores *= weights[block.points, np.newaxis]
+        explained = _explained(points, block, marker_of_point[block.points], poses, model)
+        explained = explained.weighted(weights[block.points])
         if constraints is not None and target is not None:
-            scores = constrained_scores(scores, constraints.name_of_point[block.points], target)
-        tracks = assignment.split_where_marker_changes(track_of_point[block.points], scores)
-        marker = assignment.assign_tracks(tracks, block.frames, scores, block.n_frames)
-        marker = assignment.fill_single_points(marker, block.frames, scores, block.n_frames)
+            explained = constrained(explained, constraints.name_of_point[block.points], target)
+        tracks = assignment.split_where_marker_changes(track_of_point[block.points], explained)
+        marker = assignment.assign_tracks(tracks, block.frames, explained, block.n_frames)
+        marker = assignment.fill_single_points(marker, block.frames, explained, block.n_frames)
         new_markers.add(points, block, np.flatnonzero(marker < 0), tracks, poses)
         result[block.points] = marker
         together += point_labels.seen_together(block, marker, n_markers)
@@ -241,14 +242,13 @@ def _relabelled(
     return point_labels.renumbered(result, np.bincount(result[result >= 0], minlength=1) > 1)
 
 
-def _scores(
+def _explained(
     points: Floats, block: point_labels.Block, marker: Ints, poses: LimbPoses, model: MarkerModel
-) -> point_labels.Scores:
-    """How well each point of a block suits each marker; points keep theirs where nothing is known of its place."""
+) -> Explanations:
+    """Which markers explain the points of a block; points keep theirs where nothing is known of its place."""
     predicted, gates = model.predict(poses)
-    scores = assignment.point_scores(points, block.frames, predicted, gates)
     known = ~np.isnan(predicted[..., 0]) | ~model.is_placed
     owned = np.flatnonzero(marker >= 0)
     lost = owned[~known[block.frames[owned], marker[owned]]]
-    scores[lost, marker[lost]] = PRIOR_SCORE
-    return scores
+    explained = explain_points(points, block.frames, predicted, gates)
+    return explained.with_pairs(lost, marker[lost], PRIOR_SCORE)

@@ -68,8 +68,10 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
         marker = result[block.points]
         positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
         for tree, of_limbs in zip(model.trees, ways, strict=True):
+            poses: Floats | None = None
             for limb in _suspected(tree, of_limbs, positions[::stride, tree.markers], share / stride):
-                poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
+                if poses is None:
+                    poses = pose_by_own_markers(tree.chain, positions[:, tree.markers])[0]
                 members, orders = tree.markers[tree.chain.limb_of_marker == limb], of_limbs[limb]
                 losses = _losses(tree.chain, limb, orders, positions[:, tree.markers], poses)
                 way = _best_ways(losses / share)
@@ -81,6 +83,7 @@ def turned_limbs(cloud: PointCloud, marker_of_point: Ints, model: MarkerModel, r
                 marker[owned] = becomes[block.frames[owned], marker[owned]]
                 result[block.points] = marker
                 positions = point_labels.marker_positions(cloud, result, model.n_markers, block)
+                poses = None  # those of this limb have changed
     return result
 
 
@@ -136,18 +139,17 @@ def _losses(chain: Chain, limb: int, orders: Ints, positions: Floats, poses: Flo
     if parent >= 0:
         met.append(_moved(poses[:, parent], chain.joints[[limb]])[:, 0])
     targets = np.concatenate([positions[:, members], *(one[:, np.newaxis] for one in met)], axis=1)
-    seen = ~np.isnan(targets[..., 0])
-    losses, usual = np.zeros((len(positions), len(orders))), np.ones(seen.shape[1])
-    places = chain.offsets[members]
+    losses = np.zeros((len(positions), len(orders)))
+    shown = np.flatnonzero((~np.isnan(targets[..., 0])).sum(axis=1) >= LEAST_POINTS)
+    targets = targets[shown]
+    seen, usual, places = ~np.isnan(targets[..., 0]), np.ones(targets.shape[1]), chain.offsets[members]
     for way, order in enumerate(orders):
         source = np.concatenate([places[order], ends])
         squares = ((targets - _moved(fit_transform(source, targets, seen), source)) ** 2).sum(axis=2)
         if way == 0:
             usual = np.array([np.median(one[~np.isnan(one)]) if (~np.isnan(one)).any() else 1.0 for one in squares.T])
-        losses[:, way] = np.nan_to_num(np.minimum(squares / (2.0 * np.maximum(usual, EXACT)), MOST_EVIDENCE)).sum(
-            axis=1
-        )
-    losses[seen.sum(axis=1) < LEAST_POINTS] = 0.0
+        evidence = np.minimum(squares / (2.0 * np.maximum(usual, EXACT)), MOST_EVIDENCE)
+        losses[shown, way] = np.nan_to_num(evidence).sum(axis=1)
     return losses
 
 
@@ -159,7 +161,7 @@ def _is_sure(losses: Floats, way: Ints) -> bool:
 
 def _moved(pose: Floats, places: Floats) -> Floats:
     """Places on a posed limb in the world [mm], shape (n_frames, n, 3)."""
-    return np.asarray(np.einsum("fij,nj->fni", pose[:, :3, :3], places) + pose[:, np.newaxis, :3, 3])
+    return np.asarray(places @ pose[:, :3, :3].swapaxes(1, 2) + pose[:, np.newaxis, :3, 3])
 
 
 def _most_gained(losses: Floats) -> float:
@@ -172,15 +174,13 @@ def _best_ways(losses: Floats) -> Ints:
     """The most probable way of each frame, shape (n_frames,)."""
     if _most_gained(losses) <= CHANGE:
         return np.zeros(len(losses), dtype=np.intp)
-    total = losses[0].copy()
-    before = np.empty(losses.shape, dtype=np.intp)
-    for frame, loss in enumerate(losses):
-        if frame:
-            best = int(np.argmin(total))
-            before[frame] = np.where(total <= total[best] + CHANGE, np.arange(len(total)), best)
-            total = np.minimum(total, total[best] + CHANGE) + loss
-    way = np.empty(len(losses), dtype=np.intp)
-    way[-1] = int(np.argmin(total))
-    for frame in range(len(losses) - 1, 0, -1):
-        way[frame - 1] = before[frame, way[frame]]
-    return way
+    total, before = losses[0].tolist(), []
+    for loss in losses[1:].tolist():  # of two ways or six: lists are faster than arrays
+        least = min(total)
+        best = total.index(least)
+        before.append([way if value <= least + CHANGE else best for way, value in enumerate(total)])
+        total = [min(value, least + CHANGE) + more for value, more in zip(total, loss, strict=True)]
+    ways = [total.index(min(total))]
+    for came_from in reversed(before):
+        ways.append(came_from[ways[-1]])
+    return np.array(ways[::-1], dtype=np.intp)

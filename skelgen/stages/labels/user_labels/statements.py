@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Identities, Identity
-from skelgen.stages.labels.point_labels import Scores
+from skelgen.stages.labels.explanations import Explanations
 
 NOBODY = -1
 """In `PointConstraints.name_of_point`: the user says that the point is no marker."""
@@ -106,25 +106,23 @@ def find_constraints(cloud: PointCloud, track_of_point: Ints, identities: Identi
     return PointConstraints(identities.names, name_of_point, track_of_point)
 
 
-def constrained_scores(scores: Scores, name_of_point: Ints, target: Ints) -> Scores:
+def constrained(explained: Explanations, name_of_point: Ints, target: Ints) -> Explanations:
     """Let constrained points vote for their markers alone, and with certainty.
 
     Parameters
     ----------
-    scores : ndarray, shape (n_points, n_markers)
-        How well each marker explains each point.
+    explained : Explanations
+        Which markers explain the points.
     name_of_point : ndarray of intp, shape (n_points,)
         As in `PointConstraints`.
     target : ndarray of intp, shape (n_names,)
         Marker of each name, from `markers_of_names`; those beyond the last marker have no votes yet.
     """
-    changed = scores.copy()
-    changed[name_of_point != ANYBODY] = 0.0
     named = np.flatnonzero(name_of_point >= 0)
     marker = target[name_of_point[named]]
-    known = marker < scores.shape[1]
-    changed[named[known], marker[known]] = CERTAIN
-    return changed
+    known = marker < explained.n_markers
+    free = explained.kept(name_of_point[explained.points] == ANYBODY)
+    return free.with_pairs(named[known], marker[known], CERTAIN)
 
 
 def markers_of_names(
