@@ -38,7 +38,7 @@ PAST = 2.0
 AS_LIKELY = 2.0
 """Times the cost, in the order by which the tree is chosen, of the dearest joint of a single marker that carries
 others: joints past it are no dearer. Of 0, 1.5, 2.5, 5, 20, 50 and no limit at all, which parts thighs from shanks and
-joins feet, 1.5 to 2.5 are best for people, real and simulated, whole, cut, without some markers, and with hands held."""
+joins feet, 1.5 to 2.5 are best for people, real and simulated, whole, cut, without some markers, with hands held."""
 
 KEPT = -1.0
 """Cost of an edge that a tree has in any case."""
