@@ -35,6 +35,14 @@ REPLACEABLE = 4.0
 PAST = 2.0
 """Times the usual gap of the tree's joints: a joint past a single marker may have such a gap."""
 
+AS_LIKELY = 2.0
+"""Times the cost, in the order by which the tree is chosen, of the dearest joint of a single marker that carries
+others: joints past it are no dearer. Of 0, 1.5, 2.5, 5, 20, 50 and no limit at all, which parts thighs from shanks and
+joins feet, 1.5 to 2.5 are best for people, real and simulated, whole, cut, without some markers, with hands held."""
+
+KEPT = -1.0
+"""Cost of an edge that a tree has in any case."""
+
 ENOUGH_JOINTS = 3
 """Fewer joints say nothing of what is usual."""
 
@@ -122,8 +130,10 @@ def find_tree(
 def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:
     """Return the edges of a tree whose limbs of one marker are leaves, where others can be joined without them.
 
-    A single marker keeps its distance to nearly any joint, so that trees run through it. Its neighbours are joined past
-    it where the gaps of these joints are at most `PAST` times those that are usual in the tree.
+    A single marker keeps its distance to nearly any joint, so that trees run through it; where hands are clasped, even
+    round the loop that both arms form. What it holds together is joined elsewhere where the gaps of these joints are
+    at most `PAST` times those that are usual in the tree, and where they are about as likely as what they replace:
+    some limbs carry one marker only, and bear others.
 
     Parameters
     ----------
@@ -153,16 +163,43 @@ def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined:
         around = np.flatnonzero(edges[limb])
         if len(around) < 2 or any(limb in pair for pair in joined):
             continue
-        among = np.where(fits, costs.order, np.inf)[np.ix_(around, around)]
-        above = spanning_forest(among, markers[around], None)
-        if (above < 0).sum() > 1:
-            continue
-        nearest = around[costs.order[limb, around].argmin()]
-        edges[limb] = edges[:, limb] = False
-        edges[limb, nearest] = edges[nearest, limb] = True
-        first, second = around[above >= 0], around[above[above >= 0]]
-        edges[first, second] = edges[second, first] = True
+        through = np.sort(costs.order[limb, around])
+        open_costs = np.where(fits & (costs.order <= AS_LIKELY * through[-1]), costs.order, np.inf)
+        apart = joined_without(limb, edges, open_costs)
+        if apart is not None:
+            nearest = around[costs.order[limb, around].argmin()]
+            edges = apart
+            edges[limb, nearest] = edges[nearest, limb] = True
     return None if np.array_equal(edges, before) else edges
+
+
+def joined_without(limb: int, edges: Bools, order: Floats) -> Bools | None:
+    """Return a tree's edges without those of one limb, and the cheapest others that hold the rest together.
+
+    Parameters
+    ----------
+    limb : int
+        The limb, which is left alone.
+    edges : ndarray of bool, shape (n_limbs, n_limbs), symmetric
+        The tree.
+    order : ndarray, shape (n_limbs, n_limbs), mm^2
+        What joints cost, infinite where none may be.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_limbs, n_limbs), symmetric, or None
+        None if no joint that may be holds the rest together.
+    """
+    rest = np.arange(len(edges)) != limb
+    others = rest[:, np.newaxis] & rest
+    parents = spanning_forest(np.where(others, np.where(edges, KEPT, order), np.inf))
+    children = np.flatnonzero(parents >= 0)
+    n_edges = int(edges.sum()) // 2
+    if len(children) < n_edges - 1:
+        return None
+    found = np.zeros_like(edges)
+    found[children, parents[children]] = found[parents[children], children] = True
+    return found
 
 
 def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], radius: float) -> list[Pair]:

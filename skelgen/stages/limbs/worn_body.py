@@ -7,7 +7,7 @@ from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.worn_places import Believed, believed_wear, worn_set
-from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, Match
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, Match, belief_in_set, part_of
 from skelgen.stages.limbs.worn_shapes import WornSet
 
 AGREED = 0.8
@@ -30,6 +30,15 @@ NEIGHBOURS = 4.0
 
 BY_LIMBS = 6.0
 """Log odds that two markers on one limb share a segment."""
+
+MAY_BE_WORN, NOT_WORN = 1.4, 2.0
+"""Misfit up to which limbs may bear a set out, and from which they do not: animals and random trees have 1.97 and
+more."""
+
+WITHIN_SEGMENTS, ACROSS_SEGMENTS = 0.9, 0.7
+"""Part of the pairs on one limb that are on one segment, from where the limbs bear a set out, and below which they do
+not: of animals and random trees .73 at most, of people .9 and more where all segments are right, even with hands that
+are held at the hips. A segment may be in parts: these are neighbours, too."""
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -120,7 +129,7 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     on_limb, own = limb_of_marker >= 0, limb_of_marker[:, np.newaxis] == limb_of_marker
     by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
     np.fill_diagonal(by_limbs, 0.0)
-    worn = believed_wear(positions, by_limbs)
+    worn = believed_wear(positions, by_limbs, _belief_by_limbs)
     if worn is None:
         return odds
     for reading in worn.sets:
@@ -128,6 +137,15 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     if worn.places is not None:
         odds += worn.share * _neighbours_of(worn.places, limb_of_marker)
     return odds
+
+
+def _belief_by_limbs(match: Match, worn: WornSet, by_limbs: Floats) -> float:
+    """How far to believe a set, where limbs on one segment each bear it out, though a segment may be in parts."""
+    alike = worn.segments[match.of_set][:, np.newaxis] == worn.segments[match.of_set]
+    own = by_limbs[np.ix_(match.markers, match.markers)] > 0
+    within = float(alike[own].mean()) if own.any() else 0.0
+    may_be = part_of(match.misfit, MAY_BE_WORN, NOT_WORN) * part_of(within, WITHIN_SEGMENTS, ACROSS_SEGMENTS)
+    return max(float(may_be), belief_in_set(match, worn, by_limbs))
 
 
 def _neighbours_of(reading: Believed, limb_of_marker: Ints) -> Floats:

@@ -7,7 +7,7 @@ examiners do: Della Croce et al., Gait & Posture 21 (2005) 226-237). Markers are
 fit best, beginning with the sets that fit best. A place that is taken on one side is likely taken on the other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -161,7 +161,11 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     return odds
 
 
-def believed_wear(positions: Floats, by_motion: Floats) -> Wear | None:
+def believed_wear(
+    positions: Floats,
+    by_motion: Floats,
+    belief_in: Callable[[Match, WornSet, Floats], float] = belief_in_set,
+) -> Wear | None:
     """Return what a person seems to wear, or None if all sets have far more or fewer markers.
 
     Parameters
@@ -170,11 +174,13 @@ def believed_wear(positions: Floats, by_motion: Floats) -> Wear | None:
         NaN where unseen.
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb, which bear out what is worn or contradict it.
+    belief_in : callable, optional
+        Says of a match, a set and these log odds how far to believe the set, 0 to 1.
     """
     best = nearest_set(positions)
     if best is None:
         return None
-    belief, places = belief_in_set(*best, by_motion), believed_places(positions, by_motion)
+    belief, places = belief_in(*best, by_motion), believed_places(positions, by_motion)
     sets = tuple(Believed(match, worn, weight * belief) for weight, match, worn in readings(positions))
     return Wear(sets, places, _doubt(best[0], places.match) if places is not None else 0.0)
 

@@ -28,7 +28,7 @@ def pairs(edges):
 
 
 def test_a_joint_past_a_single_marker_is_taken_where_it_fits():
-    edges = past_single_markers(PARENTS, costs_with(3.5), np.array([3, 3, 1, 3, 3]), [])
+    edges = past_single_markers(PARENTS, costs_with(2.5), np.array([3, 3, 1, 3, 3]), [])
     assert pairs(edges) == {(0, 1), (1, 3), (1, 2), (3, 4)}
 
 
@@ -36,8 +36,9 @@ def test_a_joint_past_a_single_marker_is_taken_where_it_fits():
     ("gap", "markers", "joined"),
     [
         (9.0, [3, 3, 1, 3, 3], []),  # the single marker is a limb between two others
-        (3.5, [3, 3, 2, 3, 3], []),
-        (3.5, [3, 3, 1, 3, 3], [(1, 2)]),  # the user says so
+        (3.5, [3, 3, 1, 3, 3], []),  # no wider than gaps may be, but three times dearer
+        (2.5, [3, 3, 2, 3, 3], []),
+        (2.5, [3, 3, 1, 3, 3], [(1, 2)]),  # the user says so
     ],
 )
 def test_the_tree_stays_where_a_single_marker_is_a_limb(gap, markers, joined):
@@ -45,7 +46,19 @@ def test_the_tree_stays_where_a_single_marker_is_a_limb(gap, markers, joined):
 
 
 def test_a_joint_that_the_user_refuses_is_not_taken_past_a_single_marker():
-    costs = costs_with(3.5)
+    costs = costs_with(2.5)
     order = costs.order.copy()
     order[1, 3] = order[3, 1] = np.inf
     assert past_single_markers(PARENTS, replace(costs, order=order), np.array([3, 3, 1, 3, 3]), []) is None
+
+
+def test_clasped_hands_of_one_marker_do_not_join_the_arms():
+    chest, forearms, hands = 0, (1, 4), (2, 3)
+    order = np.full((5, 5), 20.0)
+    for pair, cost in {(0, 1): 0.19, (0, 4): 0.15, (1, 2): 0.02, (3, 4): 0.02, (2, 3): 0.16}.items():
+        order[pair] = order[pair[::-1]] = cost
+    costs = JointCosts(*(np.full((5, 5), 4.0),) * 5)
+    round_the_loop = np.array([-1, hands[0], hands[1], forearms[1], chest])
+    edges = past_single_markers(round_the_loop, replace(costs, order=order), np.array([3, 2, 1, 1, 2]), [])
+    arms = {(chest, forearms[0]), (chest, forearms[1])}
+    assert pairs(edges) == arms | {(forearms[0], hands[0]), (hands[1], forearms[1])}

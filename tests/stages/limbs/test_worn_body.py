@@ -8,6 +8,8 @@ from skelgen.stages.limbs import worn_body, worn_neighbours
 from skelgen.stages.limbs.worn_sets import HALVES
 
 MIRROR = np.array([1.0, -1.0, 1.0])
+MISPLACED = 40.0  # mm, so that motion alone would have to bear the set out
+MOST = 0.95  # of the pairs of limbs
 PROPORTIONS = 35.0  # mm by which a usual person's hips miss those of one of six sizes
 
 
@@ -60,6 +62,20 @@ def test_limbs_of_a_set_that_is_worn_are_neighbours_as_on_the_body(walker):
     found = {frozenset(pair) for pair in np.argwhere(odds > 1).tolist()}
     assert found == {frozenset(edge) for edge in truth.edges.tolist()}
     assert odds[~np.eye(len(odds), dtype=np.bool_)].all()
+
+
+def test_limbs_that_are_parts_of_segments_bear_a_set_out_though_its_markers_are_misplaced():
+    case = simulate("human", seed=5, motion="walk", marker_set="animation-41", n_frames=100, soft_tissue="realistic")
+    segment = np.asarray(case.truth.limb_of_marker)
+    place_on_segment = np.array([(segment[:marker] == own).sum() for marker, own in enumerate(segment)])
+    parts, limb = np.unique(segment * len(segment) + place_on_segment // 2, return_inverse=True)
+    segment_of_part = parts // len(segment)
+    missed = MISPLACED * np.random.default_rng(0).normal(size=(1, len(segment), 3))
+    near = {frozenset(edge) for edge in case.truth.edges.tolist()}
+    joined = [[one == other or frozenset((one, other)) in near for other in segment_of_part] for one in segment_of_part]
+    odds = worn_neighbours(case.take.positions + missed, limb)
+    others = ~np.eye(len(parts), dtype=np.bool_)
+    assert ((odds > 0) == np.array(joined))[others].mean() > MOST
 
 
 def test_animals_and_trees_have_no_known_build_nor_neighbours():
