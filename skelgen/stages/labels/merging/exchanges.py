@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels.tracklet_evidence import WITNESSES
+from skelgen._kernels.witness_misfits import write_misfits
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.likelihood import (
     EXISTENCE,
@@ -45,9 +46,6 @@ TRIED = 8
 
 MOST_PAUSES = 200
 """Of more common pauses of two markers, the longest ones are looked at: spans are between any two of them."""
-
-MOST_MISFIT = 5.0
-"""nats that one distance says at most against a point."""
 
 
 class _Exchange(NamedTuple):
@@ -257,23 +255,8 @@ class _Search:
         is_new[changed] = True
         self._witnesses = witnesses
         everyone = np.arange(len(witnesses))
-        for marker in np.flatnonzero(is_new).tolist():
-            self._misfits[:, marker] = self._misfit(everyone, marker)
-        for marker in np.flatnonzero(~is_new).tolist():
-            self._misfits[changed, marker] = self._misfit(changed, marker)
+        for marker, chosen in enumerate(witnesses):
+            points = everyone if is_new[marker] else changed
+            write_misfits(marker, points, chosen, self._distance, (self._usual, self._deviation), self._misfits)
         own = self._misfits.diagonal().T
         self._suits = own[:, np.newaxis] - self._misfits
-
-    def _misfit(self, points: Ints, marker: int) -> Floats:
-        """How badly points of some markers suit a marker's usual distances [nats], shape (n_points, n_moments)."""
-        witnesses = self._witnesses[marker]
-        witnesses = witnesses[witnesses >= 0]
-        away = self._distance[points[:, np.newaxis], witnesses]
-        away -= self._usual[marker, witnesses, np.newaxis]
-        away /= self._deviation[marker, witnesses, np.newaxis]
-        away *= away
-        away *= 0.5
-        misfit = np.minimum(away, MOST_MISFIT, out=away)
-        np.copyto(misfit, 0.0, where=np.isnan(misfit))
-        misfit[points[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
-        return np.asarray(misfit.sum(axis=1))
