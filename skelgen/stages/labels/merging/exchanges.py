@@ -123,7 +123,9 @@ class _Search:
         self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
         self._places = point_labels.sampled_positions(cloud, marker, moments)
         n_moments, n_markers = self._places.shape[:2]
-        self._pauses = [self._pauses_of(one) for one in range(n_markers)]
+        order = np.argsort(marker.astype(np.int16), kind="stable")  # such small numbers are sorted quickly
+        parts = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
+        self._pauses = [self._pauses_of(points) for points in parts]
         self._distance = np.empty((n_markers, n_markers, n_moments))
         self._before = np.zeros((n_markers, n_markers, 3, n_moments + 1))
         self._usual, self._deviation, self._gains = np.empty((3, n_markers, n_markers))
@@ -151,8 +153,8 @@ class _Search:
         if not len(moments):
             return NOTHING
         pair = [one, other]
-        before = self._before[pair]
-        inside = before[..., moments[:, 1]] - before[..., moments[:, 0]]
+        begins, ends = moments.T
+        inside = np.stack([self._before[marker][..., ends] - self._before[marker][..., begins] for marker in pair])
         inside = inside.transpose(3, 2, 0, 1)  # span, kind, of two, marker
         sums = self._sums[:, pair] - inside + inside[:, :, ::-1]
         seen = np.stack([inside[:, 0, 0, one], inside[:, 0, 1, other]], axis=1)
@@ -178,7 +180,8 @@ class _Search:
         marker[points & (self.marker_of_point == one)] = other
         marker[points & (self.marker_of_point == other)] = one
         self.marker_of_point = marker
-        self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
+        for changed in (one, other):
+            self._pauses[changed] = self._pauses_of(np.flatnonzero(marker == changed))
         n_markers = len(self._gains)
         self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
 
@@ -214,9 +217,8 @@ class _Search:
         moment = np.concatenate([[0], moment[inner], [len(self._moments)]])
         return moment, np.concatenate([[0], frames[place[inner]], [self._n_frames]])
 
-    def _pauses_of(self, marker: int) -> tuple[Ints, Ints]:
+    def _pauses_of(self, points: Ints) -> tuple[Ints, Ints]:
         """Last frames before pauses of a marker and first ones after them; where another track begins, it may pause."""
-        points = np.flatnonzero(self.marker_of_point == marker)
         frame, track = self._frame[points], self._track[points]
         ends = np.flatnonzero((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
         last = np.concatenate([[-1], frame[ends], frame[-1:]])
