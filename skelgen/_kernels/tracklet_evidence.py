@@ -110,11 +110,12 @@ def evidence_of_one(
 
 @kernel
 def _write_weights(count: Floats, scatter: Floats, usual: UsualDeviations, weight: Floats) -> None:
+    before = _log_prior_odds(usual)
     for pair in range(len(count)):
         weight[pair] = 0.0
         if count[pair] > 0.0:
             freedom = count[pair] - 1.0
-            probability = _rigid_probability(freedom, scatter[pair], usual)
+            probability = _probability(_log_odds(before, freedom, scatter[pair], usual))
             variance = (PRIOR_SAMPLES * usual.rigid**2 + scatter[pair]) / (PRIOR_SAMPLES + freedom)
             weight[pair] = probability * min(count[pair], TRUSTED_SAMPLES) * usual.rigid / math.sqrt(variance)
 
@@ -130,7 +131,7 @@ def _add_evidence(
 ) -> None:
     """Add evidence and number of distances of each of some others to one."""
     tables, usual, flags = known
-    best = room[2]
+    before, best = _log_prior_odds(usual), room[2]
     for row in range(len(others)):
         other = others[row]
         n_best = _find_witnesses(one, other, partners, tables, room)
@@ -138,9 +139,9 @@ def _add_evidence(
             both = tables.samples[one, best[place]], tables.samples[other, best[place]]
             scatters = tables.scatter[one, best[place]], tables.scatter[other, best[place]]
             missed = tables.mean[other, best[place]] - tables.mean[one, best[place]]
-            gain, rigid = _log_ratio(missed * missed, both, scatters, usual, flags)
-            found[0, row] += gain
-            found[1, row] += 1.0 if flags[0] else rigid
+            odds = _log_odds(before, both[0] + both[1] - 2.0, scatters[0] + scatters[1], usual)
+            found[0, row] += _log_ratio(missed * missed, both, scatters, (odds, usual, flags))
+            found[1, row] += 1.0 if flags[0] else _probability(odds)
 
 
 @kernel_part
@@ -166,23 +167,21 @@ def _find_witnesses(
 
 
 @kernel_part
-def _log_weight(freedom: float, scatter: float, tau: float, prior: float) -> float:
-    """Log probability of a scatter if the usual deviation is tau, but for what all tau share."""
-    square = PRIOR_SAMPLES * tau * tau
-    after = 0.5 * (PRIOR_SAMPLES + freedom)
-    return math.log(prior) + 0.5 * PRIOR_SAMPLES * math.log(square) - after * math.log(square + scatter)
+def _log_prior_odds(usual: UsualDeviations) -> float:
+    """Log odds that a distance is rigid before its scatter counts, with the norms of both priors of its variance."""
+    return math.log(RIGID_PRIOR / (1.0 - RIGID_PRIOR)) + PRIOR_SAMPLES * math.log(usual.rigid / usual.loose)
+
+
+@kernel_part
+def _log_odds(before: float, freedom: float, scatter: float, usual: UsualDeviations) -> float:
+    """Log odds that a distance with this scatter is rigid, from those before it counts."""
+    rigid, loose = PRIOR_SAMPLES * usual.rigid**2 + scatter, PRIOR_SAMPLES * usual.loose**2 + scatter
+    return before - 0.5 * (PRIOR_SAMPLES + freedom) * math.log(rigid / loose)
 
 
 @kernel_part
 def _probability(odds: float) -> float:
     return 1.0 / (1.0 + math.exp(-min(max(odds, -MOST_ODDS), MOST_ODDS)))
-
-
-@kernel_part
-def _rigid_probability(freedom: float, scatter: float, usual: UsualDeviations) -> float:
-    """Probability that a distance is one on a limb."""
-    rigid = _log_weight(freedom, scatter, usual.rigid, RIGID_PRIOR)
-    return _probability(rigid - _log_weight(freedom, scatter, usual.loose, 1.0 - RIGID_PRIOR))
 
 
 @kernel_part
@@ -196,17 +195,14 @@ def _log_ratio(
     square: float,
     counts: tuple[float, float],
     scatters: tuple[float, float],
-    usual: UsualDeviations,
-    flags: Ints,
-) -> tuple[float, float]:
-    """Log likelihood of one marker over two by one distance; and the probability that this is rigid."""
-    scatter, freedom = scatters[0] + scatters[1], counts[0] + counts[1] - 2.0
-    rigid = _log_weight(freedom, scatter, usual.rigid, RIGID_PRIOR)
-    loose = _log_weight(freedom, scatter, usual.loose, 1.0 - RIGID_PRIOR)
+    known: tuple[float, UsualDeviations, Ints],
+) -> float:
+    """Log likelihood of one marker over two by one distance, whose odds to be rigid are known."""
+    odds, usual, flags = known
     near, far = _likelihoods(square, counts, scatters, usual.rigid, usual.spacing, flags)
     loosely_near, loosely_far = _likelihoods(square, counts, scatters, usual.loose, usual.spacing, flags)
-    same = _log_sum(rigid + near, loose + (loosely_near if flags[0] else loosely_far))
-    return same - _log_sum(rigid + far, loose + loosely_far), _probability(rigid - loose)
+    same = _log_sum(odds + near, loosely_near if flags[0] else loosely_far)
+    return same - _log_sum(odds + far, loosely_far)
 
 
 @kernel_part

@@ -63,7 +63,7 @@ class Explanations:
             return self
         both = np.concatenate([self.points, points]), np.concatenate([self.markers, markers])
         scores = np.concatenate([self.scores, np.full(len(points), score, dtype=np.float32)])
-        order = np.lexsort(both[::-1])
+        order = np.argsort(both[0] * self.n_markers + both[1], kind="stable")
         return replace(self, points=both[0][order], markers=both[1][order], scores=scores[order])
 
 

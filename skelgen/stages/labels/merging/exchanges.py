@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels.tracklet_evidence import WITNESSES
+from skelgen._kernels.witness_misfits import write_misfits
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.likelihood import (
     EXISTENCE,
@@ -45,9 +46,6 @@ TRIED = 8
 
 MOST_PAUSES = 200
 """Of more common pauses of two markers, the longest ones are looked at: spans are between any two of them."""
-
-MOST_MISFIT = 5.0
-"""nats that one distance says at most against a point."""
 
 
 class _Exchange(NamedTuple):
@@ -125,7 +123,9 @@ class _Search:
         self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
         self._places = point_labels.sampled_positions(cloud, marker, moments)
         n_moments, n_markers = self._places.shape[:2]
-        self._pauses = [self._pauses_of(one) for one in range(n_markers)]
+        order = np.argsort(marker.astype(np.int16), kind="stable")  # such small numbers are sorted quickly
+        parts = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
+        self._pauses = [self._pauses_of(points) for points in parts]
         self._distance = np.empty((n_markers, n_markers, n_moments))
         self._before = np.zeros((n_markers, n_markers, 3, n_moments + 1))
         self._usual, self._deviation, self._gains = np.empty((3, n_markers, n_markers))
@@ -153,8 +153,8 @@ class _Search:
         if not len(moments):
             return NOTHING
         pair = [one, other]
-        before = self._before[pair]
-        inside = before[..., moments[:, 1]] - before[..., moments[:, 0]]
+        begins, ends = moments.T
+        inside = np.stack([self._before[marker][..., ends] - self._before[marker][..., begins] for marker in pair])
         inside = inside.transpose(3, 2, 0, 1)  # span, kind, of two, marker
         sums = self._sums[:, pair] - inside + inside[:, :, ::-1]
         seen = np.stack([inside[:, 0, 0, one], inside[:, 0, 1, other]], axis=1)
@@ -180,7 +180,8 @@ class _Search:
         marker[points & (self.marker_of_point == one)] = other
         marker[points & (self.marker_of_point == other)] = one
         self.marker_of_point = marker
-        self._pauses[one], self._pauses[other] = self._pauses_of(one), self._pauses_of(other)
+        for changed in (one, other):
+            self._pauses[changed] = self._pauses_of(np.flatnonzero(marker == changed))
         n_markers = len(self._gains)
         self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
 
@@ -216,9 +217,8 @@ class _Search:
         moment = np.concatenate([[0], moment[inner], [len(self._moments)]])
         return moment, np.concatenate([[0], frames[place[inner]], [self._n_frames]])
 
-    def _pauses_of(self, marker: int) -> tuple[Ints, Ints]:
+    def _pauses_of(self, points: Ints) -> tuple[Ints, Ints]:
         """Last frames before pauses of a marker and first ones after them; where another track begins, it may pause."""
-        points = np.flatnonzero(self.marker_of_point == marker)
         frame, track = self._frame[points], self._track[points]
         ends = np.flatnonzero((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
         last = np.concatenate([[-1], frame[ends], frame[-1:]])
@@ -257,23 +257,8 @@ class _Search:
         is_new[changed] = True
         self._witnesses = witnesses
         everyone = np.arange(len(witnesses))
-        for marker in np.flatnonzero(is_new).tolist():
-            self._misfits[:, marker] = self._misfit(everyone, marker)
-        for marker in np.flatnonzero(~is_new).tolist():
-            self._misfits[changed, marker] = self._misfit(changed, marker)
+        for marker, chosen in enumerate(witnesses):
+            points = everyone if is_new[marker] else changed
+            write_misfits(marker, points, chosen, self._distance, (self._usual, self._deviation), self._misfits)
         own = self._misfits.diagonal().T
         self._suits = own[:, np.newaxis] - self._misfits
-
-    def _misfit(self, points: Ints, marker: int) -> Floats:
-        """How badly points of some markers suit a marker's usual distances [nats], shape (n_points, n_moments)."""
-        witnesses = self._witnesses[marker]
-        witnesses = witnesses[witnesses >= 0]
-        away = self._distance[points[:, np.newaxis], witnesses]
-        away -= self._usual[marker, witnesses, np.newaxis]
-        away /= self._deviation[marker, witnesses, np.newaxis]
-        away *= away
-        away *= 0.5
-        misfit = np.minimum(away, MOST_MISFIT, out=away)
-        np.copyto(misfit, 0.0, where=np.isnan(misfit))
-        misfit[points[:, np.newaxis] == witnesses] = 0.0  # its own distance to itself
-        return np.asarray(misfit.sum(axis=1))

@@ -298,7 +298,8 @@ def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
         joints[:, 0] = np.nan
         found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
-        poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
+        np.copyto(chained, own, where=by_own[:, tree.limbs, np.newaxis, np.newaxis])
+        poses[:, tree.limbs] = chained
     from scipy.ndimage import binary_dilation  # noqa: PLC0415 - heavy
 
     credible = binary_dilation(posed | by_own, structure=np.ones((2 * STEADY_FRAMES + 1, 1)))
