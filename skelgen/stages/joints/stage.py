@@ -32,8 +32,8 @@ from skelgen.stages.joints.tree import (
 )
 from skelgen.stages.limbs import worn_neighbours
 
-ONE_PERSON = 2.0
-"""Log odds by what is worn, for or against a joint of two limbs, from which both are on one person: half of the
+ONE_PERSON = 1.0
+"""Log odds by what is worn, for or against a joint of two limbs, from which both are on one person: a quarter of the
 most."""
 
 
