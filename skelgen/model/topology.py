@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_probabilities, set_fields
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_probabilities, set_fields
 from skelgen.model.joint_spans import JointSpan
 from skelgen.model.limbs import DOUBTFUL
 
@@ -297,6 +297,25 @@ def joint_children(parents: Ints) -> Ints:
     return outward_order(parents)[(parents < 0).sum() :]
 
 
+def branches(parents: Ints) -> Bools:
+    """Return the limbs of the branch that each limb bears, itself included, shape (n_limbs, n_limbs).
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+
+    Examples
+    --------
+    >>> branches(np.array([-1, 0, 1])).sum(axis=1)
+    array([3, 2, 1])
+    """
+    borne = np.eye(len(parents), dtype=np.bool_)
+    for limb in joint_children(parents)[::-1].tolist():
+        borne[parents[limb]] |= borne[limb]
+    return borne
+
+
 def cheapest_rivals(parents: Ints, costs: Floats) -> dict[int, tuple[tuple[int, int], float]]:
     """Return the cheapest other edge, and its cost, between the two parts that each edge of a forest connects.
 
@@ -313,14 +332,9 @@ def cheapest_rivals(parents: Ints, costs: Floats) -> dict[int, tuple[tuple[int, 
         By child: the limb on the parent's side and that on the child's, with the cost; (-1, -1) and NaN if there is no
         other.
     """
-    order = outward_order(parents)
-    root, inside = np.arange(len(parents)), np.eye(len(parents), dtype=bool)  # inside[limb]: the branch that it bears
-    for limb in order.tolist():
-        if parents[limb] >= 0:
-            root[limb] = root[parents[limb]]
-    for limb in order[::-1].tolist():
-        if parents[limb] >= 0:
-            inside[parents[limb]] |= inside[limb]
+    root, inside = np.arange(len(parents)), branches(parents)
+    for limb in joint_children(parents).tolist():
+        root[limb] = root[parents[limb]]
     found = {}
     for child in np.flatnonzero(parents >= 0).tolist():
         rest = (root == root[child]) & ~inside[child]

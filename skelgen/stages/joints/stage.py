@@ -21,6 +21,7 @@ from skelgen.stages.joints.parameters import JointConstraints, JointParameters, 
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.tree import (
+    Parting,
     Tree,
     find_tree,
     loop_joints,
@@ -30,6 +31,10 @@ from skelgen.stages.joints.tree import (
     usual_radius,
 )
 from skelgen.stages.limbs import worn_neighbours
+
+ONE_PERSON = 1.0
+"""Log odds by what is worn, for or against a joint of two limbs, from which both are on one person: a quarter of the
+most."""
 
 
 def find_joints(
@@ -81,7 +86,7 @@ class JointSearch:
         self._trajectories, self._limbs = trajectories, limbs
         self._parameters = parameters or JointParameters()
         self._how = Guessing(self._parameters, seed)
-        self._tried: dict[bytes, tuple[Floats, dict[Pair, JointGuess]]] = {}
+        self._tried: dict[bytes, tuple[Floats, Floats, dict[Pair, JointGuess]]] = {}
 
     @cached_property
     def _segments(self) -> tuple[list[Segment], Ints]:
@@ -90,25 +95,27 @@ class JointSearch:
         frames = sample_frames(len(markers[0]), self._parameters)
         return make_segments(markers, frames), frames
 
-    def _guesses(self, body_of_limb: Ints, monitor: Monitor) -> tuple[Floats, dict[Pair, JointGuess]]:
-        """Log odds that limbs are neighbours, and the joints of all pairs."""
+    def _guesses(self, body_of_limb: Ints, monitor: Monitor) -> tuple[Floats, Floats, dict[Pair, JointGuess]]:
+        """Log odds that limbs are neighbours, what is worn says of that, and the joints of all pairs."""
         key = body_of_limb.tobytes()
         if key not in self._tried:
             segments, frames = self._segments
-            odds = neighbour_odds(segments, frames, body_of_limb)
-            if self._parameters.known_neighbours:
-                odds = self._with_worn(odds, body_of_limb)
-            self._tried = {key: (odds, PairSearch(segments, frames, self._how, monitor, odds).guesses())}
+            worn = self._worn(body_of_limb)
+            odds = neighbour_odds(segments, frames, body_of_limb) + worn
+            self._tried = {key: (odds, worn, PairSearch(segments, frames, self._how, monitor, odds).guesses())}
         return self._tried[key]
 
-    def _with_worn(self, odds: Floats, body_of_limb: Ints) -> Floats:
-        """Add what worn marker sets say to the log odds that limbs are neighbours, body by body."""
+    def _worn(self, body_of_limb: Ints) -> Floats:
+        """Log odds that limbs are neighbours by what is worn on each body; 0 where nothing known is worn."""
+        odds = np.zeros((len(body_of_limb),) * 2)
+        if not self._parameters.known_neighbours:
+            return odds
         positions, limb_of_marker = self._trajectories.positions, self._limbs.limb_of_marker
         for body in np.unique(body_of_limb).tolist():
             limbs = np.flatnonzero(body_of_limb == body)
             markers = np.flatnonzero(np.isin(limb_of_marker, limbs))
             own = np.searchsorted(limbs, limb_of_marker[markers])
-            odds[np.ix_(limbs, limbs)] += worn_neighbours(positions[:, markers], own)
+            odds[np.ix_(limbs, limbs)] = worn_neighbours(positions[:, markers], own)
         return odds
 
     def find(self, constraints: JointConstraints | None = None, monitor: Monitor = SILENT) -> Topology:
@@ -126,10 +133,10 @@ class JointSearch:
         stated = (constraints or JointConstraints()).with_parameters(parameters, trajectories.names, limbs)
         segments, frames = self._segments
         body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
-        odds, guesses = self._guesses(body_of_limb, monitor)
+        odds, worn, guesses = self._guesses(body_of_limb, monitor)
         costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
-        radius = usual_radius(segments, frames) if parameters.separate else None
-        tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
+        parting = Parting(usual_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
+        tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
         n_frames = len(segments[0].points)
         raw = positions_of_joints(joints, tree.parents, n_frames)

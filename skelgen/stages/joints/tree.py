@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.topology import cheapest_rivals, spanning_forest
+from skelgen.model.topology import branches, cheapest_rivals, spanning_forest
 from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
@@ -78,12 +78,28 @@ class Tree:
     cut: list[Pair]
 
 
+@dataclass(frozen=True, eq=False)
+class Parting:
+    """What is known of bodies before the tree is parted.
+
+    Attributes
+    ----------
+    radius : float, mm
+        Usual radius of a limb, NaN if unknown.
+    of_one : ndarray of bool, shape (n_limbs, n_limbs)
+        Limbs that are known to be on one body, as segments of a person are: no edge is cut that parts these.
+    """
+
+    radius: float
+    of_one: Bools
+
+
 def find_tree(
     costs: JointCosts,
     guesses: Mapping[Pair, JointGuess],
     sizes: Sequence[int],
     constraints: JointConstraints,
-    radius: float | None,
+    parting: Parting | None,
 ) -> Tree:
     """Find the tree of limbs that obeys the constraints.
 
@@ -97,8 +113,8 @@ def find_tree(
         Number of markers on each limb.
     constraints : JointConstraints
         What the user states.
-    radius : float, mm, optional
-        Usual radius of a limb, NaN if unknown: edges that are no joints are cut. None keeps them.
+    parting : Parting, optional
+        Edges that are no joints are cut. None keeps them.
 
     Raises
     ------
@@ -115,7 +131,7 @@ def find_tree(
     direct = past_single_markers(parents, replace(costs, order=allowed), markers, constraints.joined)
     if direct is not None:
         parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.root)
-    false = [] if radius is None else _false_joints(parents, costs, guesses, radius)
+    false = [] if parting is None else _false_joints(parents, costs, guesses, parting)
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
         return Tree(parents, known, [])
@@ -165,7 +181,7 @@ def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined:
             continue
         through = np.sort(costs.order[limb, around])
         open_costs = np.where(fits & (costs.order <= AS_LIKELY * through[-1]), costs.order, np.inf)
-        apart = joined_without(limb, edges, open_costs)
+        apart = _joined_without(limb, edges, open_costs)
         if apart is not None:
             nearest = around[costs.order[limb, around].argmin()]
             edges = apart
@@ -173,23 +189,8 @@ def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined:
     return None if np.array_equal(edges, before) else edges
 
 
-def joined_without(limb: int, edges: Bools, order: Floats) -> Bools | None:
-    """Return a tree's edges without those of one limb, and the cheapest others that hold the rest together.
-
-    Parameters
-    ----------
-    limb : int
-        The limb, which is left alone.
-    edges : ndarray of bool, shape (n_limbs, n_limbs), symmetric
-        The tree.
-    order : ndarray, shape (n_limbs, n_limbs), mm^2
-        What joints cost, infinite where none may be.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_limbs, n_limbs), symmetric, or None
-        None if no joint that may be holds the rest together.
-    """
+def _joined_without(limb: int, edges: Bools, order: Floats) -> Bools | None:
+    """A tree's edges without those of one limb, and the cheapest that hold the rest together; None if none may."""
     rest = np.arange(len(edges)) != limb
     others = rest[:, np.newaxis] & rest
     parents = spanning_forest(np.where(others, np.where(edges, KEPT, order), np.inf))
@@ -202,8 +203,8 @@ def joined_without(limb: int, edges: Bools, order: Floats) -> Bools | None:
     return found
 
 
-def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], radius: float) -> list[Pair]:
-    """Edges (parent, child) of a tree that are no joints, given the usual radius [mm] of a limb."""
+def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], parting: Parting) -> list[Pair]:
+    """Edges (parent, child) of a tree that are no joints."""
     children = np.flatnonzero(parents >= 0)
     if not len(children):
         return []
@@ -211,12 +212,14 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     dear, squares = costs.comparable[children, above], costs.squares[children, above]
     pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
     distances = np.array([guesses[pair].distance for pair in pairs])
-    false = np.sqrt(3 * squares) > LOOSE * radius
+    false = np.sqrt(3 * squares) > LOOSE * parting.radius
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
     false &= squares > costs.expected[children, above]
+    borne = branches(parents)
+    false &= np.array([not parting.of_one[np.ix_(borne[child], ~borne[child])].any() for child in children])
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 
 

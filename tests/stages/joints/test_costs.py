@@ -6,10 +6,11 @@ import pytest
 from skelgen.stages.joints.costs import comparable_costs
 from skelgen.stages.joints.pairs import JointGuess
 from skelgen.stages.joints.parameters import JointConstraints
-from skelgen.stages.joints.tree import find_tree
+from skelgen.stages.joints.tree import Parting, find_tree
 
 N_LIMBS = 7
 NOISE, GAP, ALPHA = 4.0, 40.0, 0.1  # mm^2, mm^2, mm
+NOBODY = np.zeros((N_LIMBS, N_LIMBS), dtype=np.bool_)  # no two limbs are known to be of one person
 FAR_ODDS, NEAR_ODDS = -3.0, 3.0
 
 
@@ -53,5 +54,18 @@ def test_a_dear_joint_whose_gap_noise_explains_is_not_cut():
     for limb in range(N_LIMBS - 1):  # the last limb is far from all others, and hardly turns
         guesses[limb, N_LIMBS - 1] = JointGuess(np.zeros((0, 3)), NOISE / 2, NOISE, 3000.0, 0.02, np.nan, 100)
     costs = comparable_costs(guesses, N_LIMBS, ALPHA)
-    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), 100.0)
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), Parting(100.0, NOBODY))
     assert not tree.cut and (tree.parents < 0).sum() == 1
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_dear_joint_is_cut_unless_limbs_on_both_sides_are_of_one_person(known):
+    guesses, _ = row_of_limbs((1.0,) * (N_LIMBS - 1))
+    for limb in range(N_LIMBS - 1):  # no place is better than the others for the joint of the last limb
+        guesses[limb, N_LIMBS - 1] = JointGuess(np.zeros((0, 3)), 100 * NOISE, NOISE, 3000.0, 0.5, np.nan, 100)
+    costs = comparable_costs(guesses, N_LIMBS, ALPHA)
+    of_one = NOBODY.copy()
+    of_one[0, N_LIMBS - 1] = of_one[N_LIMBS - 1, 0] = known
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), Parting(100.0, of_one))
+    assert (len(tree.cut) == 0) == known
+    assert (tree.parents < 0).sum() == (1 if known else 2)

@@ -1,10 +1,13 @@
 """The build of a body is known by the marker set that it wears, without names, and not by its mirror image."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import worn_body, worn_neighbours
+from skelgen.stages.limbs.worn_places import believed_wear
 from skelgen.stages.limbs.worn_sets import HALVES
 
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -76,6 +79,15 @@ def test_limbs_that_are_parts_of_segments_bear_a_set_out_though_its_markers_are_
     odds = worn_neighbours(case.take.positions + missed, limb)
     others = ~np.eye(len(parts), dtype=np.bool_)
     assert ((odds > 0) == np.array(joined))[others].mean() > MOST
+
+
+def test_places_say_less_of_neighbours_than_a_set_that_is_worn(walker, monkeypatch):
+    positions, limb = np.asarray(walker.take.positions), np.asarray(walker.truth.limb_of_marker)
+    of_set = worn_neighbours(positions, limb)
+    believed = believed_wear(positions, np.zeros((len(limb),) * 2))
+    of_places = replace(believed, doubt=1.0, places=replace(believed.places, belief=1.0))
+    monkeypatch.setitem(worn_neighbours.__globals__, "believed_wear", lambda *_: of_places)
+    assert np.abs(worn_neighbours(positions, limb)).max() == np.abs(of_set).max() / 2
 
 
 def test_animals_and_trees_have_no_known_build_nor_neighbours():
