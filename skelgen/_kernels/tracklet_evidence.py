@@ -102,7 +102,7 @@ def evidence_of_one(
     """
     found = np.zeros((2, len(others)))
     partners = np.flatnonzero(tables.witness[one])  # few tracklets of a long take are ever seen together
-    room = np.empty(WITNESSES), np.empty(WITNESSES), np.empty(WITNESSES, dtype=np.intp)
+    room = np.empty(WITNESSES), np.empty(WITNESSES, dtype=np.intp)
     flags = np.array([counts_loose, is_slow])
     _add_evidence(one, others, partners, (tables, usual, flags), room, found)
     return found[0], found[1]
@@ -126,12 +126,12 @@ def _add_evidence(
     others: Ints,
     partners: Ints,
     known: tuple[DistanceTables, UsualDeviations, Ints],
-    room: tuple[Floats, Floats, Ints],
+    room: tuple[Floats, Ints],
     found: Floats,
 ) -> None:
     """Add evidence and number of distances of each of some others to one."""
     tables, usual, flags = known
-    before, best = _log_prior_odds(usual), room[2]
+    before, best = _log_prior_odds(usual), room[1]
     for row in range(len(others)):
         other = others[row]
         n_best = _find_witnesses(one, other, partners, tables, room)
@@ -145,24 +145,21 @@ def _add_evidence(
 
 
 @kernel_part
-def _find_witnesses(
-    one: int, other: int, partners: Ints, tables: DistanceTables, room: tuple[Floats, Floats, Ints]
-) -> int:
-    """Write the tracklets that tell most of both, of equal ones the nearest, and return how many they are."""
-    rank, away, best = room
+def _find_witnesses(one: int, other: int, partners: Ints, tables: DistanceTables, room: tuple[Floats, Ints]) -> int:
+    """Write the tracklets that tell most of both, of equal ones the first, and return how many they are."""
+    rank, best = room
     count = 0
     for partner in partners:
         value = tables.witness[one, partner] * tables.witness[other, partner]
-        reach = tables.mean[one, partner] + tables.mean[other, partner]
         place = count
-        while place > 0 and (rank[place - 1] < value or (rank[place - 1] == value and away[place - 1] > reach)):
+        while place > 0 and rank[place - 1] < value:
             place -= 1
         if value <= 0.0 or place == len(best):
             continue
         count = min(count + 1, len(best))
         for later in range(count - 1, place, -1):
-            rank[later], away[later], best[later] = rank[later - 1], away[later - 1], best[later - 1]
-        rank[place], away[place], best[place] = value, reach, partner
+            rank[later], best[later] = rank[later - 1], best[later - 1]
+        rank[place], best[place] = value, partner
     return count
 
 
