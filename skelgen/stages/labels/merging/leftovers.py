@@ -135,6 +135,6 @@ def _evidence(count: Floats, distance: Floats, laws: tuple[Floats, Floats], spac
         wide = narrow + spacing**2
         gain = 0.5 * np.log(wide / narrow)
         gain = gain + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
-        told = valid.sum(axis=1) >= LEAST_WITNESSES
-        evidence[told, marker] = np.where(valid, gain, 0.0).sum(axis=1)[told]
+        enough = valid.sum(axis=1) >= LEAST_WITNESSES
+        evidence[enough, marker] = np.where(valid, gain, 0.0).sum(axis=1)[enough]
     return evidence
