@@ -270,7 +270,7 @@ def _pair_odds(believed: Believed, n_markers: int) -> Floats:
 def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     """The log odds that two markers share a limb by their places, (n_markers, n_markers).
 
-    Places that part two markers count half. They count more where the other places at which either may be part them, too.
+    Places that part two markers count half, and more where the other places at which either may be part them, too.
     """
     odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
     parted = odds < 0
