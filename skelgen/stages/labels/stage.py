@@ -37,7 +37,7 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points, least_length, stand_alone_frames
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
-from skelgen.stages.labels.user_labels.statements import find_constraints
+from skelgen.stages.labels.user_labels.statements import ANYBODY, PointConstraints, find_constraints
 from skelgen.stages.repair import repair_take
 
 PIECE_SECONDS = 0.1
@@ -137,12 +137,11 @@ def check_labels(
 def refit_labels(
     cloud: PointCloud, tracks: Ints, marker_of_point: Ints, parameters: LabelParameters, monitor: Monitor = SILENT
 ) -> Ints:
-    """Label points by a skeleton that is fitted to labels of their own take, all or those that have no label yet.
+    """Label the points that have no label yet by a skeleton that is fitted to labels of their own take.
 
-    What explains the take best is kept, which may be the labels as they were.
-
-    A skeleton of another take says roughly which marker a point is. Where markers are when this body does what it does
-    here, only this take tells.
+    A skeleton of another take says which marker a point is. Where markers are when this body does what it does here,
+    only this take tells. Labels are added, none is changed: distances within the take cannot tell two markers from
+    each other that are exchanged for a while on a limb that looks the same then, the other take can.
 
     Parameters
     ----------
@@ -160,19 +159,16 @@ def refit_labels(
     Returns
     -------
     ndarray of intp, shape (n_points,)
-        Marker of each point by the same numbers, -1 for none.
+        Marker of each point by the same numbers, -1 for none; as it was if the take is explained worse by more labels.
     """
     rate, _ = frame_rate(cloud, parameters)
-    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, None, 0)
-    before = marker_of_point.astype(np.int32)
+    before, n_markers = marker_of_point.astype(np.int32), int(marker_of_point.max(initial=-1)) + 1
+    names = point_labels.marker_names(n_markers)
+    stated = PointConstraints(names, np.where(marker_of_point >= 0, marker_of_point, ANYBODY), tracks)
+    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, stated, 0)
     found = _refined(task, tracks.astype(np.int32), before, monitor)
-    after, n_markers = _numbered_as(marker_of_point, found), int(before.max(initial=-1)) + 1
-    best, chance = _evidence(task, before)
-    best, chosen = best + chance, marker_of_point
-    for labels in (after, point_labels.filled_labels(cloud, [marker_of_point, after], n_markers)):
-        if (evidence := _evidence(task, labels)[0]) > best:
-            best, chosen = evidence, labels
-    return chosen
+    after = point_labels.filled_labels(cloud, [marker_of_point, _numbered_as(marker_of_point, found)], n_markers)
+    return after if _evidence(task, after)[0] >= _evidence(task, before)[0] else marker_of_point
 
 
 def _labelled(
