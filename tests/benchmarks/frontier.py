@@ -59,7 +59,7 @@ def scores_of(speed: float, hidden: float, seed: int) -> tuple[float, float]:
     blind = run_stages(Project(made.take), until_stage="labels").trajectories
     other = simulate("tree:10", seed=seed, **OPTIONS | {"ghosts": 0.0, "labelled": True, "n_frames": 600})
     skeleton = skelgen.reconstruct(other.take).skeleton
-    known = label_by_subject(made.take, skeleton, other.take.names).marker_of_point
+    known = label_by_subject(made.take, skeleton, other.take).marker_of_point
     found = (find_points(made.take, blind.positions), known)
     return tuple(idf1(take, Result(marker_of_point, 0.0)) for marker_of_point in found)
 

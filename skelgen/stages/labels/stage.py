@@ -28,7 +28,8 @@ from skelgen.stages.labels.input_checks import (
     with_jitter,
 )
 from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.likelihood import evidence_of_labels
+from skelgen.stages.labels.merging.leftovers import label_leftovers
+from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
@@ -135,13 +136,19 @@ def check_labels(
 
 
 def refit_labels(
-    cloud: PointCloud, tracks: Ints, marker_of_point: Ints, parameters: LabelParameters, monitor: Monitor = SILENT
+    cloud: PointCloud,
+    tracks: Ints,
+    marker_of_point: Ints,
+    calibrated: Trajectories,
+    parameters: LabelParameters,
+    monitor: Monitor = SILENT,
 ) -> Ints:
-    """Label the points that have no label yet by a skeleton that is fitted to labels of their own take.
+    """Label the points that have no label yet by a skeleton fitted to this take, and by distances in another take.
 
     A skeleton of another take says which marker a point is. Where markers are when this body does what it does here,
-    only this take tells. Labels are added, none is changed: distances within the take cannot tell two markers from
-    each other that are exchanged for a while on a limb that looks the same then, the other take can.
+    only this take tells. A marker that a joint alone holds has no place by either, but distances that it keeps. Labels
+    are added, none is changed: distances within the take cannot tell two markers from each other that are exchanged for
+    a while on a limb that looks the same then, the other take can.
 
     Parameters
     ----------
@@ -151,6 +158,8 @@ def refit_labels(
         Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point by the labels so far, -1 for none.
+    calibrated : Trajectories
+        The same markers in the other take.
     parameters : LabelParameters
         How to label.
     monitor : Monitor
@@ -162,13 +171,16 @@ def refit_labels(
         Marker of each point by the same numbers, -1 for none; as it was if the take is explained worse by more labels.
     """
     rate, _ = frame_rate(cloud, parameters)
-    before, n_markers = marker_of_point.astype(np.int32), int(marker_of_point.max(initial=-1)) + 1
-    names = point_labels.marker_names(n_markers)
-    stated = PointConstraints(names, np.where(marker_of_point >= 0, marker_of_point, ANYBODY), tracks)
-    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, stated, 0)
-    found = _refined(task, tracks.astype(np.int32), before, monitor)
-    after = point_labels.filled_labels(cloud, [marker_of_point, _numbered_as(marker_of_point, found)], n_markers)
-    return after if _evidence(task, after)[0] >= _evidence(task, before)[0] else marker_of_point
+    spacing = typical_spacing(cloud)
+    before, n_markers = marker_of_point.astype(np.int32), calibrated.n_markers
+    stated = PointConstraints(calibrated.names, np.where(before >= 0, before, ANYBODY), tracks)
+    task = LabelTask(cloud, rate, spacing, parameters, None, stated, 0)
+    found = _numbered_as(before, _refined(task, tracks.astype(np.int32), before, monitor))
+    after = point_labels.filled_labels(cloud, [before, found], n_markers)
+    after = after if _evidence(task, after)[0] >= _evidence(task, before)[0] else before
+    moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
+    distances = np.stack(distance_sums(calibrated.positions[moments]))
+    return label_leftovers(cloud, tracks, after, distances, spacing)
 
 
 def _labelled(

@@ -96,7 +96,8 @@ def fit_subject(
         If the skeleton explains too little of the take.
     """
     names, calibrated = subject.trajectories.names, subject.skeleton
-    labels = label_by_subject(take, take_changes.with_free_joints(calibrated), names, labelling, monitor)
+    free = take_changes.with_free_joints(calibrated)
+    labels = label_by_subject(take, free, subject.trajectories, labelling, monitor)
     monitor.begin("poses of the subject")
     all_names = _all_names(names, labels)
     positions = labels.points.positions(labels.marker_of_point, len(all_names))

@@ -4,8 +4,8 @@ Proposals are made: the names, where the take has some that the skeleton knows, 
 through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
 The one that explains most positions is kept. The skeleton is then posed in all frames, and points that no marker has
 are given to markers whose place they are at.
-A take without names is then labelled once more by a skeleton that is fitted to it: skin moves otherwise and joints turn
-farther than in the calibrated take, which may have been short.
+What a take without names has left then is labelled by a skeleton that is fitted to it: skin moves otherwise and joints
+turn farther than in the calibrated take, which may have been short; at last by the distances of that take.
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
@@ -80,7 +80,7 @@ class SubjectLabels:
 def label_by_subject(
     take: PointCloud | Trajectories,
     skeleton: Skeleton,
-    names: tuple[str, ...],
+    calibrated: Trajectories,
     parameters: LabelParameters | None = None,
     monitor: Monitor = SILENT,
 ) -> SubjectLabels:
@@ -92,8 +92,8 @@ def label_by_subject(
         The take; names that it has count where they agree with the skeleton.
     skeleton : Skeleton
         Calibrated on another take.
-    names : tuple of str
-        Names of its markers.
+    calibrated : Trajectories
+        Its markers in that take.
     parameters : LabelParameters, optional
         How points without names are followed.
     monitor : Monitor
@@ -105,7 +105,7 @@ def label_by_subject(
         If the skeleton explains too little of the take: it shows another body, or other markers.
     """
     monitor.begin("labels by the subject's skeleton")
-    parameters = parameters or LabelParameters()
+    parameters, names = parameters or LabelParameters(), calibrated.names
     points = tracked_points(take, parameters, monitor)
     gates = GATE * PoseFilter(skeleton).deviation
     marker_of_point, by_name = _proposed(points, skeleton, names, gates, monitor)
@@ -119,8 +119,8 @@ def label_by_subject(
             "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
         )
     if not points.names:
-        refit = refit_labels(points.cloud, points.tracks, placed, parameters, monitor)
-        if refit is not placed:
+        refit = refit_labels(points.cloud, points.tracks, placed, calibrated, parameters, monitor)
+        if not np.array_equal(refit, placed):
             placed, poses = refit, pose_subject(skeleton, points.positions(refit, len(names)), monitor=monitor)
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
     moved, new = place_tracks(points, placed, skeleton, poses, gates, names_of_tracks)

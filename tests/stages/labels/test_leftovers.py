@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers
+from skelgen.stages.labels.merging.markers import sampled_distances
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70]], dtype=float)  # mm, on one limb
@@ -31,7 +32,15 @@ def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
 def test_short_tracks_get_the_marker_whose_distances_they_keep(case) -> None:
     cloud, marker, track = case
     labels = np.where(track < len(PLACES), marker, -1)
-    np.testing.assert_array_equal(label_leftovers(cloud, track, labels, RATE, SPACING), marker)
+    distances = sampled_distances(cloud, labels, RATE)
+    np.testing.assert_array_equal(label_leftovers(cloud, track, labels, distances, SPACING), marker)
+
+
+def test_a_marker_without_any_label_is_found_by_its_distances_in_another_take(case) -> None:
+    cloud, marker, _ = case
+    labels = np.where(marker == len(PLACES) - 1, -1, marker)
+    distances = sampled_distances(cloud, marker, RATE)
+    np.testing.assert_array_equal(label_leftovers(cloud, marker, labels, distances, SPACING), marker)
 
 
 def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
@@ -41,7 +50,7 @@ def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
     twin, other = track == len(PLACES), (marker == 2) & (np.isin(np.arange(len(track)) // 5, np.arange(101, 110)))
     points[twin] = points[other] + 1.0
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
-    found = label_leftovers(moved, track, labels, RATE, SPACING)
+    found = label_leftovers(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING)
     assert (found[twin] != 2).all()
 
 
@@ -51,9 +60,9 @@ def test_false_points_away_from_all_places_get_no_marker(case) -> None:
     points = cloud.points.copy()
     points[track >= len(PLACES)] += AWAY
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
-    assert label_leftovers(moved, track, labels, RATE, SPACING) is labels
+    assert label_leftovers(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING) is labels
 
 
 def test_labels_without_leftovers_stay(case) -> None:
     cloud, marker, track = case
-    assert label_leftovers(cloud, track, marker, RATE, SPACING) is marker
+    assert label_leftovers(cloud, track, marker, sampled_distances(cloud, marker, RATE), SPACING) is marker

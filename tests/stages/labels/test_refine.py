@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.evaluation.matching import find_identity
-from skelgen.model import Limbs, Project, StageReport, Topology
+from skelgen.model import Limbs, Project, StageReport, Topology, Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, follow_points, label_markers, refit_labels
 from skelgen.stages.labels.explanations import Explanations, explain_points
@@ -52,9 +52,15 @@ def quadruped():
     return simulate("quadruped", n_frames=300, seed=7, noise=0.5, soft_tissue=2.0, dropouts=0.1, labelled=False)
 
 
+def true_trajectories(case):
+    positions = case.truth.marker_positions
+    return Trajectories(positions, tuple(f"m{number}" for number in range(positions.shape[1])), 100.0)
+
+
 def refit(case, labels):
     parameters = LabelParameters()
-    return refit_labels(case.take, follow_points(case.take, parameters)[0], labels, parameters)
+    tracks, _ = follow_points(case.take, parameters)
+    return refit_labels(case.take, tracks, labels, true_trajectories(case), parameters)
 
 
 def test_markers_that_labels_lack_for_a_while_are_found_by_a_skeleton_of_their_own_take(quadruped):

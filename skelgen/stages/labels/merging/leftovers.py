@@ -25,7 +25,7 @@ from skelgen.stages.labels.merging.likelihood import (
     LEAST_WITNESSES,
     SEEN_ENOUGH,
 )
-from skelgen.stages.labels.merging.markers import LEAST_POINTS, sampled_distances
+from skelgen.stages.labels.merging.markers import LEAST_POINTS
 
 FREEDOM = 4.0
 """Of Student's distribution: a distance may be in a pose that was never seen."""
@@ -35,7 +35,7 @@ TRACKS_AT_ONCE = 500
 
 
 def label_leftovers(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float
+    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float
 ) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
@@ -45,8 +45,8 @@ def label_leftovers(
         The take.
     track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
         Track and marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
+    sums : ndarray, shape (3, n_markers, n_markers)
+        Number, sum [mm] and sum of squares [mm^2] of the markers' distances, in this take or in another one.
     spacing : float, mm
         Typical distance of neighbouring markers.
 
@@ -55,12 +55,12 @@ def label_leftovers(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    n_markers = sums.shape[1]
     points, track = _lasting(track_of_point, marker_of_point)
     if not len(points) or n_markers <= LEAST_WITNESSES:
         return marker_of_point
     frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
-    laws = _laws(cloud, marker_of_point, rate, spacing)
+    laws = _laws(sums, spacing)
     result = marker_of_point.copy()
     starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
     for begin, end in itertools.pairwise(starts):
@@ -81,9 +81,9 @@ def _lasting(track_of_point: Ints, marker_of_point: Ints) -> tuple[Ints, Ints]:
     return free[order], number[order]
 
 
-def _laws(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> tuple[Floats, Floats]:
+def _laws(sums: Floats, spacing: float) -> tuple[Floats, Floats]:
     """Mean distances of markers [mm] and their variances [mm^2], infinite where hardly seen."""
-    count, total, squares = sampled_distances(cloud, marker_of_point, rate)
+    count, total, squares = sums
     mean = total / np.maximum(count, 1.0)
     scatter = np.maximum(squares - count * mean**2, 0.0)
     variance = (2.0 * (LEAST_DEVIATION * spacing) ** 2 + scatter) / (2.0 + np.maximum(count - 1.0, 0.0))
@@ -102,7 +102,9 @@ def _given(
     points, track, frame = pieces
     n_tracks, n_markers = int(track[-1]) + 1, len(laws[0])
     used, row = np.unique(frame, return_inverse=True)
-    beside = point_labels.sampled_positions(cloud, marker_of_point, used)[row]
+    beside = np.full((len(row), n_markers, 3), np.nan)
+    shown = point_labels.sampled_positions(cloud, marker_of_point, used)
+    beside[:, : shown.shape[1]] = shown[row]
     distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
     known = ~np.isnan(distance)
     starts = np.searchsorted(track, np.arange(n_tracks))

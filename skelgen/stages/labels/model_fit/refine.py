@@ -23,7 +23,7 @@ from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.explanations import Explanations, explain_points
 from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.leftovers import label_leftovers
-from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
+from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
 from skelgen.stages.labels.model_fit.symmetry import turned_limbs
@@ -147,7 +147,7 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
             break
     merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
     merged = join_duplicates(cloud, merged, rate, spacing)
-    return label_leftovers(cloud, track_of_point, merged, rate, spacing)
+    return label_leftovers(cloud, track_of_point, merged, sampled_distances(cloud, merged, rate), spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
