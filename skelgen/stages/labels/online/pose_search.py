@@ -19,7 +19,7 @@ from skelgen._kernels.pose_scores import LimbMarkers, scores_of_poses
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.online.marker_history import MarkerHistory
-from skelgen.stages.labels.online.pose_filter import MOST_SPREAD, PoseFilter
+from skelgen.stages.labels.online.pose_filter import PoseFilter
 
 TOLERANCE = 3.5
 """Standard deviations within which a distance between two markers must agree."""
@@ -277,27 +277,14 @@ def _conflict(found: list[PoseCandidates], chosen: Ints) -> tuple[int, Bools]:
 
 
 def _agreement(skeleton: PoseFilter, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
-    """Score of each pair of candidates by where they put their joint, and by how far it turned from the reference pose.
-
-    The last row and column mean no candidate. A limb of two markers fits its points in two ways, half a turn about the
-    axis through its joints apart: the joint's rotation tells which.
-    """
+    """Score of each pair of candidates by where they put their joint; the last row and column mean no candidate."""
     result = np.zeros((len(parent) + 1, len(child) + 1))
     first = parent[:, :3, :3] @ skeleton.at_parent[joint] + parent[:, :3, 3]
     second = child[:, :3, :3] @ skeleton.at_child[joint] + child[:, :3, 3]
     variance = 2 * (JOINT_TOLERANCE * float(np.median(skeleton.deviation))) ** 2
     squares = ((first[:, np.newaxis] - second) ** 2).sum(axis=2)
     result[:-1, :-1] = chance(spacing) - 0.5 * squares / variance - 1.5 * np.log(2 * np.pi * variance)
-    result[:-1, :-1] -= 0.5 * (_rotated(skeleton, joint, parent, child) / MOST_SPREAD) ** 2
     return result
-
-
-def _rotated(skeleton: PoseFilter, joint: int, parent: Floats, child: Floats) -> Floats:
-    """Angle [rad] by which each pair of candidates turns a joint from the reference pose, shape (n_parent, n_child)."""
-    one, other = skeleton.reference[[skeleton.parents[joint], skeleton.children[joint]], :3, :3]
-    expected = parent[:, :3, :3] @ (one.T @ other)
-    traces = expected.reshape(-1, 9) @ child[:, :3, :3].reshape(-1, 9).T
-    return np.asarray(np.arccos(np.clip((traces - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def find_group(history: MarkerHistory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
