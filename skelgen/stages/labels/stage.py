@@ -168,7 +168,8 @@ def refit_labels(
     Returns
     -------
     ndarray of intp, shape (n_points,)
-        Marker of each point by the same numbers, -1 for none; as it was if the take is explained worse by more labels.
+        Marker of each point by the same numbers, -1 for none. What the fitted skeleton says is left out if it explains
+        the take worse.
     """
     rate, _ = frame_rate(cloud, parameters)
     spacing = typical_spacing(cloud)
