@@ -87,7 +87,8 @@ def test_places_say_less_of_neighbours_than_a_set_that_is_worn(walker, monkeypat
     believed = believed_wear(positions, np.zeros((len(limb),) * 2))
     of_places = replace(believed, doubt=1.0, places=replace(believed.places, belief=1.0))
     monkeypatch.setitem(worn_neighbours.__globals__, "believed_wear", lambda *_: of_places)
-    assert np.abs(worn_neighbours(positions, limb)).max() == np.abs(of_set).max() / 2
+    half = pytest.approx(np.abs(of_set).max() / 2)  # machines round logarithms differently
+    assert np.abs(worn_neighbours(positions, limb)).max() == half
 
 
 def test_animals_and_trees_have_no_known_build_nor_neighbours():
