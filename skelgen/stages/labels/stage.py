@@ -38,7 +38,7 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points, least_length, stand_alone_frames
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
-from skelgen.stages.labels.user_labels.statements import ANYBODY, PointConstraints, find_constraints
+from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take
 
 PIECE_SECONDS = 0.1
@@ -143,12 +143,12 @@ def refit_labels(
     parameters: LabelParameters,
     monitor: Monitor = SILENT,
 ) -> Ints:
-    """Label the points that have no label yet by a skeleton fitted to this take, and by distances in another take.
+    """Label what has no label yet by a skeleton that is fitted to this take, and by distances in another take.
 
     A skeleton of another take says which marker a point is. Where markers are when this body does what it does here,
     only this take tells. A marker that a joint alone holds has no place by either, but distances that it keeps. Labels
-    are added, none is changed: distances within the take cannot tell two markers from each other that are exchanged for
-    a while on a limb that looks the same then, the other take can.
+    are added; they are changed only where that explains the take better by more than chance: distances within the take
+    hardly tell two markers from each other that are exchanged on a limb that looks the same then, the other take does.
 
     Parameters
     ----------
@@ -168,20 +168,20 @@ def refit_labels(
     Returns
     -------
     ndarray of intp, shape (n_points,)
-        Marker of each point by the same numbers, -1 for none. What the fitted skeleton says is left out if it explains
-        the take worse.
+        Marker of each point by the same numbers, -1 for none.
     """
     rate, _ = frame_rate(cloud, parameters)
-    spacing = typical_spacing(cloud)
-    before, n_markers = marker_of_point.astype(np.int32), calibrated.n_markers
-    stated = PointConstraints(calibrated.names, np.where(before >= 0, before, ANYBODY), tracks)
-    task = LabelTask(cloud, rate, spacing, parameters, None, stated, 0)
-    found = _numbered_as(before, _refined(task, tracks.astype(np.int32), before, monitor))
-    after = point_labels.filled_labels(cloud, [before, found], n_markers)
-    after = after if _evidence(task, after)[0] >= _evidence(task, before)[0] else before
+    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, None, 0)
+    best = marker_of_point.astype(np.int32)
+    found = _numbered_as(best, _refined(task, tracks.astype(np.int32), best, monitor))
+    evidence, chance = _evidence(task, best)
+    filled = point_labels.filled_labels(cloud, [best, found], calibrated.n_markers)
+    for labels, least in ((filled, 0.0), (found, chance)):
+        if (more := _evidence(task, labels)[0]) >= evidence + least:
+            best, evidence = labels, more
     moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
     distances = np.stack(distance_sums(calibrated.positions[moments]))
-    return label_leftovers(cloud, tracks, after, distances, spacing)
+    return label_leftovers(cloud, tracks, best, distances, task.spacing)
 
 
 def _labelled(

@@ -72,11 +72,11 @@ def test_markers_that_labels_lack_for_a_while_are_found_by_a_skeleton_of_their_o
     np.testing.assert_array_equal(found[~lost], truth[~lost])
 
 
-def test_labels_that_another_take_gave_stay_though_this_take_alone_would_exchange_them(quadruped):
+def test_labels_that_this_take_contradicts_by_far_are_put_right(quadruped):
     truth = quadruped.truth.marker_of_point
     late = np.repeat(np.arange(300), quadruped.take.points_per_frame) > 200
-    other_limbs = np.where(late & (truth == 0), 30, np.where(late & (truth == 30), 0, truth))
-    np.testing.assert_array_equal(refit(quadruped, other_limbs), other_limbs)
+    exchanged = np.where(late & (truth == 0), 30, np.where(late & (truth == 30), 0, truth))
+    assert (refit(quadruped, exchanged) == truth).mean() > 0.99
 
 
 def test_labels_that_cannot_be_bettered_stay(quadruped):
