@@ -119,7 +119,7 @@ def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, b
     return positions
 
 
-def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
+def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints, n_markers: int | None = None) -> Floats:
     """Positions of markers in some frames [mm], NaN where unseen, shape (len(frames), n_markers, 3).
 
     Parameters
@@ -130,13 +130,16 @@ def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints) ->
         Marker of each point of the take, -1 for none.
     frames : ndarray of intp
         Rising frames.
+    n_markers : int, optional
+        Number of markers; as many as points have, if it is not given.
     """
+    n_markers = int(marker_of_point.max(initial=-1)) + 1 if n_markers is None else n_markers
     starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
     row = np.repeat(np.arange(len(frames)), counts)
     point = np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
     marker = marker_of_point[point]
     owned = marker >= 0
-    positions = np.full((len(frames), int(marker_of_point.max(initial=-1)) + 1, 3), np.nan)
+    positions = np.full((len(frames), n_markers, 3), np.nan)
     positions[row[owned], marker[owned]] = cloud.points[point[owned]]
     return positions
 

@@ -102,9 +102,7 @@ def _given(
     points, track, frame = pieces
     n_tracks, n_markers = int(track[-1]) + 1, len(laws[0])
     used, row = np.unique(frame, return_inverse=True)
-    beside = np.full((len(row), n_markers, 3), np.nan)
-    shown = point_labels.sampled_positions(cloud, marker_of_point, used)
-    beside[:, : shown.shape[1]] = shown[row]
+    beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row]
     distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
     known = ~np.isnan(distance)
     starts = np.searchsorted(track, np.arange(n_tracks))
