@@ -32,6 +32,7 @@ from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
+from skelgen.stages.labels.merging.pieces import move_pieces
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -284,16 +285,18 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
         if _evidence(task, other)[0] > evidence + chance:
             again = _refined(task, tracks, other, monitor)
             found = again if _evidence(task, again)[0] > evidence + chance else found
-    found = _exchanged(task, tracks, found)
+    found = _put_right(task, tracks, found)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
-def _exchanged(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
-    """Markers that go on as each other exchanged, but for those that the user states; then more may be one."""
-    exchanged = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, task.is_stated)
-    if exchanged is found:
+def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
+    """Markers that go on as each other for a while put right, but for what the user states; then more may be one."""
+    right = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, task.is_stated)
+    sums = sampled_distances(task.cloud, right, task.rate)
+    right = move_pieces(task.cloud, tracks, right, sums, task.spacing, task.is_stated)
+    if right is found:
         return found
-    merged = merge_again(task.cloud, tracks, exchanged, task.rate, task.spacing)
+    merged = merge_again(task.cloud, tracks, right, task.rate, task.spacing)
     return join_duplicates(task.cloud, merged, task.rate, task.spacing)
 
 

@@ -9,6 +9,7 @@ from skelgen.stages.labels.merging.markers import existence, join_duplicates
 
 N_FRAMES, STILL, RATE, SPACING = 900, 150, 100.0, 100.0
 TWICE = (4, 20, 33)  # markers that get another number when the body begins to move
+SHIFT = 50.0  # mm that skin moves as it does
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +35,16 @@ def test_markers_found_once_for_a_still_pose_and_once_for_the_rest_are_joined(st
     for number, marker in enumerate(TWICE):
         found[(true == marker) & (frame >= STILL)] = true.max() + 1 + number
     assert np.array_equal(join_duplicates(cloud, found, RATE, SPACING), true)
+
+
+def test_markers_are_joined_across_a_change_of_shape_that_nothing_else_explains(still_then_moving):
+    cloud, true, frame = still_then_moving
+    found, points = true.copy(), cloud.points.copy()
+    for number, marker in enumerate(TWICE):
+        found[(true == marker) & (frame >= STILL)] = true.max() + 1 + number
+    points[np.isin(true, TWICE) & (frame < STILL), 2] += SHIFT
+    shifted = PointCloud(points, cloud.frame_starts, cloud.times)
+    assert np.array_equal(join_duplicates(shifted, found, RATE, SPACING), true)
 
 
 def test_markers_that_are_seen_together_stay_two(still_then_moving):

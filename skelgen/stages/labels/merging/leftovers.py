@@ -60,7 +60,7 @@ def label_leftovers(
     if not len(points) or n_markers <= LEAST_WITNESSES:
         return marker_of_point
     frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
-    laws = _laws(sums, spacing)
+    laws = usual_distances(sums, spacing)
     result = marker_of_point.copy()
     starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
     for begin, end in itertools.pairwise(starts):
@@ -81,8 +81,16 @@ def _lasting(track_of_point: Ints, marker_of_point: Ints) -> tuple[Ints, Ints]:
     return free[order], number[order]
 
 
-def _laws(sums: Floats, spacing: float) -> tuple[Floats, Floats]:
-    """Mean distances of markers [mm] and their variances [mm^2], infinite where hardly seen."""
+def usual_distances(sums: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Return mean distances of markers [mm] and their variances [mm^2], infinite where hardly seen.
+
+    Parameters
+    ----------
+    sums : ndarray, shape (3, n_markers, n_markers)
+        Number, sum [mm] and sum of squares [mm^2] of the markers' distances.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    """
     count, total, squares = sums
     mean = total / np.maximum(count, 1.0)
     scatter = np.maximum(squares - count * mean**2, 0.0)
@@ -108,7 +116,7 @@ def _given(
     starts = np.searchsorted(track, np.arange(n_tracks))
     count = np.add.reduceat(known.astype(np.float64), starts, axis=0)
     mean = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0) / np.maximum(count, 1.0)
-    evidence = _evidence(count, mean, laws, spacing)
+    evidence = evidence_of_pieces(count, mean, laws, spacing)
     evidence[count > 0] = -np.inf  # markers that are seen meanwhile
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     margin = ranked[:, -1] - np.maximum(ranked[:, -2], 0.0)
@@ -123,8 +131,18 @@ def _given(
     return result
 
 
-def _evidence(count: Floats, distance: Floats, laws: tuple[Floats, Floats], spacing: float) -> Floats:
-    """Evidence [nats] that each track is each marker, by mean distances [mm] to those beside, (n_tracks, n_markers)."""
+def evidence_of_pieces(count: Floats, distance: Floats, laws: tuple[Floats, Floats], spacing: float) -> Floats:
+    """Return the evidence [nats] that each track is each marker, shape (n_tracks, n_markers); -inf where hardly known.
+
+    Parameters
+    ----------
+    count, distance : ndarray, shape (n_tracks, n_markers)
+        Number of moments that show each marker beside a track, and its mean distance then [mm].
+    laws : tuple of ndarray
+        From `usual_distances`.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    """
     evidence = np.full(count.shape, -np.inf)
     for marker, (mean, variance) in enumerate(zip(*laws, strict=True)):
         near = np.argsort(variance, kind="stable")
