@@ -13,11 +13,14 @@ from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.leftovers import evidence_of_pieces, usual_distances
-from skelgen.stages.labels.merging.markers import LEAST_POINTS
+from skelgen.stages.labels.merging.likelihood import EVIDENCE
 
 MOVED = 6.0
-"""nats. In 23 takes of six recorded people no piece of a right marker was likelier another one's; wrong pieces were by
-10 nats and more."""
+"""nats by which another marker must be likelier. In 23 takes of six recorded people no piece of a right marker was likelier
+another one's; wrong pieces were by 10 nats and more."""
+
+LEAST_POINTS = 4
+"""Frames that a piece must last."""
 
 MOMENTS = 8
 """Moments of a piece whose distances are compared, evenly spread."""
@@ -106,8 +109,9 @@ def _best_others(
     count = known.sum(axis=1).astype(np.float64)
     mean = np.where(known, distance, 0.0).sum(axis=1) / np.maximum(count, 1.0)
     evidence = evidence_of_pieces(count, mean, laws, spacing)
-    kept = np.maximum(evidence[every, own], 0.0)
+    kept = evidence[every, own]
     evidence[count > 0] = -np.inf  # markers that are seen meanwhile
     evidence[every, own] = -np.inf
     other = evidence.argmax(axis=1)
-    return evidence[every, other] - kept, other
+    best = evidence[every, other]
+    return np.where(best >= EVIDENCE, best - np.where(np.isfinite(kept), kept, 0.0), -np.inf), other
