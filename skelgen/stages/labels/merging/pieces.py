@@ -16,8 +16,8 @@ from skelgen.stages.labels.merging.leftovers import evidence_of_pieces, usual_di
 from skelgen.stages.labels.merging.likelihood import EVIDENCE
 
 MOVED = 6.0
-"""nats by which another marker must be likelier. In 23 takes of six recorded people no piece of a right marker was likelier
-another one's; wrong pieces were by 10 nats and more."""
+"""nats by which another marker must be likelier. In 23 takes of six recorded people no piece of a right marker was
+likelier another one's; wrong pieces were by 10 nats and more."""
 
 LEAST_POINTS = 4
 """Frames that a piece must last."""
@@ -52,17 +52,18 @@ def move_pieces(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes; the given array if nothing is moved.
     """
-    points, ends = _pieces(track_of_point, marker_of_point, fixed)
-    frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    moments = _moments_of_pieces(track_of_point, marker_of_point, len(sums[0]), fixed)
+    frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
     laws, result = usual_distances(sums, spacing), marker_of_point.copy()
     moves: list[tuple[float, int, int]] = []
-    for first in range(0, len(ends) - 1, PIECES_AT_ONCE):
-        some = ends[first : first + PIECES_AT_ONCE + 1]
-        gain, other = _best_others(cloud, marker_of_point, frame, points[_moments(some)], laws, spacing)
+    for first in range(0, len(moments), PIECES_AT_ONCE):
+        some = moments[first : first + PIECES_AT_ONCE]
+        gain, other = _best_others(cloud, marker_of_point, frame, some, laws, spacing)
         found = np.flatnonzero(gain >= MOVED)
-        moves += zip(gain[found].tolist(), (first + found).tolist(), other[found].tolist(), strict=True)
-    for _, piece, better in sorted(moves, reverse=True):
-        own = points[ends[piece] : ends[piece + 1]]
+        moves += zip(gain[found].tolist(), some[found, 0].tolist(), other[found].tolist(), strict=True)
+    for _, point, better in sorted(moves, reverse=True):
+        track, marker = track_of_point[point], marker_of_point[point]
+        own = np.flatnonzero((track_of_point == track) & (marker_of_point == marker))
         beside = slice(*np.searchsorted(frame, (frame[own[0]], frame[own[-1]] + 1)))
         if not np.isin(frame[own], frame[beside][result[beside] == better]).any():
             result[own] = better
@@ -71,23 +72,20 @@ def move_pieces(
     return point_labels.renumbered(result, np.bincount(result[result >= 0], minlength=len(sums[0])) > 0)
 
 
-def _pieces(track_of_point: Ints, marker_of_point: Ints, fixed: Bools) -> tuple[Ints, Ints]:
-    """Points of tracks that are one marker's, piece by piece in order of frames, and where each piece ends."""
-    owned = np.flatnonzero((marker_of_point >= 0) & (track_of_point >= 0))
-    owned = owned[np.lexsort((track_of_point[owned], marker_of_point[owned]))]
-    marker, track = marker_of_point[owned], track_of_point[owned]
-    begins = np.ones(len(owned), dtype=bool)
-    begins[1:] = (np.diff(marker) != 0) | (np.diff(track) != 0)
-    piece = np.cumsum(begins) - 1
-    free = np.bincount(piece) >= LEAST_POINTS
-    free[piece[fixed[owned]]] = False
-    owned = owned[free[piece]]
-    return owned, np.concatenate([[0], np.cumsum(np.bincount(piece)[free])])
-
-
-def _moments(ends: Ints) -> Ints:
-    """Evenly spread points of pieces that lie between `ends`, shape (n_pieces, MOMENTS)."""
-    return np.asarray(ends[:-1, np.newaxis] + np.diff(ends)[:, np.newaxis] * np.arange(MOMENTS) // MOMENTS)
+def _moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, n_markers: int, fixed: Bools) -> Ints:
+    """Evenly spread points of each piece that lasts, its first point first, shape (n_pieces, MOMENTS)."""
+    found = [np.zeros((0, MOMENTS), dtype=np.intp)]
+    for marker in range(n_markers):
+        points = np.flatnonzero((marker_of_point == marker) & (track_of_point >= 0))
+        if not len(points):
+            continue
+        points = points[np.argsort(track_of_point[points], kind="stable")]
+        starts = np.flatnonzero(np.diff(track_of_point[points], prepend=-1))
+        lengths = np.diff(starts, append=len(points))
+        used = (lengths >= LEAST_POINTS) & ~np.logical_or.reduceat(fixed[points], starts)
+        along = lengths[used, np.newaxis] * np.arange(MOMENTS) // MOMENTS
+        found.append(points[starts[used, np.newaxis] + along])
+    return np.concatenate(found)
 
 
 def _best_others(
