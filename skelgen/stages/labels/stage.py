@@ -31,7 +31,7 @@ from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
+from skelgen.stages.labels.merging.markers import existence, join_duplicates, merge_again, sampled_distances
 from skelgen.stages.labels.merging.pieces import move_pieces
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
@@ -50,6 +50,9 @@ MOST_PIECES = 2000
 
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
+
+MOST_AGAINST = 12.0
+"""nats at most that speak against a lasting track that is no known marker's: reflections last, too."""
 
 
 def label_markers(
@@ -182,7 +185,7 @@ def refit_labels(
             best, evidence = labels, more
     moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
     distances = np.stack(distance_sums(calibrated.positions[moments]))
-    return label_leftovers(cloud, tracks, best, distances, task.spacing)
+    return label_leftovers(cloud, tracks, best, distances, task.spacing, existence(cloud, best))
 
 
 def _labelled(
@@ -290,14 +293,18 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
 
 
 def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
-    """Markers that go on as each other for a while put right, but for what the user states; then more may be one."""
-    right = exchange_markers(task.cloud, tracks, found, task.rate, task.spacing, task.is_stated)
-    sums = sampled_distances(task.cloud, right, task.rate)
-    right = move_pieces(task.cloud, tracks, right, sums, task.spacing, task.is_stated)
-    if right is found:
-        return found
-    merged = merge_again(task.cloud, tracks, right, task.rate, task.spacing)
-    return join_duplicates(task.cloud, merged, task.rate, task.spacing)
+    """Markers that go on as each other for a while put right, but for what the user states; then more may be one.
+
+    What is left over then may be a marker's that has got its own distances back.
+    """
+    cloud, rate, spacing = task.cloud, task.rate, task.spacing
+    right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
+    right = move_pieces(cloud, tracks, right, sampled_distances(cloud, right, rate), spacing, task.is_stated)
+    if right is not found:
+        merged = merge_again(cloud, tracks, right, rate, spacing)
+        right = join_duplicates(cloud, merged, rate, spacing)
+    sums = sampled_distances(cloud, right, rate)
+    return label_leftovers(cloud, tracks, right, sums, spacing, min(existence(cloud, right), MOST_AGAINST))
 
 
 def _on_limbs(task: LabelTask, pieces: PairTables, found: Ints) -> Ints:

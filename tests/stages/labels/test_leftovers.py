@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging.leftovers import label_leftovers
+from skelgen.stages.labels.merging.leftovers import LASTING, label_leftovers
 from skelgen.stages.labels.merging.markers import sampled_distances
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70]], dtype=float)  # mm, on one limb
 PIECES = (slice(101, 110), slice(203, 213))  # of the first two markers, between the moments that are sampled or not
-AWAY = 500.0  # mm
+AWAY, SLID = 500.0, 15.0  # mm
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +61,20 @@ def test_false_points_away_from_all_places_get_no_marker(case) -> None:
     points[track >= len(PLACES)] += AWAY
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
     assert label_leftovers(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING) is labels
+
+
+@pytest.mark.parametrize(("another", "is_labelled"), [(0.0, False), (12.0, True)])
+def test_what_lasts_in_a_new_pose_is_a_known_marker_where_another_one_is_unlikely(case, another, is_labelled) -> None:
+    cloud, marker, _ = case
+    frame = np.repeat(np.arange(N_FRAMES), cloud.points_per_frame)
+    lasts = (marker == 0) & (frame >= PIECES[0].start) & (frame < PIECES[0].start + LASTING)
+    points = cloud.points.copy()
+    points[lasts, 2] += SLID
+    slid = PointCloud(points, cloud.frame_starts, cloud.times)
+    labels, track = np.where(lasts, -1, marker), np.where(lasts, len(PLACES), marker)
+    distances = sampled_distances(slid, labels, RATE)
+    found = label_leftovers(slid, track, labels, distances, SPACING, another)
+    np.testing.assert_array_equal(found, marker if is_labelled else labels)
 
 
 def test_labels_without_leftovers_stay(case) -> None:

@@ -8,7 +8,9 @@ at the distance d, the track is m's with the evidence
 .. math:: E_m = \sum_j \log \frac{t(d - \mu_{mj};\; \tau_{mj}^2)}{t(d - \mu_{mj};\; \tau_{mj}^2 + w^2)}
 
 over the six markers j whose distances to m vary least; w is the spacing of markers, t Student's distribution. It gets
-the marker of most evidence that is not seen meanwhile, if no other has nearly as much.
+the marker of most evidence that is not seen meanwhile, if no other has nearly as much. What lasts longer than false
+points do, in a pose that was never seen before, may keep its distances badly: but were it none of them, there would be
+one marker more, which is hidden whenever the most likely one is seen.
 """
 
 import itertools
@@ -30,12 +32,20 @@ from skelgen.stages.labels.merging.markers import LEAST_POINTS
 FREEDOM = 4.0
 """Of Student's distribution: a distance may be in a pose that was never seen."""
 
+LASTING = 25
+"""Frames that false points hardly last: a track of so many is a marker, of those known or another one."""
+
 TRACKS_AT_ONCE = 500
 """Tracks that are compared with all markers at once."""
 
 
 def label_leftovers(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float
+    cloud: PointCloud,
+    track_of_point: Ints,
+    marker_of_point: Ints,
+    sums: Floats,
+    spacing: float,
+    another: float = 0.0,
 ) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
@@ -49,6 +59,8 @@ def label_leftovers(
         Number, sum [mm] and sum of squares [mm^2] of the markers' distances, in this take or in another one.
     spacing : float, mm
         Typical distance of neighbouring markers.
+    another : float, nats
+        What speaks against one marker more: so unlikely is what lasts too long for a false point to be none of them.
 
     Returns
     -------
@@ -66,7 +78,7 @@ def label_leftovers(
     for begin, end in itertools.pairwise(starts):
         part = slice(begin, end)
         pieces = points[part], track[part] - track[begin], frame[part]
-        result[points[part]] = _given(cloud, result, pieces, laws, spacing)
+        result[points[part]] = _given(cloud, result, pieces, laws, spacing, another)
     return result if (result != marker_of_point).any() else marker_of_point
 
 
@@ -105,6 +117,7 @@ def _given(
     pieces: tuple[Ints, Ints, Ints],
     laws: tuple[Floats, Floats],
     spacing: float,
+    another: float,
 ) -> Ints:
     """Marker of each point of some tracks, -1 for none."""
     points, track, frame = pieces
@@ -119,10 +132,11 @@ def _given(
     evidence = evidence_of_pieces(count, mean, laws, spacing)
     evidence[count > 0] = -np.inf  # markers that are seen meanwhile
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
-    margin = ranked[:, -1] - np.maximum(ranked[:, -2], 0.0)
+    ends = np.append(starts[1:], len(track))
+    none = np.where(ends - starts < LASTING, 0.0, -another)
+    margin = ranked[:, -1] - np.maximum(ranked[:, -2], none)
     taken = np.zeros((len(used), n_markers), dtype=bool)
     result = np.full(len(points), -1, dtype=marker_of_point.dtype)
-    ends = np.append(starts[1:], len(track))
     for one in np.argsort(-margin, kind="stable")[: int((margin >= EVIDENCE).sum())].tolist():
         part = slice(starts[one], ends[one])
         if not taken[row[part], best[one]].any():
