@@ -31,7 +31,13 @@ from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import existence, join_duplicates, merge_again, sampled_distances
+from skelgen.stages.labels.merging.markers import (
+    existence,
+    join_duplicates,
+    merge_again,
+    sampled_distances,
+    seen_at_once,
+)
 from skelgen.stages.labels.merging.pieces import move_pieces
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
@@ -268,28 +274,39 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
 def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
 
-    Where there may be too many markers, shorter tracklets are merged limb by limb, too: from nothing, and by what the
-    skeleton found. What explains the take best is kept.
+    Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
+    and by what the skeleton found if that leaves doubt. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
     group = merge_tracklets(task.cloud.points, tracklets, task.rate, task.spacing, monitor)
-    start = by_distances = _grouped(task, tracklets, group)
+    start = _grouped(task, tracklets, group)
     at_once = tracklets.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
     pieces = _pieces(task, tracks) if start.max(initial=-1) >= at_once else None
     if pieces:
         by_limbs = _on_limbs(task, pieces, np.full(len(tracks), -1))
-        more = _evidence(task, by_limbs)[0] > _evidence(task, by_distances)[0]
-        start = by_limbs if more and by_limbs.max() <= by_distances.max() else by_distances
-    found = _refined(task, tracks, start, monitor)
-    is_crowded = start is by_distances and found.max(initial=-1) >= at_once
-    if is_crowded and (pieces := pieces or _pieces(task, tracks)):
+        is_better = _evidence(task, by_limbs)[0] > _evidence(task, start)[0]
+        start = by_limbs if is_better and by_limbs.max() <= start.max() else start
+    found = _put_right(task, tracks, _refined(task, tracks, start, monitor))
+    evidence, chance = _evidence(task, found)
+    while found.max(initial=-1) >= at_once and _is_doubtful(task, tracks, found):
+        pieces = pieces or _pieces(task, tracks)
+        if pieces is None:
+            break
         other = _filled(task, _on_limbs(task, pieces, found), found)
-        evidence, chance = _evidence(task, found)
-        if _evidence(task, other)[0] > evidence + chance:
-            again = _refined(task, tracks, other, monitor)
-            found = again if _evidence(task, again)[0] > evidence + chance else found
-    found = _put_right(task, tracks, found)
+        other = _put_right(task, tracks, _refined(task, tracks, other, monitor))
+        more, _ = _evidence(task, other)
+        if more <= evidence + chance:
+            break
+        found, evidence = other, more
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
+
+
+def _is_doubtful(task: LabelTask, tracks: Ints, found: Ints) -> bool:
+    """Whether what could be labelled limb by limb is no marker's, or two markers are never seen at once: maybe one."""
+    left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
+    if left.max() >= PIECE_SECONDS * task.rate:
+        return True
+    return not bool(seen_at_once(task.cloud, found, int(found.max(initial=-1)) + 1).all())
 
 
 def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
