@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skelgen.model import PointCloud
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.simulation import simulate
+from skelgen.simulation.markers import carried_markers
+from skelgen.simulation.people import natural_motion, person, realistic_soft_tissue
 from skelgen.stages.labels import label_markers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels
 from skelgen.stages.labels.merging.limbs import main_groups, measure_pairs, merge_on_limbs, rigid_odds
@@ -18,6 +21,7 @@ from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 
 RATE, SPACING = 100.0, 30.0
+LABELLED = 0.99
 PLACES = np.array(
     [[[0, 0, 0], [40, 0, 0], [0, 25, 0], [10, 10, 50.0]], [[0, 0, 0], [35, 5, 0], [5, 45, 0], [0, 20, 30.0]]]
 )
@@ -111,3 +115,24 @@ def test_fast_trees_of_which_a_fourth_is_hidden_are_labelled():
     found, true = find_points(made.take, trajectories.positions), made.truth.marker_of_point
     together = counts_together(found, true)[1:, 1:]
     assert together.max(axis=0).sum() > 0.97 * len(true)
+
+
+def test_a_runner_hidden_in_pieces_is_labelled_again_until_nothing_is_left_over():
+    rng = np.random.default_rng(4)
+    who = person("animation-41", 0.0, rng)
+    angles, poses = natural_motion(who, "run", 400, RATE, rng)
+    angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
+    positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
+    positions += rng.normal(scale=0.3, size=positions.shape)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    for marker in range(seen.shape[1]):
+        while seen[:, marker].mean() > 0.77:
+            start = rng.integers(len(seen))
+            seen[start : start + 1 + int(rng.exponential(0.14) * RATE), marker] = False
+    frame, true = np.nonzero(seen)
+    starts = np.searchsorted(frame, np.arange(len(seen) + 1))
+    cloud = PointCloud(positions[frame, true], starts, np.arange(len(seen)) / RATE)
+    trajectories, _ = label_markers(cloud, LabelParameters())
+    assert trajectories.n_markers == seen.shape[1]
+    together = counts_together(find_points(cloud, trajectories.positions), true)[1:, 1:]
+    assert together.max(axis=0).sum() > LABELLED * len(true)
