@@ -302,7 +302,10 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
 
 
 def _is_doubtful(task: LabelTask, tracks: Ints, found: Ints) -> bool:
-    """Whether what could be labelled limb by limb is no marker's, or two markers are never seen at once: maybe one."""
+    """Whether a track has no marker, though it is long enough to be labelled limb by limb, or two may be one marker.
+
+    Two may be one if they are never seen at once.
+    """
     left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
     if left.max() >= PIECE_SECONDS * task.rate:
         return True
@@ -310,9 +313,9 @@ def _is_doubtful(task: LabelTask, tracks: Ints, found: Ints) -> bool:
 
 
 def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
-    """Markers that go on as each other for a while put right, but for what the user states; then more may be one.
+    """Put right markers that go on as each other for a while, but for what the user states; then more may be one.
 
-    What is left over then may be a marker's that has got its own distances back.
+    Tracks that are left over are compared again: markers may have their own distances now.
     """
     cloud, rate, spacing = task.cloud, task.rate, task.spacing
     right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
