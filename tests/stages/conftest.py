@@ -48,6 +48,20 @@ def simulated() -> Callable[..., SimulatedTake]:
 
 
 @pytest.fixture(scope="session")
+def turning_limb() -> Callable[[np.ndarray, int], np.ndarray]:
+    """Markers of a limb that turns, with 0.3 mm noise: `turning_limb(places, n_frames)`, (n_frames, n_markers, 3)."""
+
+    def make(places: np.ndarray, n_frames: int) -> np.ndarray:
+        angle = np.linspace(0.0, 6.0, n_frames)
+        turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
+        positions = np.tile(places, (n_frames, 1, 1))
+        positions[..., :2] = places[:, :2] @ turns.transpose(0, 2, 1)
+        return positions + np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+
+    return make
+
+
+@pytest.fixture(scope="session")
 def true_limbs() -> Callable[[SimulatedTake], Limbs]:
     """The limbs as they truly are."""
 

@@ -32,7 +32,7 @@ from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import (
-    existence,
+    MOST_EXISTENCE,
     join_duplicates,
     merge_again,
     sampled_distances,
@@ -191,7 +191,7 @@ def refit_labels(
             best, evidence = labels, more
     moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
     distances = np.stack(distance_sums(calibrated.positions[moments]))
-    return label_leftovers(cloud, tracks, best, distances, task.spacing, existence(cloud, best))
+    return label_leftovers(cloud, tracks, best, distances, task.spacing, MOST_EXISTENCE)
 
 
 def _labelled(
@@ -319,12 +319,13 @@ def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
     """
     cloud, rate, spacing = task.cloud, task.rate, task.spacing
     right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
-    right = move_pieces(cloud, tracks, right, sampled_distances(cloud, right, rate), spacing, task.is_stated)
+    sums = sampled_distances(cloud, right, rate)
+    right = move_pieces(cloud, tracks, right, sums, spacing, task.is_stated)
     if right is not found:
         merged = merge_again(cloud, tracks, right, rate, spacing)
         right = join_duplicates(cloud, merged, rate, spacing)
-    sums = sampled_distances(cloud, right, rate)
-    return label_leftovers(cloud, tracks, right, sums, spacing, min(existence(cloud, right), MOST_AGAINST))
+        sums = sampled_distances(cloud, right, rate)
+    return label_leftovers(cloud, tracks, right, sums, spacing, MOST_AGAINST)
 
 
 def _on_limbs(task: LabelTask, pieces: PairTables, found: Ints) -> Ints:

@@ -13,13 +13,10 @@ PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 70, 20], [20, 30, 60
 PAUSE, SECOND = slice(380, 400), slice(460, 480)
 
 
-def limb_that_turns() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+@pytest.fixture(scope="module")
+def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
     """Five markers of a limb that turns; two of them pause at once, twice. The cloud, true markers and tracks."""
-    angle = np.linspace(0.0, 6.0, N_FRAMES)
-    turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
-    positions = np.tile(PLACES, (N_FRAMES, 1, 1))
-    positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
-    positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    positions = turning_limb(PLACES, N_FRAMES)
     seen = np.ones(positions.shape[:2], dtype=bool)
     seen[PAUSE, :2] = seen[SECOND, :2] = False
     frame, marker = np.nonzero(seen)
@@ -27,11 +24,6 @@ def limb_that_turns() -> tuple[PointCloud, np.ndarray, np.ndarray]:
     cloud = PointCloud(positions[seen], starts, np.arange(N_FRAMES) / RATE)
     n_pauses = (frame >= PAUSE.stop).astype(int) + (frame >= SECOND.stop)
     return cloud, marker, marker + len(PLACES) * np.where(marker < 2, n_pauses, 0)
-
-
-@pytest.fixture(scope="module")
-def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
-    return limb_that_turns()
 
 
 def exchanged(marker: np.ndarray, track: np.ndarray) -> np.ndarray:

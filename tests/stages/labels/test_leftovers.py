@@ -14,13 +14,9 @@ AWAY, SLID = 500.0, 15.0  # mm
 
 
 @pytest.fixture(scope="module")
-def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
     """A limb that turns: the cloud, true markers, and tracks; the first two markers have a short track of their own."""
-    angle = np.linspace(0.0, 6.0, N_FRAMES)
-    turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
-    positions = np.tile(PLACES, (N_FRAMES, 1, 1))
-    positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
-    positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    positions = turning_limb(PLACES, N_FRAMES)
     frame, marker = np.indices((N_FRAMES, len(PLACES))).reshape(2, -1)
     cloud = PointCloud(positions.reshape(-1, 3), np.arange(N_FRAMES + 1) * len(PLACES), np.arange(N_FRAMES) / RATE)
     track = marker.copy()

@@ -13,13 +13,9 @@ WRONG = slice(101, 125)  # frames in which marker 0 goes on as marker 1, which i
 
 
 @pytest.fixture(scope="module")
-def case() -> tuple[PointCloud, np.ndarray, np.ndarray]:
+def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
     """A limb that turns: cloud, true markers, tracks. Marker 1 is hidden when marker 0 comes back with a new track."""
-    angle = np.linspace(0.0, 6.0, N_FRAMES)
-    turns = np.stack([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
-    positions = np.tile(PLACES, (N_FRAMES, 1, 1))
-    positions[..., :2] = PLACES[:, :2] @ turns.transpose(0, 2, 1)
-    positions += np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    positions = turning_limb(PLACES, N_FRAMES)
     seen = np.ones(positions.shape[:2], dtype=bool)
     seen[WRONG, 1] = False
     frame, marker = np.nonzero(seen)

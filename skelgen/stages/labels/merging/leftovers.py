@@ -27,7 +27,7 @@ from skelgen.stages.labels.merging.likelihood import (
     LEAST_WITNESSES,
     SEEN_ENOUGH,
 )
-from skelgen.stages.labels.merging.markers import LEAST_POINTS
+from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
 
 FREEDOM = 4.0
 """Of Student's distribution: a distance may be in a pose that was never seen."""
@@ -45,7 +45,7 @@ def label_leftovers(
     marker_of_point: Ints,
     sums: Floats,
     spacing: float,
-    another: float = 0.0,
+    most_against: float = 0.0,
 ) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
@@ -59,8 +59,9 @@ def label_leftovers(
         Number, sum [mm] and sum of squares [mm^2] of the markers' distances, in this take or in another one.
     spacing : float, mm
         Typical distance of neighbouring markers.
-    another : float, nats
-        What speaks against one marker more: so unlikely is what lasts too long for a false point to be none of them.
+    most_against : float, nats
+        Most that speaks against one marker more (`markers.existence`): so unlikely is it that what lasts too long for a
+        false point is none of those known.
 
     Returns
     -------
@@ -72,7 +73,9 @@ def label_leftovers(
     if not len(points) or n_markers <= LEAST_WITNESSES:
         return marker_of_point
     frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
-    laws = usual_distances(sums, spacing)
+    laws, another = usual_distances(sums, spacing), 0.0
+    if most_against > 0.0 and (np.bincount(track) >= LASTING).any():
+        another = min(existence(cloud, marker_of_point), most_against)
     result = marker_of_point.copy()
     starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
     for begin, end in itertools.pairwise(starts):
@@ -125,12 +128,8 @@ def _given(
     used, row = np.unique(frame, return_inverse=True)
     beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row]
     distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
-    known = ~np.isnan(distance)
     starts = np.searchsorted(track, np.arange(n_tracks))
-    count = np.add.reduceat(known.astype(np.float64), starts, axis=0)
-    mean = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0) / np.maximum(count, 1.0)
-    evidence = evidence_of_pieces(count, mean, laws, spacing)
-    evidence[count > 0] = -np.inf  # markers that are seen meanwhile
+    evidence = evidence_of_pieces(distance, starts, laws, spacing)
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     ends = np.append(starts[1:], len(track))
     none = np.where(ends - starts < LASTING, 0.0, -another)
@@ -145,18 +144,25 @@ def _given(
     return result
 
 
-def evidence_of_pieces(count: Floats, distance: Floats, laws: tuple[Floats, Floats], spacing: float) -> Floats:
-    """Return the evidence [nats] that each track is each marker, shape (n_tracks, n_markers); -inf where hardly known.
+def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Floats], spacing: float) -> Floats:
+    """Return the evidence [nats] that each piece of a track is each marker, shape (n_pieces, n_markers).
+
+    It is -inf for markers that are seen meanwhile, and where too little is known.
 
     Parameters
     ----------
-    count, distance : ndarray, shape (n_tracks, n_markers)
-        Number of moments that show each marker beside a track, and its mean distance then [mm].
+    distance : ndarray, shape (n_points, n_markers), mm
+        From points of the pieces, one piece after the other, to the markers; NaN where these are unseen.
+    starts : ndarray of intp, shape (n_pieces,)
+        First point of each piece.
     laws : tuple of ndarray
         From `usual_distances`.
     spacing : float, mm
         Typical distance of neighbouring markers.
     """
+    known = ~np.isnan(distance)
+    count = np.add.reduceat(known.astype(np.float64), starts, axis=0)
+    distance = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0) / np.maximum(count, 1.0)
     evidence = np.full(count.shape, -np.inf)
     for marker, (mean, variance) in enumerate(zip(*laws, strict=True)):
         near = np.argsort(variance, kind="stable")
@@ -169,4 +175,5 @@ def evidence_of_pieces(count: Floats, distance: Floats, laws: tuple[Floats, Floa
         gain = gain + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
         enough = valid.sum(axis=1) >= LEAST_WITNESSES
         evidence[enough, marker] = np.where(valid, gain, 0.0).sum(axis=1)[enough]
+    evidence[count > 0] = -np.inf
     return evidence

@@ -19,7 +19,7 @@ MOVED = 6.0
 """nats by which another marker must be likelier. In 23 takes of six recorded people no piece of a right marker was
 likelier another one's; wrong pieces were by 10 nats and more."""
 
-LEAST_POINTS = 4
+SHORTEST = 4
 """Frames that a piece must last."""
 
 MOMENTS = 8
@@ -82,7 +82,7 @@ def _moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, n_markers: i
         points = points[np.argsort(track_of_point[points], kind="stable")]
         starts = np.flatnonzero(np.diff(track_of_point[points], prepend=-1))
         lengths = np.diff(starts, append=len(points))
-        used = (lengths >= LEAST_POINTS) & ~np.logical_or.reduceat(fixed[points], starts)
+        used = (lengths >= SHORTEST) & ~np.logical_or.reduceat(fixed[points], starts)
         along = lengths[used, np.newaxis] * np.arange(MOMENTS) // MOMENTS
         found.append(points[starts[used, np.newaxis] + along])
     return np.concatenate(found)
@@ -97,18 +97,14 @@ def _best_others(
     spacing: float,
 ) -> tuple[Floats, Ints]:
     """How much more likely the best other marker is than that of each piece [nats], and which one it is."""
-    n_pieces, n_markers = len(moments), len(laws[0])
-    used, row = np.unique(frame[moments], return_inverse=True)
-    beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row.reshape(moments.shape)]
-    distance = np.linalg.norm(beside - cloud.points[moments][:, :, np.newaxis], axis=3)
-    every, own = np.arange(n_pieces), marker_of_point[moments[:, 0]]
-    distance[every, :, own] = np.nan
-    known = ~np.isnan(distance)
-    count = known.sum(axis=1).astype(np.float64)
-    mean = np.where(known, distance, 0.0).sum(axis=1) / np.maximum(count, 1.0)
-    evidence = evidence_of_pieces(count, mean, laws, spacing)
+    every, own = np.arange(len(moments)), marker_of_point[moments[:, 0]]
+    points = moments.ravel()
+    used, row = np.unique(frame[points], return_inverse=True)
+    beside = point_labels.sampled_positions(cloud, marker_of_point, used, len(laws[0]))[row]
+    distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
+    distance[np.arange(len(points)), np.repeat(own, MOMENTS)] = np.nan
+    evidence = evidence_of_pieces(distance, every * MOMENTS, laws, spacing)
     kept = evidence[every, own]
-    evidence[count > 0] = -np.inf  # markers that are seen meanwhile
     evidence[every, own] = -np.inf
     other = evidence.argmax(axis=1)
     best = evidence[every, other]
