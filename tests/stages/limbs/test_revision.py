@@ -58,9 +58,21 @@ def test_odds_of_markers_that_are_seldom_seen_are_numbers(simulated):
     assert odds[0, 5] == odds[1, 2] == 0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_limbs_that_all_bend_alike_are_rigid_bodies_whatever_is_worn(simulated, seed):
+    simulation = simulated("human:4", seed, soft_tissue=3.0, noise=0.3, n_frames=600)
+    found, true = find_limbs(simulation.take).limb_of_marker, np.asarray(simulation.truth.limb_of_marker)
+    np.testing.assert_array_equal(found[:, np.newaxis] == found, true[:, np.newaxis] == true)
+
+
 def test_revision_obeys_what_the_user_states(simulated):
     take = simulated("human", 0, soft_tissue=3.0, noise=0.5).take
     names = take.names
+    loose = np.random.default_rng(0).normal(0.0, 5.0, (take.n_frames, take.n_markers // 2, 3))  # limbs bend unlike
+    positions = np.concatenate(
+        [take.positions[:, : loose.shape[1]] + loose, take.positions[:, loose.shape[1] :]], axis=1
+    )
+    take = Trajectories(positions, names, take.rate)
     stated = LimbConstraints(together=[(names[0], names[-1])], apart=[(names[0], names[1])])
     limb = find_limbs(take, constraints=stated).limb_of_marker
     assert limb[0] == limb[-1]
