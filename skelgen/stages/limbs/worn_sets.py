@@ -39,8 +39,8 @@ SEARCHES, ROUNDS = 12, 10
 """Beginnings that are tried for each set, and rounds of each."""
 
 FIRST_SEARCHES, PROMISING = 3, 0.7
-"""Searches after which a set whose misfit is so much larger than the best one's is given up: of 66 people, the sets that
-fit nearly best in the end are behind by .45 at most by then, and by .25 and less of all but two."""
+"""Searches after which a set whose misfit is so much larger than the best one's is given up: of 66 people, the sets
+that fit nearly best in the end are behind by .45 at most by then, and by .28 and less of all but two."""
 
 WITHOUT_PARTNER = 2.0
 """Cost of a marker of the take, or of the set, that has no partner."""
