@@ -191,7 +191,7 @@ def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet
     """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
     shape = shape_of(np.frombuffer(shown).reshape(n))
     parts = [(worn, *part) for worn in worn_sets() for part in _parts(worn, n[1])]
-    searches = [_searches(shape, part) for _, _, part in parts]
+    searches = [matches(shape, part) for _, _, part in parts]
     found = [list(islice(search, FIRST_SEARCHES)) for search in searches]
     best = min((one.misfit for matched in found for one in matched), default=np.inf)
     for search, matched in zip(searches, found, strict=True):
@@ -237,8 +237,11 @@ def _shapes(table: dict[str, np.ndarray], key: str) -> tuple[Shape, Shape]:
     return mean, spread
 
 
-def matches(shape: Shape, worn: WornSet) -> list[Match]:
-    """Assign markers to those of a set so that their distances fit best; where searches end, the best first.
+def matches(shape: Shape, worn: WornSet) -> Iterator[Match]:
+    """Assign markers to those of a set so that their distances fit best; yield where each search ends that is new.
+
+    Each begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits the
+    last one.
 
     Parameters
     ----------
@@ -246,15 +249,6 @@ def matches(shape: Shape, worn: WornSet) -> list[Match]:
         Of the take.
     worn : WornSet
         The set.
-    """
-    return sorted(_searches(shape, worn), key=lambda one: one.misfit)
-
-
-def _searches(shape: Shape, worn: WornSet) -> Iterator[Match]:
-    """Yield the best match of each search that comes where no other was.
-
-    Each begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits the
-    last one.
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 

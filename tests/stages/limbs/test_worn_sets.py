@@ -84,8 +84,8 @@ def _at_places() -> tuple[Shape, Believed, Floats, Ints]:
     )
     positions = np.asarray(case.take.positions)
     shape, other = shape_of(positions), next(worn for worn in worn_sets() if worn.name == "cgm2-5")
-    by_motion = log_odds(positions)
-    places = Believed(*nearest_places(shape, [(matches(shape, other)[0], other)], by_motion), 1.0)
+    by_motion, nearest = log_odds(positions), min(matches(shape, other), key=lambda one: one.misfit)
+    places = Believed(*nearest_places(shape, [(nearest, other)], by_motion), 1.0)
     return shape, places, by_motion, np.asarray(case.truth.limb_of_marker)
 
 
