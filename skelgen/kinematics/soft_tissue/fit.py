@@ -41,7 +41,9 @@ WEIGHT_OF_COMMON = 1.0
 LEAST_PART = 0.02
 """Of the largest variance: displacements of less are left out."""
 
-MAX_STEPS = 5
+MAX_STEPS = 3
+"""Of constants and displacements together: more hardly move a joint nearer, as the joint prior goes on from there."""
+
 DIVERGED = 10.0
 """Times the squares of the residuals at the start: a fit that left that many has diverged, and is given up."""
 

@@ -16,7 +16,8 @@ from skelgen.kinematics.calibration.joint_places import out_of_reach
 from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_joint_prior
 from skelgen.kinematics.calibration.known_body import KnownBody, joints_of_limbs, known_limbs
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, seen_weights
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals
 from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
@@ -35,6 +36,9 @@ FIRST_ROUNDS = 3
 
 ROUGH_ROUNDS = 6
 """Rounds of the fit that tells outliers from the others: the fit without them goes on from there."""
+
+OVERLAPPING = 4.0
+"""Frames of the rough fit that are worth one: where it takes more, frames between them would say the same again."""
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
@@ -251,25 +255,39 @@ class _Fitter:
         return _Fit(fit, types, poses, inliers, frames, body_joints.correlation_time(fit, inliers[frames])), seen
 
     def whole(self, first: _Fit) -> _Fit:
-        """Fit limbs, joints and poses of as many frames as count together, joints held to their types."""
-        inliers, types = first.inliers, first.types
-        seen = np.flatnonzero((~np.isnan(inliers[:, :, 0])).any(axis=1))
-        used = evenly_spread(seen, self._parameters.refine_samples)
-        articulation = body_joints.articulation_of(types, set(self._stated))
-        weights = seen_weights(inliers[used])
-        start = first.poses[used]
-        n_rounds = None if self._are_poses else ROUGH_ROUNDS
-        last = calibrate(first.last.chain, start, inliers[used], n_rounds, articulation, weights)
-        types, poses = _followed(types, last, start), _posed_as(last, first.poses, used)
+        """Fit limbs, joints and poses, joints held to their types.
+
+        A rough fit of some frames tells outliers of as many frames as count, and whether these say more: errors that
+        last, as of soft tissue, do not average out over more frames of the same time.
+        """
+        articulation = body_joints.articulation_of(first.types, set(self._stated))
         if self._are_poses:
-            last = body_joints.with_noise_of_poses(last)
-        else:
-            before = last.poses
-            last = calibrate(last.chain, before, self._inliers(last), None, last.articulation)
-            types, poses = _followed(types, last, before), _posed_as(last, poses, used)
-            inliers = inliers.copy()
-            inliers[used] = last.positions
-        return _Fit(last, types, poses, inliers, used, body_joints.correlation_time(last, inliers[used]))
+            return self._whole_of_poses(first, articulation)
+        inliers, checked = first.inliers.copy(), self._frames_that_count(first)
+        some = evenly_spread(checked, self._parameters.samples)
+        rough = calibrate(first.last.chain, first.poses[some], inliers[some], ROUGH_ROUNDS, articulation)
+        types, poses = _followed(first.types, rough, first.poses[some]), _posed_as(rough, first.poses, some)
+        every = calibrate(rough.chain, poses[checked], inliers[checked], 0, rough.articulation)
+        inliers[checked] = self._inliers(every)
+        poses.root[checked], poses.rotations[checked] = every.poses.root, every.poses.rotations
+        used = some if body_joints.correlation_time(rough, rough.positions) > OVERLAPPING else checked
+        last = calibrate(rough.chain, poses[used], inliers[used], None, rough.articulation)
+        types, poses = _followed(types, last, poses[used]), _posed_as(last, poses, used)
+        return _Fit(last, types, poses, inliers, used, body_joints.correlation_time(last, last.positions))
+
+    def _whole_of_poses(self, first: _Fit, articulation: Articulation) -> _Fit:
+        """Fit markers that stand for bodies with orientation: none is an outlier."""
+        used = self._frames_that_count(first)
+        start, positions = first.poses[used], first.inliers[used]
+        last = calibrate(first.last.chain, start, positions, None, articulation)
+        types, poses = _followed(first.types, last, start), _posed_as(last, first.poses, used)
+        last = body_joints.with_noise_of_poses(last)
+        return _Fit(last, types, poses, first.inliers, used, body_joints.correlation_time(last, positions))
+
+    def _frames_that_count(self, first: _Fit) -> Ints:
+        """Evenly spread frames, up to `refine_samples`, among those that show anything."""
+        seen = np.flatnonzero((~np.isnan(first.inliers[:, :, 0])).any(axis=1))
+        return evenly_spread(seen, self._parameters.refine_samples)
 
     def without_slides(self, found: _Fit) -> _Fit:
         """Fit once more to positions without the slides of soft tissue, if there are any.
