@@ -40,6 +40,9 @@ ROUGH_ROUNDS = 6
 OVERLAPPING = 4.0
 """Frames of the rough fit that are worth one: where it takes more, frames between them would say the same again."""
 
+MOST_REPEATS = 3
+"""Of the fit with the joint prior while it moves more joints out of reach."""
+
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
 
@@ -214,11 +217,14 @@ def _fitted_chain(
     found = fitter.whole(found)
     lasts = not are_poses and wants_joint_prior(found.last, found.correlated)
     astray = out_of_reach(found.last) if lasts else []
-    found = fitter.without_slides(_with_joint_prior(found, astray, others=False) if astray else found)
+    if astray:
+        found, astray = _within_reach(found, astray, others=False)
+    found = fitter.without_slides(found)
     if lasts:
         worn = worn_body(body.positions, body.limb_of_marker) if parameters.known_build else None
         segments = segments_by_shape(found.last) if parameters.known_build else {}
-        found = _with_joint_prior(found, astray, worn=worn, segments=segments)
+        astray = sorted({*astray, *out_of_reach(found.last)})
+        found, astray = _within_reach(found, astray, worn=worn, segments=segments)
         chain = found.last.chain
         placed = joints_of_limbs(chain, known_limbs(chain, worn)) if worn is not None else set()
         found = replace(found, astray=tuple(limb for limb in astray if limb not in placed))
@@ -326,18 +332,29 @@ class _Fitter:
         return np.where(outliers[..., np.newaxis], np.nan, fit.positions) if outliers.any() else fit.positions
 
 
-def _with_joint_prior(
+def _within_reach(
     found: _Fit,
     astray: list[int],
     *,
     others: bool = True,
     worn: KnownBody | None = None,
     segments: Mapping[int, str] | None = None,
-) -> _Fit:
-    """Fit joints again with the prior of `joint_prior`: all of them, or only those that lie out of reach (`astray`)."""
+) -> tuple[_Fit, list[int]]:
+    """Fit joints again with the prior of `joint_prior`: all of them, or only those that lie out of reach (`astray`).
+
+    Joints that this fit moves out of reach count among these, too, and it is made again; also return all of them.
+    """
     last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn, segments=segments)
+    for _ in range(MOST_REPEATS):
+        more = set(out_of_reach(last)).difference(astray)
+        if not more:
+            break
+        astray = sorted(more.union(astray))
+        last, growth = with_joint_prior(
+            found.last, found.correlated, astray, others=others, body=worn, segments=segments
+        )
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
-    return replace(found, last=last, types=types, poses=poses, correlated=growth)
+    return replace(found, last=last, types=types, poses=poses, correlated=growth), astray
 
 
 def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
