@@ -103,10 +103,14 @@ REMEMBERED = 8
 """Past steps from which the curvature of the sum is estimated."""
 
 LEAST_DAMPING, FIRST_DAMPING, MOST_DAMPING = 1e-9, 1e-6, 1.0
-"""Dampings (Levenberg and Marquardt), each ten times the one before."""
+"""Dampings (Levenberg and Marquardt)."""
 
-LEAST_GAIN = 0.001
-"""Rounds stop when the sum falls by less than this part of the weight."""
+GROWTH, LEAST_FALL = 8.0, 0.1
+"""Factors on the damping: by the first after a step that fails, by its square after the next, and so on; by the second
+at least after one that gains as much as is expected (Nielsen 1999, *Damping parameter in Marquardt's method*)."""
+
+LEAST_GAIN = 0.01
+"""Rounds stop when the sum falls by less than this part of the weight: joints would move by a tenth of a deviation."""
 
 
 def wants_joint_prior(fit: Calibration, correlated: float) -> bool:
@@ -347,7 +351,7 @@ def _converged(state: _Weighed) -> FittedChain:
     chance. How the gradient changed over the last steps corrects them (L-BFGS, Nocedal and Wright 2006, *Numerical
     Optimization*, 7.2, with the normal equations for its first matrix).
     """
-    damping, past = FIRST_DAMPING, list[tuple[Floats, Floats]]()
+    damping, growth, past = FIRST_DAMPING, GROWTH, list[tuple[Floats, Floats]]()
     for _ in range(ROUNDS):
         step = _direction(state, past, damping)
         expected = float(step @ state.gradient)
@@ -355,7 +359,8 @@ def _converged(state: _Weighed) -> FittedChain:
         gain = state.total - better.total
         if gain > 0:
             past = [*past, (step, state.gradient - better.gradient)][-REMEMBERED:]
-            state, damping = better, max(damping / 10, LEAST_DAMPING)
+            state, growth = better, GROWTH
+            damping = max(damping * max(1 - (2 * min(gain / expected, 1.0) - 1) ** 3, LEAST_FALL), LEAST_DAMPING)
             if max(gain, expected) < LEAST_GAIN * state.weight:
                 break
         elif past:
@@ -363,7 +368,7 @@ def _converged(state: _Weighed) -> FittedChain:
         elif damping > MOST_DAMPING or expected < LEAST_GAIN * state.weight:
             break
         else:
-            damping *= 10
+            damping, growth = max(damping, FIRST_DAMPING) * growth, growth * GROWTH
     return state.fitted
 
 
@@ -384,7 +389,8 @@ def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
     """Derivatives of `places` by rotations of limbs' frames, and of the rotations that fit displacements of places."""
     place = places(chain)
     limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
-    follow, seem = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
+    follow, pulls = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
+    inertia = np.zeros((chain.n_limbs, 3, 3))
     for limb in range(chain.n_limbs):
         own = np.flatnonzero(limb_of_place == limb)
         follow[own, :, limb] = -cross_matrix(place[own])
@@ -393,6 +399,7 @@ def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
         if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin
             held, n_held = own, len(own) + int(limb > 0)
         arms = place[held] - place[held].sum(axis=0) / n_held
-        inertia = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
-        seem[limb][:, held] = (np.linalg.pinv(inertia, rcond=1e-6) @ cross_matrix(arms)).swapaxes(0, 1)
+        inertia[limb] = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
+        pulls[limb][:, held] = cross_matrix(arms).swapaxes(0, 1)
+    seem = np.linalg.pinv(inertia, rcond=1e-6) @ pulls.reshape(chain.n_limbs, 3, -1)
     return follow.reshape(place.size, -1), seem.reshape(-1, place.size)

@@ -172,13 +172,11 @@ def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats
     n_places = chain.n_markers + chain.n_limbs - 1
     if not several:
         return np.zeros((0, 3 * n_places)), np.zeros(0)
-    found = [_laid_on_limb(chain, one) for one in several]
-    turned, off, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
     sizes = np.array([len(one.rows) for one in several])
-    limb = np.repeat(np.arange(len(several)), sizes)
+    limb, starts = np.repeat(np.arange(len(several)), sizes), np.cumsum(sizes) - sizes
+    turned, off, weights = _laid_on_limbs(chain, several, limb, starts)
     first, second = np.nonzero(limb[:, np.newaxis] == limb)
     # Points of a limb follow each other: its middle is moved by each, and so is its turn
-    starts = np.cumsum(sizes) - sizes
     arms = weights[:, np.newaxis, np.newaxis] * cross_matrix(turned)
     turns = _turns_by_pulls(turned, weights, starts)[limb[first]]
     shares = weights / np.add.reduceat(weights**2, starts)[limb]
@@ -200,12 +198,29 @@ def _turns_by_pulls(turned: Floats, weights: Floats, starts: Ints) -> Floats:
     return np.asarray(np.linalg.pinv(inertia, rcond=ON_LINE, hermitian=True))
 
 
-def _laid_on_limb(chain: Chain, one: KnownLimb) -> tuple[Floats, Floats, Floats]:
-    """Return the expected points of a limb about their middle, turned onto it, the residuals from them, and weights."""
-    points, weights = one.at(chain), 1 / one.deviations
-    turn, middle, there = _laid_on(points, one.expected, weights)
-    turned = (one.expected - there) @ turn.T
-    return turned, points - middle - turned, weights
+def _laid_on_limbs(chain: Chain, limbs: list[KnownLimb], limb: Ints, starts: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return the expected points of limbs about their middles, turned onto these, the residuals from them, and weights.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    limbs : list of KnownLimb
+        What is known of them.
+    limb : ndarray of intp, shape (n_points,)
+        Which of `limbs` each point is on.
+    starts : ndarray of intp, shape (n_known_limbs,)
+        Where the points of each begin.
+    """
+    points, expected = (
+        np.concatenate(parts) for parts in zip(*((one.at(chain), one.expected) for one in limbs), strict=True)
+    )
+    weights = np.concatenate([1 / one.deviations for one in limbs])
+    shares = (weights**2 / np.add.reduceat(weights**2, starts)[limb])[:, np.newaxis]
+    points, expected = (one - np.add.reduceat(shares * one, starts)[limb] for one in (points, expected))
+    moments = np.add.reduceat((shares * points)[:, :, np.newaxis] * expected[:, np.newaxis], starts)
+    turned = (nearest_rotation(moments)[limb] @ expected[..., np.newaxis])[..., 0]
+    return turned, points - turned, weights
 
 
 def _laid_on(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
