@@ -20,8 +20,9 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 MAX_ROUNDS = 30
-SHAPE_TOLERANCE = 1e-6
-"""mm; rounds stop when no point moves more."""
+SHAPE_TOLERANCE, NOISE_TOLERANCE = 1e-6, 1e-3
+"""Rounds stop when no point moves more: mm, or, if that is more, as part of how far points are off in the first round,
+which is less than what chance leaves in their mean over a million frames."""
 
 MOST_COUNTED = 16
 """Most points whose visible sets are counted in a table of all sets."""
@@ -144,7 +145,7 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
     seen = ~np.isnan(positions[:, :, 0])
     reference = int(np.argmax(seen.sum(axis=1)))
     points = positions[reference] - np.nanmean(positions[reference], axis=0) if seen[reference].any() else positions[0]
-    before, used = np.zeros((0,), dtype=bool), np.zeros((0,), dtype=bool)
+    before, used, tolerance = np.zeros((0,), dtype=bool), np.zeros((0,), dtype=bool), 0.0
     for _ in range(MAX_ROUNDS):
         known = ~np.isnan(points[:, 0])
         is_new = not np.array_equal(known, before)
@@ -160,13 +161,20 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
             break
         poses = fit_transform(filled, places, fitted, rotator)
         mean = means_in_body(poses, places, averaged)
+        tolerance = tolerance or max(SHAPE_TOLERANCE, NOISE_TOLERANCE * _deviation(poses, places, mean))
         average = mean - mean[~np.isnan(mean[:, 0])].mean(axis=0)
         moved = np.fmax.reduce(np.abs(average - points), axis=None, initial=0.0)
         gained = bool((np.isnan(points) & ~np.isnan(average)).any())
         points = average
-        if moved < SHAPE_TOLERANCE and not gained:
+        if moved < tolerance and not gained:
             break
     return np.asarray(points)
+
+
+def _deviation(poses: Floats, places: Floats, points: Floats) -> float:
+    """Root mean square [mm] of how far coordinates of places are off the points of a posed body."""
+    carried = points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
+    return float(np.sqrt(np.nanmean((places - carried) ** 2)))
 
 
 @dataclass(frozen=True, eq=False)

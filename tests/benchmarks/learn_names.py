@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Learn the table of skelgen/stages/names/likely_segments.py: ``python tests/benchmarks/learn_names.py``.
 
-Simulated people of one height in all marker sets and motions, with soft tissue as measured, and some who
-wear markers amid every limb and move at random. Their limbs are those that are found in the take without names, and
-those that wear the markers, of which some are split, some joined to their neighbour, and some markers go to a limb near
-by. First printed: limbs with the right segment for each marker set, learned from all other sets.
+Simulated people of one height in all marker sets and motions, with soft tissue as measured, as many in any posture
+(arms crossed, on the hips, overhead), and some who wear markers amid every limb and move at random. Their limbs are
+those that are found in the take without names, and those that wear the markers, of which some are split, some joined to
+their neighbour, and some markers go to a limb near by. First printed: limbs with the right segment for each marker set,
+learned from all other sets.
 """
 
 import argparse
@@ -12,13 +13,16 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
+from learn_sets import MOTION_RANGE, NOISE, RATE, in_posture
 from shapes import hidden
 
 import skelgen
-from skelgen.model import Limbs
+from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import spread_frames
 from skelgen.simulation import simulate
-from skelgen.simulation.people import MARKER_SETS, MOTIONS
+from skelgen.simulation.markers import carried_markers
+from skelgen.simulation.motion import random_angles, world_from_limbs
+from skelgen.simulation.people import MARKER_SETS, MOTIONS, person, realistic_soft_tissue
 from skelgen.stages.names import likely_segments as likely
 from skelgen.stages.names import name_limbs, recognised_set
 from skelgen.stages.names.moving_tree import MovingTree
@@ -26,6 +30,7 @@ from skelgen.stages.names.moving_tree import MovingTree
 TABLE = Path(likely.__file__).with_name("tables") / "distances.toml"
 HEIGHT = 1750.0  # mm
 TAKES, FRAMES, FIRST = 250, 60, 1000
+POSTURES = 31  # of the random numbers
 VERSIONS = 3  # of the limbs of each take, the found ones included
 SPLIT, JOINED, STRAY = 0.2, 0.1, 3  # of the limbs; markers at most
 WIDER = np.array([1.2, 1.6])  # people move in more ways than the simulated ones
@@ -42,18 +47,34 @@ def people(takes):
         made = simulate(
             "human", n_frames=500, seed=seed, noise=0.3, marker_set=worn, soft_tissue="realistic", **options
         )
-        yield seed, *_limbs_of(made)
+        yield seed, *_limbs_of(made.take, made.truth)
+    for seed in range(FIRST, FIRST + takes):
+        yield seed, *_limbs_of(*_in_posture(MARKER_SETS[seed % len(MARKER_SETS)], seed))
     for seed in range(FIRST, FIRST + takes // 8):
-        yield seed, *_limbs_of(simulate("human", n_frames=300, seed=seed, noise=0.3))
+        made = simulate("human", n_frames=300, seed=seed, noise=0.3)
+        yield seed, *_limbs_of(made.take, made.truth)
 
 
-def _limbs_of(made):
+def _in_posture(marker_set, seed):
+    """Return a take of somebody who moves at random about a posture, and who wears the markers."""
+    rng = np.random.default_rng([POSTURES, seed])
+    who = person(marker_set, HEIGHT, rng)
+    body = in_posture(who.body, rng, is_alike=seed % 2 == 1)
+    angles = random_angles(body, 300, RATE, rng, rng.uniform(*MOTION_RANGE))
+    poses = world_from_limbs(body, angles, np.zeros((300, 3)))[:, who.limbs]
+    angles = [angles[limb] for limb in who.limbs]
+    positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
+    positions += NOISE * rng.normal(size=positions.shape)
+    return Trajectories(positions, list(who.worn.marker_names), RATE), who.worn
+
+
+def _limbs_of(take, worn):
     """Return positions in some frames, names of markers, and the limb of each, true and found."""
-    limbs = [made.truth.limb_names[limb] for limb in made.truth.limb_of_marker]
-    project = skelgen.reconstruct(hidden(made.take), until="limbs")
+    limbs = [worn.limb_names[limb] for limb in worn.limb_of_marker]
+    project = skelgen.reconstruct(hidden(take), until="limbs")
     found = np.full(len(limbs), -1)
     found[[int(name[1:4]) for name in project.trajectories.names]] = project.limbs.limb_of_marker
-    return made.take.positions[spread_frames(made.take.n_frames, FRAMES)], made.take.names, limbs, found
+    return take.positions[spread_frames(take.n_frames, FRAMES)], take.names, limbs, found
 
 
 def drawn_limbs(positions, limbs, rng):

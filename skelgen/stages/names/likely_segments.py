@@ -3,7 +3,8 @@
 The distance between the middles of two limbs in statures, and how much it changes, are those of a thigh and a shank, or
 of a hand and a foot: normal distributions of their logarithms, learned from simulated people in all marker sets by
 ``tests/benchmarks/learn_names.py``. The segments of all limbs are those that make all pairs together likeliest, found
-by a beam search in each of some statures.
+by beam searches in each of some statures: limb by limb outward from the one with most markers, as a limb is told best
+by those that it is joined to, and by their numbers of markers.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +30,7 @@ LABELS = (*((segment, -1) for segment in TRUNK), *((segment, side) for side in (
 """What a limb may be: a segment, and its side, 0 or 1, or -1 of those in the middle."""
 
 NOISE, SMALLEST = 8.0, 5.0  # mm: what is added to ranges of distances, and to sizes, before their logarithms
-_OUTLIERS = 0.04  # of the pairs are as any pair
+_OUTLIERS = 0.04  # of the pairs are as any pair, and of the sizes as any size
 _LEAST_JOINED = 0.005
 _JOINED = {"neighbours": 0.75, "pieces": 0.7, "feet": 0.15, "beyond": 0.06}
 """How often limbs are joined in the trees that are found; the rest as `_LEAST_JOINED`."""
@@ -130,22 +132,36 @@ def likely_segments(tree: MovingTree, worn: Mapping[int, OfSet] | None = None, t
     features = pair_features(centres)
     sizes = [size_of(tree.markers[limb]) if tree.markers[limb].shape[1] > 1 else np.nan for limb in tree.limbs]
     joined = np.array([[other in tree.neighbours[limb] for other in tree.limbs] for limb in tree.limbs])
-    order = np.argsort([-tree.markers[limb].shape[1] for limb in tree.limbs], kind="stable")
+    n_markers = np.array([tree.markers[limb].shape[1] for limb in tree.limbs])
+    orders = _outward(joined, n_markers), np.argsort(-n_markers, kind="stable")
     n_limbs = len(tree.limbs)
     stature = np.exp(np.median(features[..., 0][np.triu_indices(n_limbs, 1)])) / _MEDIAN_DISTANCE
     tables = tables or learned_tables()
     of_set = np.array([[_odds_by_set(label, (worn or {}).get(limb)) for label in LABELS] for limb in tree.limbs])
-
-    one, other = (order[places] for places in np.triu_indices(n_limbs, 1))  # each pair once, as the search asks for it
+    one, other = np.triu_indices(n_limbs, 1)
     pairs = np.zeros((n_limbs, n_limbs, len(LABELS), len(LABELS)))
+    alike = _PIECE * np.eye(len(LABELS))
 
-    def searched(tall: float, width: int) -> tuple[float, Ints]:
-        pairs[one, other] = tables.pairs(features[one, other] - np.log(tall), joined[one, other])
-        return _search(pairs, tables.limbs(sizes, tall) + of_set, order, width)
+    def searched(size: int, width: int) -> tuple[float, Ints]:
+        tall = stature * _STATURES[size]
+        pairs[one, other] = tables.pairs(features[one, other] - np.log(tall), joined[one, other]) - alike
+        pairs[other, one] = pairs[one, other].swapaxes(1, 2)
+        of_limbs = tables.limbs(sizes, tall) + of_set
+        return max((_search(pairs, of_limbs, order, width) for order in orders), key=itemgetter(0))
 
-    tall = max((stature * _STATURES).tolist(), key=lambda one: searched(one, _FEW)[0])
-    score, labels = searched(tall, _MANY)
+    rough = {size: searched(size, _FEW)[0] for size in range(0, len(_STATURES), 2)}
+    best = max(rough, key=rough.__getitem__)
+    rough |= {size: searched(size, _FEW)[0] for size in (best - 1, best + 1) if 0 <= size < len(_STATURES)}
+    score, labels = searched(max(rough, key=rough.__getitem__), _MANY)
     return Likely(tuple(labels.tolist()), score / max(n_limbs * (n_limbs - 1) / 2, 1))
+
+
+def _outward(joined: Bools, n_markers: Ints) -> Ints:
+    """Order limbs from that with most markers to its neighbours, to theirs, and so on; those that none reaches last."""
+    order = [int(n_markers.argmax())]
+    for limb in order:
+        order += [near for near in np.flatnonzero(joined[limb]).tolist() if near not in order]
+    return np.array(order + [limb for limb in range(len(n_markers)) if limb not in order], dtype=np.intp)
 
 
 def _odds_by_set(label: tuple[str, int], of_set: OfSet | None) -> float:
@@ -156,13 +172,11 @@ def _odds_by_set(label: tuple[str, int], of_set: OfSet | None) -> float:
 
 def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[float, Ints]:
     """The best labels of all limbs, shape (n_limbs,), and their log odds, by a beam search limb by limb."""
-    every = np.arange(len(LABELS))
     states, scores = np.zeros((1, 0), dtype=np.intp), np.zeros(1)
     for done, limb in enumerate(order):
         gain = np.repeat(limbs[limb][np.newaxis], len(states), axis=0)
         for index in range(done):
-            taken = states[:, index]
-            gain += pairs[order[index], limb][taken] - _PIECE * (taken[:, np.newaxis] == every)
+            gain += pairs[order[index], limb][states[:, index]]
         total = (scores[:, np.newaxis] + gain).ravel()
         kept = np.argsort(-total, kind="stable")[:width]
         states = np.column_stack([states[kept // len(LABELS)], kept % len(LABELS)])
@@ -231,8 +245,10 @@ class Tables:
             What lengths are compared with.
         """
         mean, deviation, often = self.of_segments.T
-        off = (np.log((np.array(sizes)[:, np.newaxis] + SMALLEST) / stature) - mean) / deviation
-        return np.asarray(np.nan_to_num(-0.5 * off**2 - np.log(deviation), nan=0.0) + often)
+        size = np.array(sizes)[:, np.newaxis]
+        off = np.nan_to_num((np.log((size + SMALLEST) / stature) - mean) / deviation)
+        likely = np.logaddexp(-0.5 * off**2, np.log(_OUTLIERS)) - np.log(deviation)
+        return np.asarray(np.where(np.isnan(size), 0.0, likely) + often)
 
 
 @cache
