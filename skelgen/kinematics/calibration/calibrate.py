@@ -47,7 +47,7 @@ STEP_PARTS = (1.0, 0.5, 0.25, 0.1)
 """Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
 
 LEAST_GAIN = 0.01
-"""Rounds stop when the log-likelihood rises by less than this per constant, which is less than chance."""
+"""Rounds stop when the log-likelihood of independent frames rises by less than this per constant: less than chance."""
 
 PRIOR_SPREAD = 30.0
 """mm; standard deviation from the start of constants that the frames do not determine (a joint along its hinge)."""
@@ -93,7 +93,7 @@ def calibrate(
     positions: Floats,
     n_rounds: int | None = None,
     articulation: Articulation | None = None,
-    weights: Floats | None = None,
+    correlated: float = 1.0,
 ) -> Calibration:
     """Fit marker offsets, joints and axes together with the poses of all frames.
 
@@ -109,21 +109,21 @@ def calibrate(
         Rounds at most; 0 keeps the chain and only finds poses, noise and information.
     articulation : Articulation, optional
         What the joints allow; any rotation if it is not given.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances.
+    correlated : float
+        How many frames are worth one independent frame.
     """
     articulation = articulation or Articulation.free(chain.n_limbs)
     if not articulation.is_free:
         start = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
         articulation = articulation.at_rest(chain.parents, start.rotations)
-    guess = observed(chain, articulation, start, positions, weights)
+    guess = observed(chain, articulation, start, positions)
     state = FittedChain.of(guess)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
         better = _improved(state, chain)
         if better is None:
             break
         moved = float(np.abs(_packed(better.fit.chain) - _packed(state.fit.chain)).max())
-        gain = (state.squares - better.squares) / (2 * max(better.variance, LEAST_VARIANCE))
+        gain = (state.squares - better.squares) / (2 * correlated * max(better.variance, LEAST_VARIANCE))
         state = better
         if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * guess.n_constants:
             break

@@ -17,7 +17,7 @@ from skelgen.stages.names.likely_segments import CHAINS, LABELS, STIFF_ARM, TRUN
 from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
 
 _LEAST_ODDS = 1.0
-"""Mean log odds of pairs of limbs below which a tree is no person: most have 1.2 and more, other trees 0.3 in the mean."""
+"""Mean log odds of pairs of limbs below which a tree is no person: most have more than 1.2, others .3 in the mean."""
 
 _LEAST_ALIKE = 0.3  # cosine between the ways across hips and shoulders, in the mean
 _TOES = 0.46  # of a shank: how far the markers of toes are from the ankle; heads of metatarsals are nearer

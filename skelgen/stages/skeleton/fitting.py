@@ -38,7 +38,7 @@ ROUGH_ROUNDS = 6
 """Rounds of the fit that tells outliers from the others: the fit without them goes on from there."""
 
 OVERLAPPING = 4.0
-"""Frames of the rough fit that are worth one: where it takes more, frames between them would say the same again."""
+"""Frames that are worth an independent one: where it takes more of them, frames between would say the same again."""
 
 MOST_REPEATS = 3
 """Of the fit with the joint prior while it moves more joints out of reach."""
@@ -261,39 +261,28 @@ class _Fitter:
         return _Fit(fit, types, poses, inliers, frames, body_joints.correlation_time(fit, inliers[frames])), seen
 
     def whole(self, first: _Fit) -> _Fit:
-        """Fit limbs, joints and poses, joints held to their types.
+        """Fit limbs, joints and poses of some frames, joints held to their types, and of more frames if these say more.
 
-        A rough fit of some frames tells outliers of as many frames as count, and whether these say more: errors that
-        last, as of soft tissue, do not average out over more frames of the same time.
+        Errors that last, as of soft tissue, do not average out over more frames of the same time.
         """
-        articulation = body_joints.articulation_of(first.types, set(self._stated))
-        if self._are_poses:
-            return self._whole_of_poses(first, articulation)
-        inliers, checked = first.inliers.copy(), self._frames_that_count(first)
-        some = evenly_spread(checked, self._parameters.samples)
-        rough = calibrate(first.last.chain, first.poses[some], inliers[some], ROUGH_ROUNDS, articulation)
-        types, poses = _followed(first.types, rough, first.poses[some]), _posed_as(rough, first.poses, some)
-        every = calibrate(rough.chain, poses[checked], inliers[checked], 0, rough.articulation)
-        inliers[checked] = self._inliers(every)
-        poses.root[checked], poses.rotations[checked] = every.poses.root, every.poses.rotations
-        used = some if body_joints.correlation_time(rough, rough.positions) > OVERLAPPING else checked
-        last = calibrate(rough.chain, poses[used], inliers[used], None, rough.articulation)
-        types, poses = _followed(types, last, poses[used]), _posed_as(last, poses, used)
-        return _Fit(last, types, poses, inliers, used, body_joints.correlation_time(last, last.positions))
-
-    def _whole_of_poses(self, first: _Fit, articulation: Articulation) -> _Fit:
-        """Fit markers that stand for bodies with orientation: none is an outlier."""
-        used = self._frames_that_count(first)
-        start, positions = first.poses[used], first.inliers[used]
-        last = calibrate(first.last.chain, start, positions, None, articulation)
-        types, poses = _followed(first.types, last, start), _posed_as(last, first.poses, used)
-        last = body_joints.with_noise_of_poses(last)
-        return _Fit(last, types, poses, first.inliers, used, body_joints.correlation_time(last, positions))
-
-    def _frames_that_count(self, first: _Fit) -> Ints:
-        """Evenly spread frames, up to `refine_samples`, among those that show anything."""
         seen = np.flatnonzero((~np.isnan(first.inliers[:, :, 0])).any(axis=1))
-        return evenly_spread(seen, self._parameters.refine_samples)
+        every = evenly_spread(seen, self._parameters.refine_samples)
+        articulation = body_joints.articulation_of(first.types, set(self._stated))
+        if self._are_poses:  # none is an outlier
+            found = _refitted(replace(first, correlated=1.0), every, None, articulation)
+            last = body_joints.with_noise_of_poses(found.last)
+            return replace(found, last=last, correlated=body_joints.correlation_time(last, last.positions))
+        some = evenly_spread(every, self._parameters.samples)
+        found = _refitted(first, some, ROUGH_ROUNDS, articulation)
+        found = _refitted(self._without_outliers(found, every), some)
+        return found if found.correlated > OVERLAPPING else _refitted(replace(found, correlated=1.0), every)
+
+    def _without_outliers(self, found: _Fit, frames: Ints) -> _Fit:
+        """Leave outliers of some frames out, by a fit of these poses."""
+        last, poses, inliers = found.last, found.poses, found.inliers.copy()
+        fit = calibrate(last.chain, poses[frames], inliers[frames], 0, last.articulation)
+        inliers[frames] = self._inliers(fit)
+        return replace(found, poses=_posed_as(fit, poses, frames), inliers=inliers)
 
     def without_slides(self, found: _Fit) -> _Fit:
         """Fit once more to positions without the slides of soft tissue, if there are any.
@@ -330,6 +319,15 @@ class _Fitter:
         held = ConstrainedChain(fit.chain, fit.articulation)
         outliers = out_of_line(held, fit.poses, fit.positions, self._parameters.robust)
         return np.where(outliers[..., np.newaxis], np.nan, fit.positions) if outliers.any() else fit.positions
+
+
+def _refitted(found: _Fit, frames: Ints, n_rounds: int | None = None, articulation: Articulation | None = None) -> _Fit:
+    """Fit some frames from where another fit has ended, with its articulation if none is given."""
+    before, articulation = found.poses[frames], articulation or found.last.articulation
+    positions, correlated = found.inliers[frames], found.correlated
+    last = calibrate(found.last.chain, before, positions, n_rounds, articulation, correlated)
+    types, poses = _followed(found.types, last, before), _posed_as(last, found.poses, frames)
+    return _Fit(last, types, poses, found.inliers, frames, body_joints.correlation_time(last, positions))
 
 
 def _within_reach(
