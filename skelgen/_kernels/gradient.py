@@ -21,7 +21,7 @@ from skelgen._kernels.chain import (
     copy_rotations,
     forward_kinematics,
 )
-from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
+from skelgen._kernels.chain_constants import FIRST, N_TILTS, Columns, tilted
 from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.posing import Room
 from skelgen._kernels.small_matrices import (

@@ -18,18 +18,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels import kernel, kernel_part
 from skelgen._kernels.chain import (
-    ARM,
     FREE,
     FREEDOMS,
     LINK,
     ROOT,
-    ROTATION,
-    START,
-    WEIGHT,
     ChainTable,
     Measured,
     Place,
@@ -37,7 +31,21 @@ from skelgen._kernels.chain import (
     forward_kinematics,
     world_axis,
 )
-from skelgen._kernels.joint_models import PARENT
+from skelgen._kernels.chain_constants import (
+    FIRST,
+    FORCES,
+    LAST,
+    ORDER,
+    ROWS,
+    TORQUES,
+    Constants,
+    Span,
+    add_displacements,
+    add_joint,
+    add_offsets,
+    add_rows,
+    add_tilts,
+)
 from skelgen._kernels.posing import Room
 from skelgen._kernels.quadratic_forms import (
     BY_SHIFT,
@@ -57,85 +65,34 @@ from skelgen._kernels.small_matrices import (
     Vector,
     add_symmetric,
     by_symmetric,
-    cross,
     dot,
-    matrix,
-    plus,
     symmetric,
     times,
-    transposed,
     turned,
     vector,
 )
 from skelgen.model.arrays import Floats, Ints
 
-PARALLEL = 1e-9
-"""Sine below which two directions have no common perpendicular."""
-
 POSE_RIDGE = 1e-12
 """Relative ridge under a frame's normal matrix: for turns that no marker determines."""
 
-FIRST_AXIS, SECOND_AXIS = fixed(0, 1)
 
-TORQUES, FORCES, ROWS = fixed(0, 3, 6)
-"""Rows of `Constants.coupling`: T, F, and what a turn that is minimised out leaves."""
-
-Span = tuple[int, int]
-"""First and last of the columns that are worked on, which stand side by side; the last is not."""
-
-ORDER, FIRST, LAST, N_TILTS = fixed(0, 1, 2, 3)
-"""Columns of `Columns.limbs`."""
-
-
-class Columns(NamedTuple):
-    """Where the constants stand, sorted so that those of a limb and all beyond it stand side by side.
+class FrameInformation(NamedTuple):
+    """What single frames say of the constants, where displacements stand for offsets.
 
     Attributes
     ----------
-    limbs : ndarray of intp, shape (n_limbs, 4)
-        The limbs in an order in which each comes before all beyond it; for each limb, where its constants and those
-        beyond it begin and end: joint, tilts, offsets, limbs beyond; and the constants of the axis of its joint.
-    across : ndarray, shape (2 * n_limbs, 3)
-        Two directions in the parent of each limb about which axes are tilted.
+    places : ndarray of intp, shape (n_columns,)
+        Which constant each column is, displacements last; -1 for none.
+    products : ndarray, shape (n_frames, n_constants, n_displacements)
+        S of each frame between all constants and the displacements.
+    among : ndarray, shape (n_before, n_before)
+        S between the constants before the displacements, summed over frames.
     """
 
-    limbs: Ints
-    across: Floats
-
-
-class Constants(NamedTuple):
-    """What frames say of the constants.
-
-    Attributes
-    ----------
-    columns : Columns
-        Where the constants stand.
-    solved : ndarray, shape (n_limbs, 22)
-        Turns that are minimised out; see `posing.take_axis`.
-    coupling : ndarray, shape (9, n_constants)
-        T and F of one frame, and three rows for a turn that is minimised out.
-    total : ndarray, shape (n_constants, n_constants)
-        S, of which the upper half is added to.
-    """
-
-    columns: Columns
-    solved: Floats
-    coupling: Floats
-    total: Floats
-
-
-def constants_in(columns: Columns, room: Room) -> Constants:
-    """Return constants of which nothing is known yet.
-
-    Parameters
-    ----------
-    columns : Columns
-        Where they stand.
-    room : Room
-        Where frames are worked in.
-    """
-    size = columns.limbs[:, LAST].max()
-    return Constants(columns, room.solved, np.zeros((ROWS + 3, size)), np.zeros((size, size)))
+    places: Ints
+    products: Floats
+    among: Floats
 
 
 @kernel
@@ -155,27 +112,78 @@ def add_frames(table: ChainTable, constants: Constants, measured: Measured, rota
     room : Room
         Where to work.
     """
+    for root in range(0, len(rotations), len(table.joints)):
+        _add_frame(table, constants, measured, rotations, root, room)
+
+
+@kernel
+def write_frames(
+    table: ChainTable, constants: Constants, measured: Measured, rotations: Floats, room: Room, out: FrameInformation
+) -> None:
+    """Write what each frame tells by itself, but for what it tells of the constants before displacements.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    constants : Constants
+        Displacements stand for offsets; S is used for each frame in turn.
+    measured : tuple
+        Markers and weights, of which only the weights count.
+    rotations : ndarray, shape (n_frames * n_limbs, 9)
+        World from limb by its rows, frame by frame.
+    room : Room
+        Where to work.
+    out : FrameInformation
+        Receives the results, sums of 0 at first.
+    """
+    total, n_before = constants.total, len(out.among)
+    for frame in range(len(out.products)):
+        for row in range(len(total)):
+            for column in range(row, len(total)):
+                total[row, column] = 0.0
+        _add_frame(table, constants, measured, rotations, frame * len(table.joints), room)
+        for row in range(len(total)):
+            for column in range(row, len(total)):
+                one, other = out.places[row], out.places[column]
+                if one >= 0 and other >= 0:
+                    low, high = min(one, other), max(one, other)
+                    if high < n_before:
+                        out.among[low, high] += total[row, column]
+                    else:
+                        out.products[frame, low, high - n_before] = total[row, column]
+                    if low >= n_before:
+                        out.products[frame, high, low - n_before] = total[row, column]
+
+
+@kernel_part
+def _add_frame(
+    table: ChainTable, constants: Constants, measured: Measured, rotations: Floats, root: int, room: Room
+) -> None:
+    """Add what a frame tells, whose rotations begin in row `root`, to the upper half of S."""
     positions, weights = measured
     columns, place, forms = constants.columns, room.here, room.forms
     n_limbs, n_markers = len(table.joints), len(table.markers)
-    for root in range(0, len(rotations), n_limbs):
-        copy_rotations(rotations, root, place.limbs)
-        forward_kinematics(table, positions, weights, root // n_limbs * n_markers, place)
-        all_weights, _ = find_forms(table, place, forms)
-        level = _ridge(_mean_turn(table, place, forms, room.spare))
-        for entry in range(n_limbs - 1, -1, -1):
-            limb = columns.limbs[entry, ORDER]
-            _add_offsets(table, place, limb, constants)
-            if table.limbs[limb, FREEDOMS] == FREE:
-                _eliminate_free_turn(forms, limb, level, constants)
-            else:
-                _add_tilts(table, place, forms, limb, constants)
-                _eliminate_axes(table, place, forms, limb, level, constants)
-            if limb > 0:
-                _add_joint(table, place, forms, limb, constants)
-                _carry_columns(table, place, forms, limb, constants)
-        factor = _inverse_root(symmetric(forms, ROOT, SHIFT), _ridge(all_weights))
-        _eliminate_rows(factor, FORCES, (ROOT, len(constants.total)), constants)
+    copy_rotations(rotations, root, place.limbs)
+    forward_kinematics(table, positions, weights, root // n_limbs * n_markers, place)
+    all_weights, _ = find_forms(table, place, forms)
+    level = _ridge(_mean_turn(table, place, forms, room.spare))
+    for entry in range(n_limbs - 1, -1, -1):
+        limb = columns.limbs[entry, ORDER]
+        if constants.basis.shape[2] > 0:
+            add_displacements(table, place, limb, constants)
+        else:
+            add_offsets(table, place, limb, constants)
+        if table.limbs[limb, FREEDOMS] == FREE:
+            _eliminate_free_turn(forms, limb, level, constants)
+        else:
+            add_tilts(table, place, forms, limb, constants)
+            _eliminate_axes(table, place, forms, limb, level, constants)
+        if limb > 0:
+            add_joint(table, place, forms, limb, constants)
+            _carry_columns(table, place, forms, limb, constants)
+    factor = _inverse_root(symmetric(forms, ROOT, SHIFT), _ridge(all_weights))
+    _eliminate_rows(factor, FORCES, (ROOT, len(constants.total)), constants)
 
 
 @kernel_part
@@ -206,76 +214,6 @@ def _mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) ->
 
 
 @kernel_part
-def _add_offsets(table: ChainTable, place: Place, limb: int, constants: Constants) -> None:
-    """Let the offsets of a limb's markers come in."""
-    columns = constants.columns
-    column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
-    axes = transposed(matrix(place.limbs, limb, ROTATION))
-    for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
-        weight = place.markers[own, WEIGHT]
-        for axis in range(3):
-            force = times(weight, axes[axis])
-            torque = cross(vector(place.markers, own, ARM), force) if weight > 0.0 else force
-            _set_column(constants.coupling, FORCES, column, force)
-            _set_column(constants.coupling, TORQUES, column, torque)
-            constants.total[column, column] += weight
-            column += 1
-
-
-@kernel_part
-def _add_tilts(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
-    """Let the constants of the axis of a limb's joint come in: they turn it."""
-    columns = constants.columns
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    for tilt in range(columns.limbs[limb, N_TILTS] - 1, -1, -1):
-        change = tilted(table, columns, place, limb, tilt)
-        column = columns.limbs[limb, FIRST] + 3 + tilt
-        _set_column(constants.coupling, TORQUES, column, by_symmetric(symmetric(forms, limb, TURN), change))
-        _set_column(constants.coupling, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
-        _add_rows(constants, column, change, TORQUES, columns.limbs[limb, LAST])
-
-
-@kernel_part
-def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
-    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`.
-
-    Parameters
-    ----------
-    table : ChainTable
-        The limbs, and what their joints allow.
-    columns : Columns
-        Where the constants stand.
-    place : Place
-        Where the chain is.
-    limb : int
-        The limb.
-    tilt : int
-        Which of the constants of its axis.
-    """
-    if tilt < 2:
-        return turned(
-            matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(columns.across, 2 * limb + tilt, ROOT)
-        )
-    normal = cross(world_axis(table, place, limb, FIRST_AXIS), world_axis(table, place, limb, SECOND_AXIS))
-    size = math.sqrt(dot(normal, normal))
-    return times(1.0 / size if size > PARALLEL else 0.0, normal)
-
-
-@kernel_part
-def _add_joint(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
-    """Let the joint above a limb come in: it shifts the origin."""
-    columns = constants.columns
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    axes = transposed(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION))
-    for axis in range(2, -1, -1):
-        column, shift = columns.limbs[limb, FIRST] + axis, axes[axis]
-        _set_column(constants.coupling, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
-        torque = plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c))
-        _set_column(constants.coupling, TORQUES, column, torque)
-        _add_rows(constants, column, shift, FORCES, columns.limbs[limb, LAST])
-
-
-@kernel_part
 def _eliminate_free_turn(forms: Floats, limb: int, level: float, constants: Constants) -> None:
     """Minimise a free turn out."""
     limbs, coupling = constants.columns.limbs, constants.coupling
@@ -300,7 +238,7 @@ def _eliminate_rows(factor: Matrix, source: int, span: Span, constants: Constant
     _mix(coupling, ROWS + 2, 0.0, factor[2], source, span)
     for row in range(span[0], span[1]):
         own = (-coupling[ROWS, row], -coupling[ROWS + 1, row], -coupling[ROWS + 2, row])
-        _add_rows(constants, row, own, ROWS, span[1])
+        add_rows(constants, row, own, ROWS, span[1])
 
 
 @kernel_part
@@ -354,12 +292,6 @@ def _inverse_root(matrix: Symmetric, level: float) -> Matrix:
 
 
 @kernel_part
-def _set_column(work: Floats, top: int, column: int, value: Vector) -> None:
-    """Write three numbers one below the other."""
-    work[top, column], work[top + 1, column], work[top + 2, column] = value
-
-
-@kernel_part
 def _mix(rows: Floats, row: int, kept: float, factors: Vector, top: int, span: Span) -> None:
     """Replace a part of a row by `kept` times itself and three other rows of the table times factors."""
     first, last = span
@@ -368,16 +300,6 @@ def _mix(rows: Floats, row: int, kept: float, factors: Vector, top: int, span: S
     x, y, z = rows[top, first:last], rows[top + 1, first:last], rows[top + 2, first:last]
     for place in range(len(out)):
         out[place] = kept * out[place] + a * x[place] + b * y[place] + c * z[place]
-
-
-@kernel_part
-def _add_rows(constants: Constants, row: int, factors: Vector, top: int, last: int) -> None:
-    """Add three rows of the coupling times factors to a row of S, from its diagonal on."""
-    a, b, c = factors
-    out, rows = constants.total[row, row:last], constants.coupling
-    x, y, z = rows[top, row:last], rows[top + 1, row:last], rows[top + 2, row:last]
-    for place in range(len(out)):
-        out[place] = out[place] + a * x[place] + b * y[place] + c * z[place]
 
 
 @kernel_part

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen._kernels.information import PARALLEL
+from skelgen._kernels.chain_constants import PARALLEL
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 

@@ -11,8 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from skelgen._kernels.chain_constants import FIRST, LAST, N_TILTS, ORDER, Columns, constants_in
 from skelgen._kernels.gradient import add_gradient
-from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames, constants_in
+from skelgen._kernels.information import POSE_RIDGE, FrameInformation, add_frames, write_frames
 from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
@@ -173,12 +174,49 @@ def total_information(observed: ObservedChain) -> Floats:
     """
     table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
     total = np.zeros((len(order), len(order)))
-    room = room_for(table)
+    room, none = room_for(table), np.zeros((observed.chain.n_markers, 3, 0))
     for part in observed.in_parts(CHUNK_FRAMES):
-        constants = constants_in(columns, room)
+        constants = constants_in(columns, room, none)
         add_frames(table, constants, part.measured, rows(part.poses.rotations, 9), room)
         total[np.ix_(order, order)] += np.triu(constants.total) + np.triu(constants.total, 1).T
     return total
+
+
+def frame_information(observed: ObservedChain, basis: Floats, limbs: Ints) -> tuple[Floats, Floats]:
+    """Return the information of the constants of each frame for noise 1, displacements of markers instead of offsets.
+
+    Parameters
+    ----------
+    observed : ObservedChain
+        Where to linearise. Of the measured markers only the weights count.
+    basis : ndarray, shape (n_markers, 3, n_displacements)
+        Displacements in the limbs' frames, each of the markers of one limb.
+    limbs : ndarray of intp, shape (n_displacements,), rising
+        Which.
+
+    Returns
+    -------
+    tuple of ndarray
+        Between all constants, displacements last, and the displacements, shape (n_frames, n_constants,
+        n_displacements), and among the others, summed over frames, shape (n_before, n_before).
+    """
+    chain, table = observed.chain, observed.table
+    own = np.arange(len(limbs)) - np.searchsorted(limbs, limbs)
+    width = int(own.max(initial=-1)) + 1
+    columns, order = _columns_of(chain, observed.articulation, width)
+    n_before = len(order) - width * chain.n_limbs
+    places = np.concatenate([np.full(width * chain.n_limbs, -1), np.arange(n_before)])
+    places[width * limbs + own] = n_before + np.arange(len(limbs))
+    padded = np.zeros((chain.n_markers, 3, width))
+    for limb in range(chain.n_limbs):
+        markers, of_limb = np.flatnonzero(chain.limb_of_marker == limb), np.flatnonzero(limbs == limb)
+        padded[markers, :, : len(of_limb)] = basis[markers][:, :, of_limb]
+    room = room_for(table)
+    constants = constants_in(columns, room, writable(padded[table.markers]))
+    products = np.empty((observed.n_frames, n_before + len(limbs), len(limbs)))
+    found = FrameInformation(places[order], products, np.zeros((n_before, n_before)))
+    write_frames(table, constants, observed.measured, rows(observed.poses.rotations, 9), room, found)
+    return products, found.among + np.triu(found.among, 1).T
 
 
 def constant_gradient(observed: ObservedChain) -> Floats:
@@ -202,7 +240,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     return total
 
 
-def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+def _columns_of(chain: Chain, articulation: Articulation, n_displacements: int = 0) -> tuple[Columns, Ints]:
     """Return where kernels keep the constants of each limb, and which constant each of their columns is.
 
     Parameters
@@ -211,9 +249,11 @@ def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints
         The limbs.
     articulation : Articulation
         What their joints allow.
+    n_displacements : int
+        Displacements of the markers of each limb that stand for their offsets; 0 if none do.
     """
     structure = tuple(chain.parents.tolist()), tuple(chain.limb_of_marker.tolist()), tuple(articulation.types)
-    limbs, places = _layout(*structure)
+    limbs, places = _layout(*structure, n_displacements)
     directions = np.zeros((chain.n_limbs, 2, 3))
     tilted = limbs[:, N_TILTS] > 0
     if tilted.any():
@@ -221,10 +261,13 @@ def _columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints
     return Columns(limbs, directions.reshape(-1, 3)), places
 
 
-@lru_cache(maxsize=4)
-def _layout(parents: tuple[int, ...], limb_of_marker: tuple[int, ...], types: tuple[str, ...]) -> tuple[Ints, Ints]:
+@lru_cache(maxsize=8)
+def _layout(
+    parents: tuple[int, ...], limb_of_marker: tuple[int, ...], types: tuple[str, ...], n_displacements: int
+) -> tuple[Ints, Ints]:
     """Where constants stand by the structure alone, found once for all steps of a fit."""
-    n_limbs, n_offsets = len(parents), 3 * len(limb_of_marker)
+    n_limbs = len(parents)
+    n_offsets = n_displacements * n_limbs or 3 * len(limb_of_marker)
     below = ancestry(parents)
     order = sorted(range(n_limbs), key=lambda limb: np.flatnonzero(below[:, limb]).tolist())
     ends = n_offsets + 3 * (n_limbs - 1) + np.cumsum([AXIS_CONSTANTS[kind] for kind in types])
@@ -233,7 +276,10 @@ def _layout(parents: tuple[int, ...], limb_of_marker: tuple[int, ...], types: tu
         joint = np.arange(3) + n_offsets + 3 * (limb - 1) if limb else np.zeros(0, dtype=np.intp)
         tilts = np.arange(ends[limb] - AXIS_CONSTANTS[kind], ends[limb])
         markers = np.flatnonzero(np.array(limb_of_marker) == limb)
-        own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
+        offsets = (3 * markers[:, np.newaxis] + np.arange(3)).ravel()
+        if n_displacements:
+            offsets = n_displacements * limb + np.arange(n_displacements)
+        own.append(np.concatenate([joint, tilts, offsets]))
     sizes = np.array([len(one) for one in own])
     limbs = np.zeros((n_limbs, 4), dtype=np.intp)
     limbs[:, ORDER] = order

@@ -14,7 +14,6 @@ import numpy as np
 from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed, residuals_in_limbs
-from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, fit_poses
 from skelgen.kinematics.soft_tissue.cluster_deformation import (
@@ -124,10 +123,12 @@ def _fitted(
     positions, deformation = last.positions[frames], np.zeros_like(tissue.slopes)
     most = DIVERGED * last.at(frames).squares
     for step_number in range(MAX_STEPS):
-        here = observed(chain, articulation, poses, positions - tissue.displacements(chain, poses))
+        rigid = positions - tissue.displacements(chain, poses)
+        poses = fit_poses(chain, poses, rigid, articulation)
+        here = observed(chain, articulation, poses, rigid)
         if here.squares > most:
             return None
-        system = soft_tissue_equations(here, tissue, variances > 0, last.noise)
+        system = soft_tissue_equations(here, tissue, variances > 0)
         matrix, gradient = share * system.matrix, share * system.gradient
         n = system.n_constants
         matrix[np.arange(n), np.arange(n)] += seen.noise / _prior_spread(system, chain) ** 2
@@ -145,9 +146,8 @@ def _fitted(
         moved = _stepped(here, system, step)
         chain, articulation, poses = moved.chain, moved.articulation, moved.poses
         tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + deformation)
-        for _ in range(2):  # flexions follow the poses, and poses the displacements
-            rigid = positions - tissue.displacements(chain, poses)
-            poses = fit_poses(chain, poses, rigid, articulation, None, POSE_STEPS)
+        # Flexions follow the poses, and poses the displacements
+        poses = fit_poses(chain, poses, positions - tissue.displacements(chain, poses), articulation, None, POSE_STEPS)
         if np.abs(step[: system.n_joints]).max(initial=0.0) < STEP_TOLERANCE:
             break
     return SoftTissueFit(chain, articulation, tissue, deformation, variances)
@@ -171,12 +171,12 @@ def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floa
     growth = len(rigid) / effective_frames(residuals_in_limbs(chain, last.poses, rigid).reshape(len(rigid), -1))
     variance, (frames, share) = growth * last.noise**2, _equation_frames(last)
     some = observed(chain, articulation, last.poses[frames], rigid[frames])
-    system = soft_tissue_equations(some, tissue, fit.variances > 0, last.noise)
+    system = soft_tissue_equations(some, tissue, fit.variances > 0)
     n, prior = system.n_constants, variance / fit.variances[system.limbs, system.flexion]
     matrix = share * system.matrix
     matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
     reduced = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
-    gradient = _gradient_of_all(last, system, tissue)
+    gradient = system.gradient_of(last, tissue)
     coefficients = system.coefficients(tissue.slopes - fit.deformation)
     gradient[n:] -= prior * coefficients
     held = matrix + np.diag(np.concatenate([variance / _prior_spread(system, chain) ** 2, np.zeros(len(prior))]))
@@ -189,17 +189,6 @@ def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floa
     information = _information_of_offsets(reduced, system, last.weights.sum(axis=0))
     fitted = replace(last, chain=chain, articulation=articulation, poses=found, positions=rigid)
     return SoftTissueCalibration(replace(fitted, known_information=information), tissue, growth)
-
-
-def _gradient_of_all(last: Calibration, system: SoftTissueEquations, tissue: SoftTissue) -> Floats:
-    """Gradient of the residuals of all frames by the columns of the normal equations."""
-    chain, clusters = last.chain, system.clusters
-    gradient = constant_gradient(last)
-    n_places = 3 * chain.n_markers
-    rigid = clusters.of_markers(gradient[:n_places, np.newaxis])[:, 0]
-    flat = residuals_in_limbs(chain, last.poses, last.positions).reshape(last.n_frames, -1)
-    by_tissue = system.coefficients(flat.T @ tissue.flexions(chain, last.poses))
-    return np.concatenate([gradient[n_places:], rigid, by_tissue])
 
 
 def _information_of_offsets(reduced: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:
