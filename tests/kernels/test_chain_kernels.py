@@ -18,11 +18,13 @@ from skelgen.kinematics.chain.chain import ChainPoses, observed, residuals, seen
 from skelgen.kinematics.chain.normal_equations import (
     constant_gradient,
     frame_blocks,
+    frame_information,
     normal_equations,
     reduced_information,
     total_information,
 )
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances, weak_prior
+from skelgen.kinematics.soft_tissue.equations import rigid_displacements
 from skelgen.simulation import simulate
 
 NOISE = 0.5  # mm
@@ -132,6 +134,24 @@ def half_squares(case, change):
     joints = chain.joints + np.concatenate([np.zeros((1, 3)), change[n_offsets:n_places].reshape(-1, 3)])
     _, rotations = articulation.tilted(chain.parents, poses.rotations, change[n_places:])
     return (residuals(chain.moved(joints, offsets), replace(poses, rotations=rotations), positions) ** 2).sum() / 2
+
+
+def test_displacements_tell_of_each_frame_what_the_offsets_that_they_move_tell(case):
+    chain, articulation, start, positions = case
+    here = observed(chain, articulation, start, positions)
+    rigid, full = rigid_displacements(chain), total_information(here)
+    products, among = frame_information(here, rigid.basis, rigid.limbs)
+    n_offsets, n_before = 3 * chain.n_markers, len(among)
+    by_offsets = np.zeros((len(full), n_before + len(rigid.limbs)))
+    by_offsets[n_offsets:, :n_before] = np.eye(n_before)
+    by_offsets[:n_offsets, n_before:] = rigid.basis.reshape(n_offsets, -1)
+    wanted = by_offsets.T @ full @ by_offsets
+    same = 1e-6 * np.abs(wanted).max()
+    np.testing.assert_allclose(among, wanted[:n_before, :n_before], atol=same)
+    np.testing.assert_allclose(products.sum(axis=0), wanted[:, n_before:], atol=same)
+    np.testing.assert_allclose(
+        products[3], frame_information(here.at([3]), rigid.basis, rigid.limbs)[0][0], atol=same / len(products)
+    )
 
 
 def test_arrays_that_may_not_be_written_to_are_left_alone_and_compile_nothing_anew(case):
