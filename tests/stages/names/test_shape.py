@@ -135,3 +135,14 @@ def test_a_tree_of_very_many_ends_is_no_animal_and_is_not_tried_for_long():
     joints = {pair[::step]: two for pair in pairs for step in (1, -1)}
     tree = MovingTree(tuple(range(122)), joints, np.zeros((2, 122, 3, 3)), dict.fromkeys(range(122), two[:, None]), 1.0)
     assert find_quadruped(tree) is None  # of eight million fours of ends
+
+
+def test_a_person_who_moves_freely_in_many_limbs_is_named_with_sides(recording):
+    take = recording("human/nick_freeform_001.c3d")
+    project = skelgen.reconstruct(hidden(take))
+    limb_of = dict(zip(take.names, np.asarray(project.limbs.limb_of_marker), strict=True))
+    wanted = {"LFHD": "head", "C7": "chest", "LFWT": "pelvis", "LUPA": "left upper arm", "LOWR": "left forearm"}
+    wanted |= {"LKNE": "left thigh", "RKNE": "right thigh", "LANK": "left shank", "RANK": "right shank"}
+    wanted |= {"LTOE": "left foot", "RTOE": "right foot", "RUPA": "right upper arm", "ROWR": "right forearm"}
+    called = {marker: project.limbs.names[limb_of[marker]].rstrip(" 23456789") for marker in wanted}
+    assert called == wanted

@@ -7,7 +7,9 @@ import functools
 import numpy as np
 import pytest
 
+import skelgen
 from skelgen.evaluation import evaluate
+from skelgen.simulation import simulate
 from skelgen.stages.skeleton import SkeletonParameters
 
 SEEDS, N_FRAMES, NOISE = range(6), 800, 0.5  # mm
@@ -44,3 +46,16 @@ def test_slides_that_are_fitted_leave_less_error_and_honest_deviations(scores):
     with_model, without = scores(3.0), scores(3.0, model=False)
     assert with_model[:, 0].mean() < 0.85 * without[:, 0].mean()
     assert min(without[:, 1].mean(), with_model[:, 1].mean()) > 0.8
+
+
+@pytest.mark.parametrize(("soft_tissue", "is_worn"), [("0", False), ("realistic", True)])
+def test_more_frames_say_more_of_white_noise_and_nothing_of_soft_tissue(soft_tissue, is_worn):
+    worn = {"motion": "walk", "marker_set": "animation-41"} if is_worn else {}
+    take = simulate("human", n_frames=900, seed=2, noise=1.0, soft_tissue=soft_tissue, **worn).take
+    few, many = (
+        skelgen.reconstruct(take, parameters={"skeleton": {"refine_samples": most}}).skeleton for most in (300, 900)
+    )
+    places = [np.array([joint.position_in_parent for joint in one.joints]) for one in (few, many)]
+    deviations = [np.median([np.linalg.norm(joint.std) for joint in one.joints]) for one in (few, many)]
+    assert np.array_equal(*places) == is_worn
+    assert (deviations[1] < 0.7 * deviations[0]) != is_worn
