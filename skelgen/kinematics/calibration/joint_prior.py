@@ -360,7 +360,8 @@ def _converged(state: _Weighed) -> FittedChain:
         if gain > 0:
             past = [*past, (step, state.gradient - better.gradient)][-REMEMBERED:]
             state, growth = better, GROWTH
-            damping = max(damping * max(1 - (2 * min(gain / expected, 1.0) - 1) ** 3, LEAST_FALL), LEAST_DAMPING)
+            share = gain / max(expected, gain)
+            damping = max(damping * max(1 - (2 * share - 1) ** 3, LEAST_FALL), LEAST_DAMPING)
             if max(gain, expected) < LEAST_GAIN * state.weight:
                 break
         elif past:

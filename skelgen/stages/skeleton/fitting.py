@@ -40,9 +40,6 @@ ROUGH_ROUNDS = 6
 OVERLAPPING = 4.0
 """Frames that are worth an independent one: where it takes more of them, frames between would say the same again."""
 
-MOST_REPEATS = 3
-"""Of the fit with the joint prior while it moves more joints out of reach."""
-
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
 
@@ -278,7 +275,7 @@ class _Fitter:
         return found if found.correlated > OVERLAPPING else _refitted(replace(found, correlated=1.0), every)
 
     def _without_outliers(self, found: _Fit, frames: Ints) -> _Fit:
-        """Leave outliers of some frames out, by a fit of these poses."""
+        """Leave outliers of some frames out, by a fit of their poses."""
         last, poses, inliers = found.last, found.poses, found.inliers.copy()
         fit = calibrate(last.chain, poses[frames], inliers[frames], 0, last.articulation)
         inliers[frames] = self._inliers(fit)
@@ -342,15 +339,14 @@ def _within_reach(
 
     Joints that this fit moves out of reach count among these, too, and it is made again; also return all of them.
     """
-    last, growth = with_joint_prior(found.last, found.correlated, astray, others=others, body=worn, segments=segments)
-    for _ in range(MOST_REPEATS):
+    while True:
+        last, growth = with_joint_prior(
+            found.last, found.correlated, astray, others=others, body=worn, segments=segments
+        )
         more = set(out_of_reach(last)).difference(astray)
         if not more:
             break
         astray = sorted(more.union(astray))
-        last, growth = with_joint_prior(
-            found.last, found.correlated, astray, others=others, body=worn, segments=segments
-        )
     types, poses = _followed(found.types, last, found.last.poses), _posed_as(last, found.poses, found.used)
     return replace(found, last=last, types=types, poses=poses, correlated=growth), astray
 
