@@ -91,11 +91,14 @@ class SoftTissueCalibration:
         How markers are displaced.
     growth : float
         How many frames determine as much as one independent frame.
+    cost : float, mm^2
+        What the displacements cost beside the squares of residuals, by how likely displacements so large are.
     """
 
     calibration: Calibration
     tissue: SoftTissue
     growth: float
+    cost: float
 
 
 def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
@@ -183,12 +186,14 @@ def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floa
     step: Floats = np.asarray(np.linalg.solve(held, gradient))
     moved = _stepped(replace(last, articulation=articulation), system, step)
     chain, articulation, found = moved.chain, moved.articulation, moved.poses
-    tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + fit.deformation)
+    coefficients += step[n:]
+    tissue = tissue.with_slopes(system.slopes(coefficients, len(tissue.joints)) + fit.deformation)
     rigid = positions - tissue.displacements(chain, found)
     found = fit_poses(chain, found, rigid, articulation, None, POSE_STEPS)
     information = _information_of_offsets(reduced, system, last.weights.sum(axis=0))
     fitted = replace(last, chain=chain, articulation=articulation, poses=found, positions=rigid)
-    return SoftTissueCalibration(replace(fitted, known_information=information), tissue, growth)
+    known = replace(fitted, known_information=information)
+    return SoftTissueCalibration(known, tissue, growth, float(prior @ coefficients**2))
 
 
 def _information_of_offsets(reduced: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:

@@ -284,7 +284,8 @@ class _Fitter:
     def without_slides(self, found: _Fit) -> _Fit:
         """Fit once more to positions without the slides of soft tissue, if there are any.
 
-        Slides have unknowns of their own: they explain the markers better, or their fit has diverged and is dropped.
+        Slides have unknowns of their own: they explain the markers better, by more than they cost, or their fit has
+        diverged and is dropped.
         """
         sliding = fit_soft_tissue(found.last) if self._parameters.soft_tissue and not self._are_poses else None
         if sliding is None:
@@ -294,7 +295,7 @@ class _Fitter:
         poses = held.fit(poses, found.inliers - sliding.tissue.displacements(held.chain, poses))
         refined = calibrate_soft_tissue(sliding, poses[used], found.inliers[used])
         last = refined.calibration
-        if not _squares(last) < _squares(found.last):
+        if not _squares(last) + refined.cost < _squares(found.last):
             return found
         poses = ConstrainedChain(last.chain, last.articulation).projected(poses)
         inliers = found.inliers - refined.tissue.displacements(last.chain, poses)
