@@ -13,16 +13,14 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from learn_sets import MOTION_RANGE, NOISE, RATE, in_posture
+from learn_sets import MOTION_RANGE, RATE, about_posture, seen_markers
 from shapes import hidden
 
 import skelgen
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import spread_frames
 from skelgen.simulation import simulate
-from skelgen.simulation.markers import carried_markers
-from skelgen.simulation.motion import random_angles, world_from_limbs
-from skelgen.simulation.people import MARKER_SETS, MOTIONS, person, realistic_soft_tissue
+from skelgen.simulation.people import MARKER_SETS, MOTIONS, person
 from skelgen.stages.names import likely_segments as likely
 from skelgen.stages.names import name_limbs, recognised_set
 from skelgen.stages.names.moving_tree import MovingTree
@@ -59,13 +57,8 @@ def _in_posture(marker_set, seed):
     """Return a take of somebody who moves at random about a posture, and who wears the markers."""
     rng = np.random.default_rng([POSTURES, seed])
     who = person(marker_set, HEIGHT, rng)
-    body = in_posture(who.body, rng, is_alike=seed % 2 == 1)
-    angles = random_angles(body, 300, RATE, rng, rng.uniform(*MOTION_RANGE))
-    poses = world_from_limbs(body, angles, np.zeros((300, 3)))[:, who.limbs]
-    angles = [angles[limb] for limb in who.limbs]
-    positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
-    positions += NOISE * rng.normal(size=positions.shape)
-    return Trajectories(positions, list(who.worn.marker_names), RATE), who.worn
+    moves = about_posture(who, 300, MOTION_RANGE, rng, is_alike=seed % 2 == 1)
+    return Trajectories(seen_markers(who, *moves, rng), list(who.worn.marker_names), RATE), who.worn
 
 
 def _limbs_of(take, worn):

@@ -23,6 +23,7 @@ from skelgen.simulation.people import (
     LABORATORY_SETS,
     MARKER_SETS,
     MOTIONS,
+    Person,
     natural_motion,
     person,
     realistic_soft_tissue,
@@ -93,13 +94,24 @@ def _person_in_any_posture(marker_set: str, number: int) -> Shape:
         motion = MOTIONS[number // 2 % len(MOTIONS)]
         angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)
     else:
-        body = in_posture(who.body, rng, is_alike=number % 4 == 1)
-        angles = random_angles(body, N_FRAMES, RATE, rng, rng.uniform(*MOTION_RANGE))
-        poses = world_from_limbs(body, angles, np.zeros((N_FRAMES, 3)))
+        angles, poses = about_posture(who, N_FRAMES, MOTION_RANGE, rng, is_alike=number % 4 == 1)
+    return shape_of(seen_markers(who, angles, poses, rng))
+
+
+def about_posture(
+    who: Person, n_frames: int, motion_range: tuple[float, float], rng: np.random.Generator, *, is_alike: bool
+) -> tuple[list[Floats], Floats]:
+    """Return the angles and the poses of somebody who moves at random about a posture that is drawn."""
+    body = in_posture(who.body, rng, is_alike=is_alike)
+    angles = random_angles(body, n_frames, RATE, rng, rng.uniform(*motion_range))
+    return angles, world_from_limbs(body, angles, np.zeros((n_frames, 3)))
+
+
+def seen_markers(who: Person, angles: list[Floats], poses: Floats, rng: np.random.Generator) -> Floats:
+    """Return the markers [mm] of somebody in motion, with soft tissue and noise, shape (n_frames, n_markers, 3)."""
     angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
-    positions = carried_markers(who.worn, poses)
-    positions += realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
-    return shape_of(positions + NOISE * rng.normal(size=positions.shape))
+    positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
+    return np.asarray(positions + NOISE * rng.normal(size=positions.shape))
 
 
 def in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> Structure:

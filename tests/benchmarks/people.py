@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from learn_sets import in_posture
+from learn_sets import RATE, about_posture, seen_markers
 from shown import show, show_machine
 
 import skelgen
@@ -27,15 +27,13 @@ from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.simulation.markers import carried_markers
-from skelgen.simulation.motion import random_angles, world_from_limbs
+from skelgen.simulation.motion import world_from_limbs
 from skelgen.simulation.people import (
     LABORATORY_SETS,
     MARKER_SETS,
     MOTIONS,
     natural_motion,
     person,
-    realistic_soft_tissue,
 )
 from skelgen.simulation.people import Person as WornPerson
 from skelgen.stages.limbs import worn_sets
@@ -43,7 +41,7 @@ from skelgen.stages.limbs import worn_sets
 USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data" / "bodies"
 SMALL = ("radius", "ulna", "toes")
 POSED = 3  # markers that SCoRE needs on a body
-RATE, NOISE, PLACED = 100.0, 0.3, 10.0  # Hz, mm, and how far examiners miss a place [mm], of simulated people
+PLACED = 10.0  # mm: how far examiners miss a place on simulated people
 LENGTHS, WAYS = (150, 300, 450), ("natural", "arms still", "posture")
 STILL, IN_POSTURE = 0.2, (0.25, 0.6)  # of their usual motion: arms that hardly move, and bodies in a posture
 LOST, ENOUGH = 4, 3  # markers that every other one may lack, from segments with so many
@@ -144,9 +142,7 @@ def unknown_people(n_people: int) -> Iterator[tuple[str, str, Person]]:
         marker_set, n_frames = sets[number % len(sets)], LENGTHS[number // 3 % 3]
         who = person(marker_set, 0.0, rng, placed=PLACED)
         motion, angles, poses = _moving(who, number, n_frames, rng)
-        angles, poses = [angles[limb] for limb in who.limbs], poses[:, who.limbs]
-        positions = carried_markers(who.worn, poses) + realistic_soft_tissue(who.worn, poses, angles, RATE, rng, who)
-        positions += NOISE * rng.normal(size=positions.shape)
+        positions = seen_markers(who, angles, poses, rng)
         body_of_marker, bodies = np.asarray(who.worn.limb_of_marker), list(who.worn.limb_names)
         kept = _kept(body_of_marker, rng) if number % 2 else np.arange(len(body_of_marker))
         allowed = body_of_marker[kept, np.newaxis] == np.arange(len(bodies))
@@ -158,9 +154,7 @@ def _moving(who: WornPerson, number: int, n_frames: int, rng: np.random.Generato
     """How somebody moves, in words, the angles of all limbs, and their poses."""
     way, motion = WAYS[number % 3], MOTIONS[(number * 3 + 1) % len(MOTIONS)]
     if way == "posture":
-        body = in_posture(who.body, rng, is_alike=number % 2 == 1)
-        angles = random_angles(body, n_frames, RATE, rng, rng.uniform(*IN_POSTURE))
-        return way, angles, world_from_limbs(body, angles, np.zeros((n_frames, 3)))
+        return way, *about_posture(who, n_frames, IN_POSTURE, rng, is_alike=number % 2 == 1)
     angles, poses = natural_motion(who, motion, n_frames, RATE, rng)
     if way == "arms still":
         part = [STILL if "arm" in limb.name or "hand" in limb.name else 1.0 for limb in who.body.limbs]

@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.geometry.rotations import cross_matrix, nearest_rotation, vector_from_matrix
 from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.model.arrays import Floats
+
+ENOUGH_MARKERS = 3
+"""With so many markers or more, these alone hold the frame of a limb."""
 
 REACH = 1.5
 """Of D: joints farther from the line between both limbs' nearest markers are out of reach; of 33 joints of three people
@@ -211,3 +214,33 @@ def _row_residuals(chain: Chain, joint: JointPlace) -> list[Floats]:
 def places(chain: Chain) -> Floats:
     """Return marker offsets and joints below the root [mm], shape (n_markers + n_limbs - 1, 3)."""
     return np.concatenate([chain.offsets, chain.joints[1:]])
+
+
+def turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
+    """Return derivatives of `places` by turns of limbs' frames, and of the turns that fit displacements of places.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (3 (n_markers + n_limbs - 1), 3 n_limbs) and (3 n_limbs, 3 (n_markers + n_limbs - 1))
+    """
+    place = places(chain)
+    limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
+    follow, pulls = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
+    inertia = np.zeros((chain.n_limbs, 3, 3))
+    for limb in range(chain.n_limbs):
+        own = np.flatnonzero(limb_of_place == limb)
+        follow[own, :, limb] = -cross_matrix(place[own])
+        held = own[own < chain.n_markers]
+        n_held = len(held)
+        if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin
+            held, n_held = own, len(own) + int(limb > 0)
+        arms = place[held] - place[held].sum(axis=0) / n_held
+        inertia[limb] = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
+        pulls[limb][:, held] = cross_matrix(arms).swapaxes(0, 1)
+    seem = np.linalg.pinv(inertia, rcond=1e-6) @ pulls.reshape(chain.n_limbs, 3, -1)
+    return follow.reshape(place.size, -1), seem.reshape(-1, place.size)

@@ -27,7 +27,6 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration.calibrate import (
     FREE_SHARE,
     STEP_FRAMES,
@@ -45,6 +44,7 @@ from skelgen.kinematics.calibration.joint_places import (
     out_of_reach,
     place_residuals,
     places,
+    turns_of_frames,
 )
 from skelgen.kinematics.calibration.known_body import (
     TAIL,
@@ -76,9 +76,6 @@ FARTHEST = 10.0
 
 PRIOR_FRAMES = 150
 """Frames to which joints are fitted together with the prior: more frames say little more."""
-
-ENOUGH_MARKERS = 3
-"""With so many markers or more, these alone hold the frame of a limb."""
 
 HELD = 1e3
 """Times the mean information: weight with which the frames of limbs are held during a step."""
@@ -234,7 +231,7 @@ def _with_information(fit: Calibration, known: _Known, growth: float) -> Calibra
     """Add the information of the prior to that of the fit."""
     alike = replace(known, joints=[replace(one, weight=1.0) for one in known.joints])
     slopes, towards, tails = alike.residuals(fit.chain)
-    follow, seem = _turns_of_frames(fit.chain)
+    follow, seem = turns_of_frames(fit.chain)
     slopes -= slopes @ follow @ seem
     information = fit.information.copy()
     kept = slopes.T / (1 + (towards / tails) ** 2)
@@ -313,7 +310,7 @@ class _Weighed:
         free = np.full(len(information), FREE_SHARE * usual)
         free[n_places:] *= level_of_tilts(chain)
         slopes, towards, tails = self._residuals
-        follow, seem = _turns_of_frames(chain)
+        follow, seem = turns_of_frames(chain)
         slopes = slopes - slopes @ follow @ seem
         kept = 1 / (1 + (towards / tails) ** 2)
         # Directions that no frame determines are filtered out of the residuals' gradient: it is not exactly 0 there
@@ -384,23 +381,3 @@ def _direction(state: _Weighed, past: Sequence[tuple[Floats, Floats]], damping: 
     for (step, change), share in zip(bent, reversed(shares), strict=True):
         found = found + (share - float(change @ found) / float(step @ change)) * step
     return found
-
-
-def _turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
-    """Derivatives of `places` by rotations of limbs' frames, and of the rotations that fit displacements of places."""
-    place = places(chain)
-    limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
-    follow, pulls = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
-    inertia = np.zeros((chain.n_limbs, 3, 3))
-    for limb in range(chain.n_limbs):
-        own = np.flatnonzero(limb_of_place == limb)
-        follow[own, :, limb] = -cross_matrix(place[own])
-        held = own[own < chain.n_markers]
-        n_held = len(held)
-        if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin
-            held, n_held = own, len(own) + int(limb > 0)
-        arms = place[held] - place[held].sum(axis=0) / n_held
-        inertia[limb] = np.einsum("ni,ni->", arms, arms) * np.eye(3) - arms.T @ arms
-        pulls[limb][:, held] = cross_matrix(arms).swapaxes(0, 1)
-    seem = np.linalg.pinv(inertia, rcond=1e-6) @ pulls.reshape(chain.n_limbs, 3, -1)
-    return follow.reshape(place.size, -1), seem.reshape(-1, place.size)

@@ -216,18 +216,22 @@ def _laid_on_limbs(chain: Chain, limbs: list[KnownLimb], limb: Ints, starts: Int
         np.concatenate(parts) for parts in zip(*((one.at(chain), one.expected) for one in limbs), strict=True)
     )
     weights = np.concatenate([1 / one.deviations for one in limbs])
+    turns, middles, there = _laid_on(points, expected, weights, starts)
+    turned = (turns[limb] @ (expected - there[limb])[..., np.newaxis])[..., 0]
+    return turned, points - middles[limb] - turned, weights
+
+
+def _laid_on(points: Floats, expected: Floats, weights: Floats, starts: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return the rotations that lay expected points on points, and the weighted middles of these and of those.
+
+    Points stand limb by limb, which begin at `starts`.
+    """
+    limb = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(points)))
     shares = (weights**2 / np.add.reduceat(weights**2, starts)[limb])[:, np.newaxis]
-    points, expected = (one - np.add.reduceat(shares * one, starts)[limb] for one in (points, expected))
-    moments = np.add.reduceat((shares * points)[:, :, np.newaxis] * expected[:, np.newaxis], starts)
-    turned = (nearest_rotation(moments)[limb] @ expected[..., np.newaxis])[..., 0]
-    return turned, points - turned, weights
-
-
-def _laid_on(points: Floats, expected: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the rotation that lays expected points on points, and the weighted middles of these and of those."""
-    shares = weights**2 / (weights**2).sum()
-    middle, there = shares @ points, shares @ expected
-    return nearest_rotation((shares[:, np.newaxis] * (points - middle)).T @ (expected - there)), middle, there
+    middles, there = (np.add.reduceat(shares * one, starts) for one in (points, expected))
+    arms, lengths = shares * (points - middles[limb]), expected - there[limb]
+    moments = np.add.reduceat(arms[:, :, np.newaxis] * lengths[:, np.newaxis], starts)
+    return nearest_rotation(moments), middles, there
 
 
 def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
@@ -249,7 +253,8 @@ def joints_of_body(fit: ObservedChain, limbs: list[KnownLimb]) -> ObservedChain:
             if one.limb not in (joint, chain.parents[joint]) or not len(where) or not one.fixes_turn:
                 continue
             own = slice(0, one.n_markers)
-            turn, middle, there = _laid_on(one.at(chain)[own], one.expected[own], 1 / one.deviations[own])
+            laid = _laid_on(one.at(chain)[own], one.expected[own], 1 / one.deviations[own], np.zeros(1, dtype=np.intp))
+            turn, middle, there = (found[0] for found in laid)
             place = middle + turn @ (one.expected[one.n_markers + where[0]] - there)
             rotations = fit.poses.rotations[:, one.limb]
             wanted.append(fit.poses.origins(chain)[:, one.limb] + rotations @ place)

@@ -207,12 +207,9 @@ def frame_information(observed: ObservedChain, basis: Floats, limbs: Ints) -> tu
     n_before = len(order) - width * chain.n_limbs
     places = np.concatenate([np.full(width * chain.n_limbs, -1), np.arange(n_before)])
     places[width * limbs + own] = n_before + np.arange(len(limbs))
-    padded = np.zeros((chain.n_markers, 3, width))
-    for limb in range(chain.n_limbs):
-        markers, of_limb = np.flatnonzero(chain.limb_of_marker == limb), np.flatnonzero(limbs == limb)
-        padded[markers, :, : len(of_limb)] = basis[markers][:, :, of_limb]
+    of_limbs = basis @ np.eye(width)[own]  # other limbs' markers are not displaced
     room = room_for(table)
-    constants = constants_in(columns, room, writable(padded[table.markers]))
+    constants = constants_in(columns, room, writable(of_limbs[table.markers]))
     products = np.empty((observed.n_frames, n_before + len(limbs), len(limbs)))
     found = FrameInformation(places[order], products, np.zeros((n_before, n_before)))
     write_frames(table, constants, observed.measured, rows(observed.poses.rotations, 9), room, found)
