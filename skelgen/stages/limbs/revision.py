@@ -12,9 +12,11 @@ from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import Deviations, PairSums
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.worn_places import worn_odds
+from skelgen.stages.limbs.worn_sets import belief_in_set, nearest_set
 
-SOFT = 0.05
-"""Of how neighbouring limbs move against each other: limbs that bend less are plates, which stay as they are."""
+SOFT = 0.025
+"""Of how neighbouring limbs move against each other: limbs that bend less are plates, which stay as they are. A racing
+car with its driver has .018, people who lack every seventh marker .04 and more."""
 
 ALIKE = 0.23
 """Standard deviation of the logarithms of how far each limb bends, up to which one noise explains all of them: rigid
@@ -24,6 +26,9 @@ all marker sets and in parts of takes, as skin is not alike everywhere; bodies w
 
 ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual for a pair."""
+
+WORN = 0.5
+"""Belief in a marker set from which its wearer is soft, however alike limbs bend."""
 
 SUREST = 6.0
 """Largest log odds of one pair: more would let it speak for all others."""
@@ -70,7 +75,21 @@ def is_soft(groups: Ints, deviations: Deviations) -> bool:
     return float(np.median(bending)) > SOFT**2 * sums.neighbour_motion() and unlike > ALIKE
 
 
-def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, *, with_sets: bool = True) -> Ints:
+def is_dressed(positions: Floats, take: Floats) -> bool:
+    """Whether markers have the shape of a set that people wear, and what pairs do bears it out.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    take : ndarray, shape (n_take_frames, n_markers, 3), mm
+        All frames.
+    """
+    nearest = nearest_set(take)
+    return nearest is not None and belief_in_set(*nearest, _odds_of_pairs(positions)) > WORN
+
+
+def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, take: Floats | None = None) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
     Parameters
@@ -81,12 +100,12 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, *, 
         Sampled frames; NaN where unseen.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
-    with_sets : bool
-        Whether the shape of a marker set that people wear adds to what pairs say.
+    take : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
+        All frames: the shape of a marker set that people wear adds to what pairs say. Without them pairs speak alone.
     """
-    odds = np.clip(log_odds(positions), -SUREST, SUREST)
-    if with_sets:
-        odds += worn_odds(positions, odds)
+    odds = _odds_of_pairs(positions)
+    if take is not None:
+        odds += worn_odds(take, odds)
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:
@@ -104,6 +123,11 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, *, 
             break
         groups = changed
     return groups
+
+
+def _odds_of_pairs(positions: Floats) -> Floats:
+    """Log odds that two markers share a limb by what each pair does, shape (n_markers, n_markers)."""
+    return np.clip(log_odds(positions), -SUREST, SUREST)
 
 
 def _merged(groups: Ints, odds: Floats) -> Ints | None:

@@ -25,7 +25,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import is_soft, revised
+from skelgen.stages.limbs.revision import is_dressed, is_soft, revised
 from skelgen.stages.limbs.votes import majority
 
 HALF_WEIGHT = 20
@@ -274,10 +274,10 @@ class _Grouping:
             Of distances over these frames.
         """
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
-        is_open = may_bend and self._n_limbs is None
-        if is_open and is_soft(groups, deviations):
-            with_sets = self._parameters.marker_set != "none"
-            groups = revised(groups, self._positions[frames], self._constraints, with_sets=with_sets)
+        if may_bend and self._n_limbs is None:
+            sampled, take = self._positions[frames], self._positions if self._parameters.marker_set != "none" else None
+            if is_soft(groups, deviations) or (take is not None and is_dressed(sampled, take)):
+                groups = revised(groups, sampled, self._constraints, take)
         return _numbered_by_first(groups)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import Trajectories
+from skelgen.simulation import simulate
 from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import LimbConstraints, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
@@ -18,6 +19,8 @@ PEOPLE = {
     "flips.c3d": 0.9,
     "kicks.c3d": 0.9,
 }
+
+LEAST_PURITY = 0.9  # markers on the limb of their body; a landing's forearms do not turn
 
 
 @pytest.mark.parametrize(("path", "least"), PEOPLE.items())
@@ -63,6 +66,34 @@ def test_limbs_that_all_bend_alike_are_rigid_bodies_whatever_is_worn(simulated, 
     simulation = simulated("human:4", seed, soft_tissue=3.0, noise=0.3, n_frames=600)
     found, true = find_limbs(simulation.take).limb_of_marker, np.asarray(simulation.truth.limb_of_marker)
     np.testing.assert_array_equal(found[:, np.newaxis] == found, true[:, np.newaxis] == true)
+
+
+@pytest.mark.parametrize("worn", ["plug-in-gait", "cast", "animation-41", "opencap"])
+def test_people_whose_limbs_bend_alike_have_the_limbs_of_their_set(worn) -> None:
+    simulation = simulate("human", seed=2, motion="walk", marker_set=worn, n_frames=200, soft_tissue=4.0, noise=0.3)
+    found, true = find_limbs(simulation.take).limb_of_marker, np.asarray(simulation.truth.limb_of_marker)
+    np.testing.assert_array_equal(found[:, np.newaxis] == found, true[:, np.newaxis] == true)
+
+
+def test_gait_in_a_set_of_legs_has_one_pelvis_and_feet_without_ankles(recording) -> None:
+    take = recording("wild/BMClab_walk.trc")
+    limb = find_limbs(take).limb_of_marker
+    of = {name: int(limb[marker]) for marker, name in enumerate(take.names)}
+    assert len({of[f"{side}.{name}"] for side in "LR" for name in ("ASIS", "PSIS")}) == 1
+    for side in "LR":
+        assert len({of[f"{side}.{name}"] for name in ("Heel", "MT1", "MT2", "MT5")}) == 1
+        assert len({of[f"{side}.{name}"] for name in ("Heel", "Ankle", "Knee", "ASIS")}) == 4
+
+
+def test_a_landing_that_lacks_every_seventh_marker_has_its_limbs(recording) -> None:
+    truth = np.load(recording.folder / "bodies" / "landing.truth.npz")
+    take = recording("bodies/landing.trc")
+    index = {name.split(":")[-1].strip().lower(): marker for marker, name in enumerate(take.names)}
+    kept = np.sort(np.random.default_rng(0).permutation(len(truth["labels"]))[: round(0.85 * len(truth["labels"]))])
+    taken = [index[str(truth["labels"][marker]).split(":")[-1].strip().lower()] for marker in kept]
+    limbs = find_limbs(Trajectories(take.positions[:, taken], tuple(map(str, taken)), take.rate))
+    shares = [truth["allowed"][kept][limbs.markers_of(limb)].sum(axis=0) for limb in range(limbs.n_limbs)]
+    assert sum(share.max() for share in shares) / len(kept) > LEAST_PURITY
 
 
 def test_revision_obeys_what_the_user_states(simulated):
