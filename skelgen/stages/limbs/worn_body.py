@@ -140,7 +140,9 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     for reading in worn.sets:
         odds += (1.0 - worn.share) * reading.belief * _neighbours_of(reading, limb_of_marker)
     if worn.places is not None:
-        odds += OF_PLACES * worn.share * _neighbours_of(worn.places, limb_of_marker)
+        on = np.arange(len(odds)) == limb_of_marker[:, np.newaxis]
+        weight = on.T @ worn.of_places(len(on)) @ on / np.outer(on.sum(axis=0), on.sum(axis=0))
+        odds += OF_PLACES * weight * _neighbours_of(worn.places, limb_of_marker)
     return odds
 
 

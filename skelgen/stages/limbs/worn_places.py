@@ -72,6 +72,17 @@ MIRRORED = 0.5
 AT_PLACES, NOT_AT_PLACES = 1.0, 1.3
 """Misfit up to which places are believed, and from which they are not at all: people's is .3 to 1.2, animals' 1.4."""
 
+PLACE_FITS, PLACE_DOES_NOT = 0.8, 1.2
+"""The same of a single place, beyond what is believed of all: arms may be mistaken, and legs right. Of pairs of markers
+that both fit so well .93 of those on one segment, and .998 of those on two, are right on people in sets that are not
+known."""
+
+SOME_AT_PLACES, NONE_AT_PLACES = 1.26, 1.33
+"""Misfit of all up to which single places are believed, and from which none is: animals have 1.33 and more."""
+
+ENOUGH_SEGMENTS = 10
+"""Segments with markers, from which single places are believed: half a body may fit other parts in another size."""
+
 PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.5, 0.6
 """Misfit up to which no motion contradicts places, and few markers are enough; and from which it may, and they are not.
 Of people in sets that are not known 94 to 100 % of the pairs are right up to .5, of legs alone as well. Bodies of the
@@ -111,6 +122,20 @@ class Believed:
     worn: WornSet
     belief: float
 
+    def of_pairs(self, n_markers: int) -> Floats:
+        """Return how far to believe it of each two markers, shape (n_markers, n_markers): more where both fit well.
+
+        Parameters
+        ----------
+        n_markers : int
+            Of the take.
+        """
+        fits = np.zeros(n_markers)
+        if n_markers >= ENOUGH_MARKERS and len(np.unique(self.worn.segments[self.match.of_set])) >= ENOUGH_SEGMENTS:
+            fits[self.match.markers] = part_of(self.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
+            fits *= part_of(self.match.misfit, SOME_AT_PLACES, NONE_AT_PLACES)
+        return np.maximum(self.belief, np.minimum(fits[:, np.newaxis], fits))
+
 
 @dataclass(frozen=True, eq=False)
 class Wear:
@@ -132,8 +157,23 @@ class Wear:
 
     @property
     def share(self) -> float:
-        """Weight of the places; the sets have the rest."""
+        """Weight of the places as a whole; the sets have the rest."""
         return self.doubt * self.places.belief if self.places is not None else 0.0
+
+    def of_places(self, n_markers: int) -> Floats:
+        """Return the weight of what places say of each two markers, shape (n_markers, n_markers).
+
+        Single places speak where sets do not.
+
+        Parameters
+        ----------
+        n_markers : int
+            Of the take.
+        """
+        if self.places is None:
+            return np.zeros((n_markers, n_markers))
+        single = np.maximum(self.places.of_pairs(n_markers) - self.share, 0.0)
+        return np.asarray(self.share + (1.0 - sum(reading.belief for reading in self.sets)) * single)
 
 
 def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
@@ -156,7 +196,7 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     sure = float(part_of(worn.sets[0].match.misfit, BEYOND_DOUBT, DOUBTFUL)) * (1.0 - worn.doubt)
     odds *= (1.0 - worn.share) * (1.0 + (SURER - 1.0) * sure)
     if worn.places is not None:
-        odds += worn.share * _odds_of_places(shape_of(positions), worn.places, by_motion)
+        odds += worn.of_places(len(by_motion)) * _odds_of_places(shape_of(positions), worn.places, by_motion)
         odds += MIRRORED * worn.places.belief * (_of_mirror_images(worn.places.match, by_motion) - by_motion)
     return odds
 

@@ -85,6 +85,16 @@ def test_gait_in_a_set_of_legs_has_one_pelvis_and_feet_without_ankles(recording)
         assert len({of[f"{side}.{name}"] for name in ("Heel", "Ankle", "Knee", "ASIS")}) == 4
 
 
+def test_knees_and_ankles_of_a_squat_in_clusters_are_on_thighs_and_shanks(recording) -> None:
+    take = recording("human/markers_Squat2.trc")
+    limb = find_limbs(take).limb_of_marker
+    of = {name: int(limb[marker]) for marker, name in enumerate(take.names)}
+    for side in "LR":
+        assert len({of[f"{side}{name}"] for name in ("THI", "THI2", "THI3", "KNE")}) == 1
+        assert len({of[f"{side}{name}"] for name in ("TIB", "TIB2", "TIB3", "ANK")}) == 1
+        assert len({of[f"{side}{name}"] for name in ("HEE", "TOE", "LatFoot")}) == 1
+
+
 def test_a_landing_that_lacks_every_seventh_marker_has_its_limbs(recording) -> None:
     truth = np.load(recording.folder / "bodies" / "landing.truth.npz")
     take = recording("bodies/landing.trc")

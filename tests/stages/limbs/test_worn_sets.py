@@ -7,11 +7,19 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.worn_places import Believed, believed_wear, nearest_places, segment_odds, worn_odds
+from skelgen.stages.limbs.worn_places import (
+    Believed,
+    believed_wear,
+    nearest_places,
+    segment_odds,
+    worn_odds,
+    worn_places,
+)
 from skelgen.stages.limbs.worn_sets import (
     HALVES,
     LEAST_OF_HALF,
     WORN,
+    Match,
     matches,
     nearest_set,
     worn_sets,
@@ -133,3 +141,15 @@ def test_outlines_are_quantiles_of_what_is_known() -> None:
     expected = np.nanquantile(shape.distances[seen], OUTLINE, axis=1).T
     np.testing.assert_allclose(shape.outlines[0][seen], expected, atol=1e-12)
     assert not shape.outlines[0][2].any()
+
+
+def test_single_places_are_believed_where_both_markers_fit() -> None:
+    n_markers, places = 40, worn_places()
+    misfits = np.full(n_markers, 2.0)
+    misfits[:3] = 0.5
+    every = np.arange(n_markers)
+    spread = np.argsort(places.segments, kind="stable")[np.linspace(0, len(places.segments) - 1, n_markers).astype(int)]
+    belief = Believed(Match(every, spread, misfits, 1.0), places, 0.0).of_pairs(n_markers)
+    assert (belief[:3, :3] == 1.0).all() and not belief[3:].any() and not belief[:, 3:].any()
+    few = Believed(Match(every, np.repeat(spread[:1], n_markers), misfits, 1.0), places, 0.0)
+    assert not few.of_pairs(n_markers).any()
