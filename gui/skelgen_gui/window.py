@@ -26,12 +26,11 @@ from skelgen_gui.project.comparison import ComparisonPanel
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.deriving import PanelWhileSeen
-from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs, StatusLine
 from skelgen_gui.project.outline import Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
-from skelgen_gui.project.session import Session
+from skelgen_gui.project.session import Document, Session
 from skelgen_gui.timeline.marker_curves import MarkerCurves
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline

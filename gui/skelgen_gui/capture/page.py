@@ -16,12 +16,11 @@ from skelgen.capture.calibration.board import LEAST_CORNERS
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
 from skelgen_gui.capture.forms import FileField
-from skelgen_gui.capture.joint_step import JointStep
 from skelgen_gui.capture.live import LivePanel
 from skelgen_gui.capture.pictures import Pictures
 from skelgen_gui.capture.room_step import RoomStep
 from skelgen_gui.capture.space import Space
-from skelgen_gui.capture.target_step import TargetStep
+from skelgen_gui.capture.target_steps import JointStep, TargetStep
 from skelgen_gui.project.context import Context
 from skelgen_gui.widgets.layouts import bare_column
 

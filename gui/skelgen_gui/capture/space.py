@@ -14,9 +14,9 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import DEPTH, Viewpoint, cameras_of, up_axis
-from skelgen_gui.view3d.backdrop import paint_background
 from skelgen_gui.view3d.colours import Colours, Sprites, Style
-from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
+from skelgen_gui.view3d.controls import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
+from skelgen_gui.view3d.renderer import paint_background
 from skelgen_gui.widgets.painting import draw_lines, draw_names
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 

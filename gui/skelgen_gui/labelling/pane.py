@@ -11,8 +11,7 @@ from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import NOBODY
 from skelgen.model.labelling import Question
-from skelgen_gui.labelling.questions import Questions
-from skelgen_gui.labelling.table import MarkerTable
+from skelgen_gui.labelling.lists import MarkerTable, Questions
 from skelgen_gui.model.labelling import (
     MarkerRow,
     Span,
@@ -28,7 +27,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
-from skelgen_gui.project.document import Document
+from skelgen_gui.project.session import Document
 from skelgen_gui.widgets.layouts import column, describe, row_of
 
 _MOST_NAMES = 200  # in the list

@@ -16,10 +16,9 @@ from skelgen.model import PointCloud, Project
 from skelgen.model.project import STAGES
 from skelgen.progress import Monitor
 from skelgen_gui.project.cameras import Cameras
-from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.project.session import Session
+from skelgen_gui.project.session import Document, Session
 from skelgen_gui.widgets.preferences import Preferences
 
 # How long stages take in proportion, in takes of points and in others

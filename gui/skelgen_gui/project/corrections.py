@@ -29,8 +29,7 @@ from skelgen_gui.model.offers import Offer, frames_seen_together, new_name, offe
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.document import Document
-from skelgen_gui.project.session import Session
+from skelgen_gui.project.session import Document, Session
 from skelgen_gui.widgets.layouts import column, describe
 from skelgen_gui.widgets.painting import as_rich_text
 

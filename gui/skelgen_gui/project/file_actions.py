@@ -16,10 +16,10 @@ from skelgen.errors import RecordingMovedError, SkelgenError
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.model.view_state import ViewState
-from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.opening import OpenDialog, Opening
 from skelgen_gui.project.recovery import RecoveryEntry
+from skelgen_gui.project.session import Document
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences
 

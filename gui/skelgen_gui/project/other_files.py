@@ -15,8 +15,8 @@ from skelgen.model import Project
 from skelgen.model.project import STAGES
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Runner
-from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.session import Document
 
 
 class SubjectActions(QObject):

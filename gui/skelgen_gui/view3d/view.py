@@ -27,8 +27,18 @@ from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
-from skelgen_gui.view3d.commands import Commands, ViewButtons
-from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
+from skelgen_gui.view3d.controls import (
+    ARROWS,
+    KEY_SHIFT,
+    KEY_TURN,
+    ZOOMS,
+    Commands,
+    Drag,
+    DragKind,
+    ViewButtons,
+    dragged,
+    wheeled,
+)
 from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
 from skelgen_gui.widgets.painting import paint_words
 

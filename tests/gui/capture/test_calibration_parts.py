@@ -8,8 +8,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from skelgen_gui.capture.camera_views import COVERED, CoverageView
 from skelgen_gui.capture.forms import JointForm, LiveChoice
-from skelgen_gui.capture.joint_step import RequestList
 from skelgen_gui.capture.measured import MotionTable, TurnView
+from skelgen_gui.capture.target_steps import RequestList
 from skelgen_gui.widgets.theme import is_dark, theme_palette
 
 from skelgen.app.capture_jobs.board_views import CollectedView

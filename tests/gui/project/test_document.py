@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from skelgen_gui.project.document import Document
+from skelgen_gui.project.session import Document
 
 from skelgen.app.pipeline import run_stages
 from skelgen.errors import InputError

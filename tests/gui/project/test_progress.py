@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from skelgen_gui.model.progress import WholeProgress, seconds_left
+from skelgen_gui.project.jobs import WholeProgress, seconds_left
 
 PLAN = {"labels": 4.0, "limbs": 1.0, "joints": 1.0, "skeleton": 2.0}
 
