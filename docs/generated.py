@@ -9,9 +9,9 @@ from typing import Any
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from skelgen_formats.options import Option
-from skelgen_formats.parts import PARTS
 from skelgen_formats.registry import COLUMNS as FORMAT_COLUMNS
 from skelgen_formats.registry import formats_table, known_formats
+from skelgen_formats.writing import PARTS
 
 from skelgen.app.configuration import all_parameter_classes
 from skelgen.capture.parameters import BodyParameters, DetectionParameters

@@ -16,8 +16,8 @@ from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.page import CapturePage
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.widgets.painting import Theme, prepare_high_dpi
 from skelgen_gui.widgets.preferences import Preferences
-from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 import skelgen

@@ -11,7 +11,7 @@ from skelgen_formats.bvh_reader import read_bvh
 from skelgen_formats.registry import write_file
 
 import skelgen
-from skelgen.app.report.pose import small_figure
+from skelgen.app.report.skeleton import small_figure
 from skelgen.model import PointCloud, Project
 from skelgen.simulation import simulate
 

@@ -27,7 +27,7 @@ from skelgen.model import Joint, Motion, Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import bone_end, bone_names, parent_from_child, plain_names
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
-from skelgen_formats.parts import choices_in
+from skelgen_formats.writing import choices_in
 
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
 ANGLE_MARGIN, PLACE_MARGIN = float(np.deg2rad(5.0)), 0.1

@@ -30,7 +30,10 @@ from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
-from skelgen_formats.marker_output import (
+from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
+from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
+from skelgen_formats.text import count_in, parse_rows, rate_in
+from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
     marker_files,
@@ -39,9 +42,6 @@ from skelgen_formats.marker_output import (
     trajectories_of,
     write_table,
 )
-from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
-from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
-from skelgen_formats.text import count_in, parse_rows, rate_in
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"

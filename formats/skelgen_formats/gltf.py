@@ -52,7 +52,7 @@ from skelgen_formats.options import (
     moving_project,
     per_mm,
 )
-from skelgen_formats.upright import UPRIGHT, remark_on_up
+from skelgen_formats.writing import UPRIGHT, remark_on_up
 
 _TITLE = "glTF"
 _UP = "y"

@@ -36,7 +36,7 @@ from skelgen_formats.articulated import (
 from skelgen_formats.bones import plain_names
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.trc import write_trc
-from skelgen_formats.upright import UPRIGHTABLE, gravity, remark_on_up
+from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")

@@ -27,10 +27,10 @@ from skelgen.model import Poses, Project
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies, transforms_of
 from skelgen_formats.lines import Sample, decoded_head, read_lines
-from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import AXES, FIXED_DISTANCE, RATE, UNIT, Format, Options, Writable, per_mm
 from skelgen_formats.text import defused, parse_rows, rate_in, split_cells, undefused
+from skelgen_formats.writing import check_writable_names
 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"

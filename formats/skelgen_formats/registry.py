@@ -52,10 +52,9 @@ from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.foreign import no_file
 from skelgen_formats.lines import Sample
-from skelgen_formats.marker_output import table_of
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.rest_pose import with_rest_pose
-from skelgen_formats.upright import turn_wished
+from skelgen_formats.writing import table_of, turn_wished
 
 SNIFF_BYTES = 1 << 16
 """How much of a file's beginning the sniffers are shown: several lines of titles over hundreds of columns."""

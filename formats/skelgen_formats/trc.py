@@ -32,7 +32,10 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
-from skelgen_formats.marker_output import (
+from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
+from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
     marker_files,
@@ -40,9 +43,6 @@ from skelgen_formats.marker_output import (
     positions_of,
     write_table,
 )
-from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
-from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names

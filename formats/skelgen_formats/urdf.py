@@ -36,7 +36,7 @@ from skelgen_formats.articulated import (
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
-from skelgen_formats.upright import UPRIGHTABLE, remark_on_up
+from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".urdf", ".urdf.csv"

@@ -19,8 +19,8 @@ from PySide6.QtWidgets import QApplication
 
 from skelgen._kernels import sources_digest
 from skelgen_gui.project.recovery import find_recovery_entries
+from skelgen_gui.widgets.painting import Theme, prepare_high_dpi
 from skelgen_gui.widgets.preferences import Preferences
-from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 _ORGANISATION = APPLICATION = "skelgen"

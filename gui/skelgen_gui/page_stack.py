@@ -17,8 +17,7 @@ from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
 from skelgen_gui.pages import HOME, Context, PageEntry
 from skelgen_gui.widgets.layouts import column
-from skelgen_gui.widgets.painting import as_rich_text, drawn_pixmap
-from skelgen_gui.widgets.theme import doubt_colour
+from skelgen_gui.widgets.painting import as_rich_text, doubt_colour, drawn_pixmap
 
 WIDTH, _LEAST_WIDTH = 400, 350  # px, where there is room, and at least
 _LINE = 22  # px, the least height of a line of the list

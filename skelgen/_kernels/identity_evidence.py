@@ -42,7 +42,7 @@ class Distances(NamedTuple):
         Middle [mm], inverse width [1/mm], and density at the middle [1/mm] but for foul ones, of each distance; NaN if
         unknown.
     mates, rivals, reach
-        As in `skelgen.stages.labels.confidence.distance_statistics.DistanceStatistics`.
+        As in `skelgen.stages.labels.confidence.identity.DistanceStatistics`.
     """
 
     law: Floats
@@ -74,7 +74,7 @@ def evidence_of(
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     distance, spread, mates, rivals, reach
-        As in `skelgen.stages.labels.confidence.distance_statistics.DistanceStatistics`.
+        As in `skelgen.stages.labels.confidence.identity.DistanceStatistics`.
     """
     shape = positions.shape[:2]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,7 +1,9 @@
-r"""Evidence that two tracklets are one marker, from their mean distances to the same witnesses.
+"""What distances to witnesses say: whether two tracklets are one marker, and how badly points suit a marker.
 
-The formula stands in `skelgen.stages.labels.merging.likelihood`. What both kinds of pairs share, rigid ones and others,
-cancels out of every ratio, and with it the gamma functions of Student's distribution.
+Tracklets are compared by their mean distances to the same witnesses, points of a marker moment by moment with what is
+usual of another marker's. The formula of the evidence stands in `skelgen.stages.labels.merging.likelihood`. What both
+kinds of pairs share, rigid ones and others, cancels out of every ratio, and with it the gamma functions of Student's
+distribution.
 """
 
 from __future__ import annotations
@@ -223,3 +225,42 @@ def _likelihoods(
     half = 0.5 * (freedom + 1.0)
     near = -0.5 * math.log(narrow) - half * math.log1p(square / (freedom * narrow))
     return near, -0.5 * math.log(wide) - half * math.log1p(square / (freedom * wide))
+
+
+MOST_MISFIT = 5.0
+"""nats that one distance says at most against a point."""
+
+
+@kernel
+def write_misfits(
+    marker: int, points: Ints, witnesses: Ints, distance: Floats, law: tuple[Floats, Floats], misfits: Floats
+) -> None:
+    """Write the misfits of some markers' points to one marker: sums of min(off^2 / 2, `MOST_MISFIT`) [nats].
+
+    Parameters
+    ----------
+    marker : int
+        The marker whose distances are usual.
+    points : ndarray of intp, shape (n_points,)
+        Markers whose points are looked at.
+    witnesses : ndarray of intp, shape (n_witnesses,)
+        Markers to which distances count; -1 for none. A marker says nothing of its own points.
+    distance : ndarray, shape (n_markers, n_markers, n_moments), mm
+        NaN where unseen, which says nothing.
+    law : tuple of two ndarrays, shape (n_markers, n_markers), mm
+        Usual distances, and how far they vary.
+    misfits : ndarray, shape (n_markers, n_markers, n_moments), nats
+        Receives them at ``[points, marker]``.
+    """
+    usual, deviation = law
+    for point in points:
+        for moment in range(misfits.shape[2]):
+            misfits[point, marker, moment] = 0.0
+        for witness in witnesses:
+            if witness < 0 or witness == point:
+                continue
+            middle, width = usual[marker, witness], deviation[marker, witness]
+            for moment in range(misfits.shape[2]):
+                off = (distance[point, witness, moment] - middle) / width
+                if not math.isnan(off):
+                    misfits[point, marker, moment] += min(off * off / 2.0, MOST_MISFIT)

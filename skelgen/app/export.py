@@ -6,10 +6,9 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.bone_profiles import remarks_on_bone_names
-from skelgen_formats.marker_output import trajectories_of
 from skelgen_formats.options import AUTO, FILLED, Format, Options, Writable
-from skelgen_formats.parts import PARTS, choices_in, parts_in
 from skelgen_formats.rest_pose import remarks_on_rest
+from skelgen_formats.writing import PARTS, choices_in, parts_in, trajectories_of
 
 from skelgen.app.bodies import body_files
 from skelgen.app.drawing.wording import counted, listed

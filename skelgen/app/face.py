@@ -19,11 +19,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import with_correction, with_places
 from skelgen.app.files import given_identities, open_input
+from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
@@ -296,7 +296,7 @@ def fill(project: Project, monitor: Monitor | None = None) -> Filled:
     >>> bool(project.trajectories.seen.all()), bool(skelgen.fill(project).trajectories.seen.all())
     (False, True)
     """
-    from skelgen.kinematics.gap_filling.stated import fill_project  # noqa: PLC0415 - loads scipy
+    from skelgen.kinematics.gap_filling.filling import fill_project  # noqa: PLC0415 - loads scipy
 
     return fill_project(project, monitor or SILENT)
 

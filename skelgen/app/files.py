@@ -13,8 +13,8 @@ from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.lines import Sample
 from skelgen_formats.options import Format, Option
 
-from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import body_files
+from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of
 from skelgen.app.project_file.archive import (

@@ -1,21 +1,25 @@
-"""What may enter the stages: checks of a take, and takes of bodies with orientation.
+"""What may enter: checks of a take, takes of bodies with orientation, and arguments of the face.
 
 Bodies become markers; sensors that slipped or were exchanged are repaired; joints may hold for a span of the take.
+Arguments are refused in a sentence where nothing can be done with their type.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import numpy as np
 
 from skelgen.app.set_prior import HeldNotices
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
-from skelgen.model import Limbs, PointCloud, Poses, Project, Take, Topology, Trajectories
+from skelgen.model import Identities, Limbs, PointCloud, Poses, Project, Take, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_coordinates
 from skelgen.progress import Monitor
 
@@ -262,3 +266,48 @@ def joints_of_bodies(
     for span in spans:
         monitor.notice(span.sentence(project.limbs.names))
     return replace(topology, spans=spans)
+
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+_KINDS: Mapping[str, tuple[type, ...]] = {
+    "format": (str,),
+    "identities": (Identities, Path, str),
+    "inputs": (Iterable,),
+    "joined": (Iterable,),
+    "kind": (str,),
+    "monitor": (Monitor,),
+    "names": (Iterable,),
+    "output": (Path, str),
+    "parted": (Iterable,),
+    "path": (Path, str),
+    "project": (Project,),
+    "root": (str,),
+    "frames": (Sequence,),
+    "subject": (Project, Path, str, Sequence),
+    "take": (PointCloud, Trajectories, Poses, Project),
+    "takes": (Iterable,),
+}
+"""What arguments must be that no value checks."""
+
+
+def with_checked_arguments(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Refuse, in a sentence, arguments that do not exist or are of types that nothing can be done with."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def checked(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            takes = ", ".join(signature.parameters)
+            raise InputError(f"{function.__name__} {error}; its arguments are {takes}") from error
+        for name, value in given.items():
+            kinds = _KINDS.get(name, (object,))
+            if not isinstance(value, kinds) and value is not signature.parameters[name].default:
+                wanted = " or ".join(kind.__name__ for kind in kinds)
+                raise InputError(f"{name} is {value!r:.60}; {function.__name__} takes a {wanted} there")
+        return function(*args, **kwargs)
+
+    return checked

@@ -166,14 +166,14 @@ def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = 
     Raises
     ------
     InputError
-        As `skelgen.capture.room.ground.find_ground`.
+        As `skelgen.capture.room.wand_and_ground.find_ground`.
     """
     if ground is None:
         return done
     from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.ground import find_ground  # noqa: PLC0415
     from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
+    from skelgen.capture.room.wand_and_ground import find_ground  # noqa: PLC0415
 
     lying, _ = balls_of(open_room_source(ground.source), monitor)
     return on_ground(done, find_ground(lying, done.rig, ground.arms))

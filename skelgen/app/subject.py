@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from skelgen.app.arguments import with_checked_arguments
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
-from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses
+from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
 from skelgen.model import (

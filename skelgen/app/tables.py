@@ -6,7 +6,7 @@ import numpy as np
 from skelgen_formats.lines import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
-from skelgen.app.take_account import TakeFacts, account_of
+from skelgen.app.first_look import TakeFacts, account_of
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints

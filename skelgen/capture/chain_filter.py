@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen._kernels.kalman import GROWTH
-from skelgen.capture.angles import JointAngle, find_angles, violation_of
 from skelgen.capture.bodies import ExpectedPose
 from skelgen.capture.bodies.prediction import (
     DOUBT,
@@ -31,7 +30,16 @@ from skelgen.capture.bodies.prediction import (
 )
 from skelgen.capture.calibration.joints import trees_of
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope
-from skelgen.capture.target_chain import N_POSE, ChainState, TargetChain, pose_error, turned_and_shifted
+from skelgen.capture.target_joints import (
+    N_POSE,
+    ChainState,
+    JointAngle,
+    TargetChain,
+    find_angles,
+    pose_error,
+    turned_and_shifted,
+    violation_of,
+)
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import (
     cross_matrix,

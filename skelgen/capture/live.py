@@ -13,7 +13,6 @@ from typing import Self
 
 import numpy as np
 
-from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.ball_tracks import BallPairs
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
@@ -22,6 +21,7 @@ from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
 from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.target_joints import JointAngle, find_angles
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints

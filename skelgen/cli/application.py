@@ -19,12 +19,11 @@ import typer
 import skelgen
 from skelgen.app import STAGE_SUMMARIES
 from skelgen.cli import (
+    accuracy_commands,
     batch_command,
     calibrate_commands,
     capture_commands,
     file_commands,
-    measure_commands,
-    simulate_command,
     stage_commands,
 )
 from skelgen.cli.options import called_command, generated, reader_options, writer_options
@@ -146,7 +145,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("batch", batch_command.batch, reader_options),
         ("convert", file_commands.convert, lambda: [*reader_options(), *writer_options()]),
         ("info", file_commands.info, reader_options),
-        ("simulate", simulate_command.simulate, simulate_command.simulation_options),
+        ("simulate", accuracy_commands.simulate, accuracy_commands.simulation_options),
         ("evaluate", file_commands.evaluate, tuple),
         ("compare", file_commands.compare, tuple),
         ("formats", file_commands.formats, tuple),
@@ -156,7 +155,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("fill", file_commands.fill, tuple),
         ("correct", file_commands.correct, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
-        ("benchmark", measure_commands.benchmark, tuple),
+        ("benchmark", accuracy_commands.benchmark, tuple),
         ("gui", file_commands.gui, tuple),
     ]
 

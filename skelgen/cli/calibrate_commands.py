@@ -39,7 +39,7 @@ def stereo(
     from skelgen_formats.capture_settings import read_settings, write_settings
 
     from skelgen.app.outputs import check_outputs
-    from skelgen.capture.calibration.board import board_from_text
+    from skelgen.capture.calibration.chessboard import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
     from skelgen.capture.calibration.table import camera_rows
     from skelgen.model.rig import CaptureSettings

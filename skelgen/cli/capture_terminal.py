@@ -13,9 +13,9 @@ from types import FrameType
 
 import numpy as np
 
-from skelgen.capture.angles import angle_names
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured
+from skelgen.capture.target_joints import angle_names
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.rig import CaptureSettings, RoomSettings, TargetJoint

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skelgen.cli.measure_commands import RIG, evaluate_rig
+from skelgen.cli.accuracy_commands import RIG, evaluate_rig
 from skelgen.cli.options import AsJson, FormatName, InputFile, Overwrite, Quiet, given
 from skelgen.cli.screen import (
     Screen,
@@ -91,8 +91,8 @@ def info(
     from skelgen_formats.lines import Sample
 
     from skelgen.app.files import name_of_format, open_input
+    from skelgen.app.first_look import account_sentences
     from skelgen.app.tables import column_rows, project_tables
-    from skelgen.app.take_account import account_sentences
 
     screen = Screen(quiet, as_json)
     sample = Sample()

@@ -17,8 +17,8 @@ from skelgen.progress import SILENT, Monitor, SilentMonitor
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from skelgen.app.first_look import TakeFacts
     from skelgen.app.tables import LabellingFacts, ProjectTables, Row
-    from skelgen.app.take_account import TakeFacts
     from skelgen.evaluation import Table
     from skelgen.model import Project
 

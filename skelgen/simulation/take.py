@@ -9,7 +9,6 @@ from skelgen.errors import ParameterError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_whole
 from skelgen.simulation.articulated import Structure, side_by_side, with_spacing
-from skelgen.simulation.holds import TOOL, Hold, held, sensed
 from skelgen.simulation.markers import (
     carried_markers,
     dropouts,
@@ -21,7 +20,7 @@ from skelgen.simulation.markers import (
     shuffled_points,
     soft_tissue_motion,
 )
-from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
+from skelgen.simulation.motion import TOOL, Hold, held, random_angles, random_walk, sensed, world_from_limbs
 from skelgen.simulation.parameters import NONE, OF_PEOPLE, REALISTIC, SimulationParameters
 from skelgen.simulation.people import (
     MARKER_SETS,

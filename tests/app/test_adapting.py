@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.app.adapting import AdaptParameters, adapted
+from skelgen.app.first_look import AdaptParameters, adapted
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 

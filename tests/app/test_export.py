@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats.parts import PARTS
 from skelgen_formats.registry import find_format
+from skelgen_formats.writing import PARTS
 
 from skelgen.app.export import (
     REPORT,

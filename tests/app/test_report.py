@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from skelgen.app.drawing import measures, svg
-from skelgen.app.drawing.colours import limb_colour, ramp_rgba
 from skelgen.app.drawing.graph import find_cost_graph
 from skelgen.app.drawing.poses import find_views
-from skelgen.app.drawing.scales import envelope, ticks
+from skelgen.app.drawing.scales import envelope, limb_colour, ramp_rgba, ticks
 from skelgen.app.drawing.wording import as_many_as_fit, counted, digits, duration, percent
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
-from skelgen.app.report.matrix import png_uri
+from skelgen.app.report.pictures import png_uri
 from skelgen.errors import WriteError
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport, Topology, Trajectories
 from tests.app.known_project import N_FRAMES, NAMES, RATE, build_project

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skelgen.app.pipeline import run_stages
-from skelgen.app.project_file.checks import with_saved
+from skelgen.app.project_file.packing import with_saved
 from skelgen.app.stage_summary import has_doubts, stage_pointers, stage_sentences, take_sentences
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project

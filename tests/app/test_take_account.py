@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.first_look import account_of, account_sentences
 from skelgen.app.tables import take_facts
-from skelgen.app.take_account import account_of, account_sentences
 from skelgen.model import PointCloud, Trajectories
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.calibration.board import Board, BoardView
+from skelgen.capture.calibration.chessboard import Board, BoardView
 from skelgen.capture.calibration.stereo import StereoCalibration, calibrate_stereo, calibrate_views
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_rig

@@ -28,7 +28,7 @@ from skelgen.simulation.truth import Truth
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.labels.point_labels import find_points
 from skelgen.stages.labels.tracking.follow import follow_points
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 
 N_FRAMES = 1500
 FAULTS = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame

@@ -24,7 +24,7 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from skelgen_gui.widgets.preferences import Preferences
-from skelgen_gui.widgets.theme import Theme
+from skelgen_gui.widgets.painting import Theme
 from skelgen_gui.window import Window
 
 folder = Path(sys.argv[1])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.angles import angle_names, find_angles
 from skelgen.capture.error_propagation import angle_covariance
+from skelgen.capture.target_joints import angle_names, find_angles
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import TargetJoint

@@ -22,7 +22,7 @@ SHARP = """
     from skelgen_gui.diagrams.graph_view import GraphView
     from skelgen_gui.diagrams.matrix_view import MatrixView
     from skelgen_gui.project.session import Session
-    from skelgen_gui.widgets.theme import prepare_high_dpi
+    from skelgen_gui.widgets.painting import prepare_high_dpi
     from skelgen_gui.timeline.plot_view import Curves
     from skelgen_gui.timeline.timeline import Timeline
     from skelgen_gui.view3d.view import View3D

@@ -24,7 +24,7 @@ from skelgen.kinematics.chain.normal_equations import (
     total_information,
 )
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances, weak_prior
-from skelgen.kinematics.soft_tissue.equations import rigid_displacements
+from skelgen.kinematics.soft_tissue.model import rigid_displacements
 from skelgen.simulation import simulate
 
 NOISE = 0.5  # mm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen._kernels.pose_scores import LimbMarkers, scores_of_poses
+from skelgen._kernels.explained_points import LimbMarkers, scores_of_poses
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 
 CHANCE = float(np.log(100.0**3))  # one point in a cube of 100 mm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen._kernels.remembered_poses import SeenNeighbours, place_marker, room_for_poses, write_moments
+from skelgen._kernels.marker_history import SeenNeighbours, place_marker, room_for_poses, write_moments
 from skelgen.geometry.orientation import rotation_by_quaternion
 from skelgen.geometry.rotations import matrix_from_vector
 

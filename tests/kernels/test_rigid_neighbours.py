@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skelgen._kernels.rigid_neighbours import (
+from skelgen._kernels.marker_history import (
     LEAST_COMMON,
     LEAST_NEIGHBOURS,
     DistanceTables,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skelgen._kernels.set_misfits import LARGEST, MOTION_WEIGHT, UNKNOWN, misfits_to_set
+from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, misfits_to_set
 
 
 @pytest.mark.parametrize(

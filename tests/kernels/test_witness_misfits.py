@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen._kernels.witness_misfits import MOST_MISFIT, write_misfits
+from skelgen._kernels.tracklet_evidence import MOST_MISFIT, write_misfits
 
 ROUNDING = 1e-12  # nats
 

@@ -11,7 +11,7 @@ from skelgen.errors import ParameterError
 from skelgen.simulation import read_truth, simulate, write_truth
 from skelgen.simulation.articulated import LimbModel, Structure
 from skelgen.simulation.people import MARKER_SETS, MOTIONS, natural_motion, person, realistic_soft_tissue, tables
-from skelgen.simulation.people.soft_tissue import MEASURED_AT
+from skelgen.simulation.people.body import MEASURED_AT
 from skelgen.simulation.people.tables import read_table, tissue_of, worn_markers
 
 SEGMENTS = [row["name"] for row in read_table("soft_tissue")["segments"]]

@@ -18,14 +18,6 @@ from skelgen_formats.c3d.companions import companions_of
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.c3d.reader import read_c3d
 from skelgen_formats.c3d.writer import write_points
-from skelgen_formats.marker_output import (
-    check_markers,
-    marker_files,
-    markers_to_write,
-    positions_of,
-    trajectories_of,
-    write_table,
-)
 from skelgen_formats.options import (
     AXES,
     BODIES,
@@ -37,6 +29,14 @@ from skelgen_formats.options import (
     Options,
     Writable,
     finished_project,
+)
+from skelgen_formats.writing import (
+    check_markers,
+    marker_files,
+    markers_to_write,
+    positions_of,
+    trajectories_of,
+    write_table,
 )
 
 __all__ = [

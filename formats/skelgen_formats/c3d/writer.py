@@ -23,8 +23,8 @@ from skelgen.model.filled import PositionSource
 from skelgen_formats.c3d.companions import Companions
 from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT
 from skelgen_formats.c3d.parameters import Values
-from skelgen_formats.marker_output import check_writable_names
 from skelgen_formats.options import per_mm
+from skelgen_formats.writing import check_writable_names
 
 _MEASURED_WORD, _COMPUTED_WORD, _UNSEEN_WORD = 257.0, 0.0, -1.0
 """Fourth word of a point: its residual, and 256 times the mask of the cameras that saw it (residual 1, camera 1)."""

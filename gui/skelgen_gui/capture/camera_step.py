@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWi
 from skelgen.app.capture import save_cameras
 from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
-from skelgen.capture.calibration.board import Board
+from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.forms import ImageForm

@@ -12,12 +12,11 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from skelgen.app.capture_jobs.board_views import CollectedView, sides
-from skelgen.capture.calibration.board import LEAST_CORNERS, BoardView, coverage
+from skelgen.capture.calibration.chessboard import LEAST_CORNERS, BoardView, coverage
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats
 from skelgen_gui.capture.results import ValueTable
-from skelgen_gui.widgets.painting import draw_points
-from skelgen_gui.widgets.theme import PROBLEM_ROLE, blended, is_dark
+from skelgen_gui.widgets.painting import PROBLEM_ROLE, blended, draw_points, is_dark
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration

@@ -12,8 +12,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from skelgen_gui.capture.camera_views import COVERED
 from skelgen_gui.capture.results import ValueTable
-from skelgen_gui.widgets.painting import draw_points
-from skelgen_gui.widgets.theme import blended, is_dark
+from skelgen_gui.widgets.painting import blended, draw_points, is_dark
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.body import BodyCalibration

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
 from skelgen.app.capture_jobs.camera_images import CameraImage
 from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot, WandShot
-from skelgen.capture.calibration.board import LEAST_CORNERS
+from skelgen.capture.calibration.chessboard import LEAST_CORNERS
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
 from skelgen_gui.capture.forms import FileField

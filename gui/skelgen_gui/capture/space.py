@@ -17,8 +17,7 @@ from skelgen_gui.model.viewpoint import DEPTH, Viewpoint, cameras_of, up_axis
 from skelgen_gui.view3d.colours import Colours, Sprites, Style
 from skelgen_gui.view3d.controls import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
 from skelgen_gui.view3d.renderer import paint_background
-from skelgen_gui.widgets.painting import draw_lines, draw_names
-from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
+from skelgen_gui.widgets.painting import colour_of_limb, doubt_colour, draw_lines, draw_names
 
 # A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand
 _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

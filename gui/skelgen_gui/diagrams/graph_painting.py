@@ -9,8 +9,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalett
 from skelgen.app.drawing.graph import CostGraph, Disc, JointCost, joint_sign
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.graph import GAP, margin_label, place_words
-from skelgen_gui.widgets.painting import draw_lines
-from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, is_dark
+from skelgen_gui.widgets.painting import colour_of_limb, doubt_colour, draw_lines, is_dark
 
 NODE = 14.0
 """px, radius of a limb."""

@@ -7,12 +7,11 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QImage, QPainter, QPalette, QPen
 
-from skelgen.app.drawing.colours import ramp_rgba
 from skelgen.app.drawing.measures import DeviationMatrix
+from skelgen.app.drawing.scales import ramp_rgba
 from skelgen.app.drawing.wording import plain
 from skelgen_gui.model.matrix import Box, PlacedRegion, Region, cell_sentence
-from skelgen_gui.widgets.painting import image_of
-from skelgen_gui.widgets.theme import blended, colour_of_limb
+from skelgen_gui.widgets.painting import blended, colour_of_limb, image_of
 
 _NAMES, _STRIP, _SPACE = 104.0, 10.0, 3.0  # px: names, strips in the limbs' colours, gap beside these
 _NUMBERS, _BAR, _FOOT = 16.0, 14.0, 24.0

@@ -10,8 +10,8 @@ from skelgen.app.drawing.scales import Extremes
 from skelgen.app.drawing.wording import digits
 from skelgen.errors import InputError
 from skelgen.geometry.frame_rate import smoothed
+from skelgen.kinematics.gap_filling.filling import unfilled, with_stated
 from skelgen.kinematics.gap_filling.single_gaps import GapFill, fill_marker, gaps_of
-from skelgen.kinematics.gap_filling.stated import unfilled, with_stated
 from skelgen.model import Motion, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.corrections import BY_SKELETON, Correction

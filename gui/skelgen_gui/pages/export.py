@@ -42,8 +42,8 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
 from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled
+from skelgen_gui.widgets.painting import PROBLEM_ROLE
 from skelgen_gui.widgets.preferences import AXES
-from skelgen_gui.widgets.theme import PROBLEM_ROLE
 
 _PER_MILLE = 1000  # steps of the progress bar
 _NAME_WITHOUT_TAKE = "result"

@@ -23,7 +23,7 @@ from skelgen.app.configuration import parameters_class
 from skelgen.app.constraints import stated_number
 from skelgen.app.corrections import with_number
 from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
-from skelgen.app.project_file.checks import with_saved
+from skelgen.app.project_file.packing import with_saved
 from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor

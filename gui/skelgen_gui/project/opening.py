@@ -8,8 +8,8 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QWidget
 
-from skelgen.app.adapting import AdaptParameters, adapted
 from skelgen.app.files import name_of_format, open_input, readable_formats
+from skelgen.app.first_look import AdaptParameters, adapted
 from skelgen.app.project_file.archive import find_result, is_project_file, open_project
 from skelgen.model import Project
 from skelgen.progress import Monitor

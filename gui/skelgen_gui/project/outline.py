@@ -17,7 +17,7 @@ from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import bare_column, describe
-from skelgen_gui.widgets.theme import colour_of_limb
+from skelgen_gui.widgets.painting import colour_of_limb
 
 _KIND, _INDEX = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
 _LIMB, _JOINT, _MARKER, _GROUP = "limb", "joint", "marker", "group"

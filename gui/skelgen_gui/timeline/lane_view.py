@@ -27,8 +27,16 @@ from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
-from skelgen_gui.widgets.painting import paint_words, pixmap_of, show_tip
-from skelgen_gui.widgets.theme import blended, colour_of_limb, cursor_colour, doubt_colour, rgb_of
+from skelgen_gui.widgets.painting import (
+    blended,
+    colour_of_limb,
+    cursor_colour,
+    doubt_colour,
+    paint_words,
+    pixmap_of,
+    rgb_of,
+    show_tip,
+)
 
 _LANE = 16  # px, height of a lane
 _FEW, _MANY = 4, 12  # lanes that fit at least, and that there is room for at first

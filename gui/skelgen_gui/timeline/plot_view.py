@@ -32,8 +32,16 @@ from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve,
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
-from skelgen_gui.widgets.painting import draw_lines, paint_words, show_tip
-from skelgen_gui.widgets.theme import blended, colour_of_limb, component_colour, cursor_colour, is_dark
+from skelgen_gui.widgets.painting import (
+    blended,
+    colour_of_limb,
+    component_colour,
+    cursor_colour,
+    draw_lines,
+    is_dark,
+    paint_words,
+    show_tip,
+)
 
 _GAP = 6.0  # px between panels
 

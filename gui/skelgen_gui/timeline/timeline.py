@@ -34,9 +34,8 @@ from skelgen_gui.timeline.player import SPEEDS, PlayCommands, Player
 from skelgen_gui.timeline.plot_view import PlotView
 from skelgen_gui.timeline.span import GUTTER, VisibleSpan, clock, plot_width, ruler_step, zoom_or_pan
 from skelgen_gui.widgets.layouts import bare_column, describe
-from skelgen_gui.widgets.painting import drawn_pixmap
+from skelgen_gui.widgets.painting import blended, cursor_colour, drawn_pixmap
 from skelgen_gui.widgets.shortcuts import make_actions
-from skelgen_gui.widgets.theme import blended, cursor_colour
 
 _COUNTS_HEIGHT = 36
 

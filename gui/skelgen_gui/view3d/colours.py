@@ -7,8 +7,7 @@ from enum import Enum
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QRadialGradient
 
-from skelgen_gui.widgets.painting import drawn_pixmap
-from skelgen_gui.widgets.theme import blended, colour_of_limb, component_colour, doubt_colour, is_dark
+from skelgen_gui.widgets.painting import blended, colour_of_limb, component_colour, doubt_colour, drawn_pixmap, is_dark
 
 N_FOGS = 5
 """Steps in which what is deeper fades into the background."""

@@ -27,18 +27,7 @@ from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
-from skelgen_gui.view3d.controls import (
-    ARROWS,
-    KEY_SHIFT,
-    KEY_TURN,
-    ZOOMS,
-    Commands,
-    Drag,
-    DragKind,
-    ViewButtons,
-    dragged,
-    wheeled,
-)
+from skelgen_gui.view3d import controls
 from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
 from skelgen_gui.widgets.painting import paint_words
 
@@ -85,12 +74,12 @@ class View3D(QWidget):
         self._renderer: Renderer | None = None
         self._painted: tuple[Snapshot, Picture] | None = None
         self._hovered: Pick | None = None
-        self._drag: Drag | None = None
+        self._drag: controls.Drag | None = None
         self._pointer = QPointF()
         self._set_up_widget()
-        self.commands = Commands(self._shown, self)
+        self.commands = controls.Commands(self._shown, self)
         self._connect_commands()
-        self._buttons = ViewButtons(self.commands, self)
+        self._buttons = controls.ViewButtons(self.commands, self)
         self._buttons.setVisible(is_main)
         if is_main:
             self.addActions(self.commands.with_keys)
@@ -232,7 +221,7 @@ class View3D(QWidget):
             renderer = self._renderer
             renderer.paint_backdrop(painter, canvas, floor, frustums, self._legend())
             self._painted = self._paint_scenes(painter, renderer, canvas, floor)
-            if self._drag is not None and self._drag.kind is DragKind.BAND:
+            if self._drag is not None and self._drag.kind is controls.DragKind.BAND:
                 renderer.paint_band(painter, self._drag.band)
             elif self._session.project is None:
                 words = self.tr("Drop a recording or a project here, or choose File, Open")
@@ -255,7 +244,7 @@ class View3D(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a drag."""
-        self._drag = Drag(event.position(), event.button())
+        self._drag = controls.Drag(event.position(), event.button())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag, or see what is under the pointer."""
@@ -267,8 +256,8 @@ class View3D(QWidget):
             return
         wants_band = self.commands.rectangle.isChecked() != bool(event.modifiers() & _Modifier.ShiftModifier)
         step = self._drag.moved_to(event.position(), wants_band)
-        if self._drag.kind in (DragKind.TURN, DragKind.SHIFT):
-            self._move(dragged(self.viewpoint, self._drag.kind, step, self.height()))
+        if self._drag.kind in (controls.DragKind.TURN, controls.DragKind.SHIFT):
+            self._move(controls.dragged(self.viewpoint, self._drag.kind, step, self.height()))
         self.update()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
@@ -277,12 +266,12 @@ class View3D(QWidget):
         if drag is None:
             return
         adds = bool(event.modifiers() & _Modifier.ControlModifier)
-        if drag.kind is DragKind.BAND:
+        if drag.kind is controls.DragKind.BAND:
             self._select_within(drag.band, adds)
-        elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.LeftButton:
+        elif drag.kind is controls.DragKind.CLICK and drag.button == Qt.MouseButton.LeftButton:
             self._select(self._pick(event.position()), adds)
             self.clicked.emit()
-        elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.RightButton:
+        elif drag.kind is controls.DragKind.CLICK and drag.button == Qt.MouseButton.RightButton:
             self._ask_for_menu(event)
         self.update()
 
@@ -293,7 +282,7 @@ class View3D(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
-        self._move(wheeled(self.viewpoint, event, self))
+        self._move(controls.wheeled(self.viewpoint, event, self))
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
@@ -303,14 +292,16 @@ class View3D(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), select all or (esc) nothing."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
-        if event.key() in ARROWS and modifiers in (_Modifier.ControlModifier, _Modifier.AltModifier):
-            right, down = ARROWS[Qt.Key(event.key())]
+        if event.key() in controls.ARROWS and modifiers in (_Modifier.ControlModifier, _Modifier.AltModifier):
+            right, down = controls.ARROWS[Qt.Key(event.key())]
             if modifiers == _Modifier.ControlModifier:
-                self._move(self.viewpoint.orbited(KEY_TURN * right, -KEY_TURN * down))
+                self._move(self.viewpoint.orbited(controls.KEY_TURN * right, -controls.KEY_TURN * down))
             else:
-                self._move(self.viewpoint.panned(-KEY_SHIFT * right, -KEY_SHIFT * down, self.height()))
-        elif event.key() in ZOOMS and modifiers & _Modifier.ControlModifier:
-            self._move(self.viewpoint.zoomed(ZOOMS[Qt.Key(event.key())]))
+                self._move(
+                    self.viewpoint.panned(-controls.KEY_SHIFT * right, -controls.KEY_SHIFT * down, self.height())
+                )
+        elif event.key() in controls.ZOOMS and modifiers & _Modifier.ControlModifier:
+            self._move(self.viewpoint.zoomed(controls.ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._camera.scene is not None:
             self._session.select(Selection(frozenset(range(self._camera.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:

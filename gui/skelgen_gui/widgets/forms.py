@@ -13,7 +13,7 @@ from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_gui.widgets.fields import choice_of, editor_for, title_of
 from skelgen_gui.widgets.layouts import bare_column, describe
-from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
+from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`
 _Check = Callable[[Declaration, Any], Any]

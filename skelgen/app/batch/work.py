@@ -295,7 +295,7 @@ def _output_of(name: str) -> Output:
 
 
 def _write_picture(project: Project, path: Path) -> None:
-    from skelgen.app.report.pose import small_figure  # noqa: PLC0415 - the report's templates take time to load
+    from skelgen.app.report.skeleton import small_figure  # noqa: PLC0415 - the report's templates take time to load
 
     path.write_text(small_figure(project, 96.0), encoding="utf-8", errors="replace")
 

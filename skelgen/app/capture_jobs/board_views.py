@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.calibration.board import BoardView, uncovered
+from skelgen.capture.calibration.chessboard import BoardView, uncovered
 from skelgen.model.arrays import Floats
 
 ENOUGH = 10

@@ -12,7 +12,7 @@ import numpy as np
 from skelgen.model.arrays import Floats, Ints
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.board import BoardView
+    from skelgen.capture.calibration.chessboard import BoardView
     from skelgen.capture.live import Captured
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import Balls, FoundBody, Image

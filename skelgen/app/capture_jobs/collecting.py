@@ -23,8 +23,8 @@ from skelgen.app.capture_jobs.messages import (
     JointProgress,
     TargetShot,
 )
-from skelgen.capture.calibration.board import Board, BoardView, find_board
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
+from skelgen.capture.calibration.chessboard import Board, BoardView, find_board
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.calibration.stereo import absence
 from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointTaking

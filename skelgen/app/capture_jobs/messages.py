@@ -18,9 +18,9 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import AnySettings, CameraRig, StereoRig
 
 if TYPE_CHECKING:
-    from skelgen.capture.angles import JointAngle
     from skelgen.capture.calibration.joints import JointMotion
     from skelgen.capture.room.taking import WandProgress
+    from skelgen.capture.target_joints import JointAngle
     from skelgen.capture.values import FoundBody, StereoPoints
 
 _T = TypeVar("_T")

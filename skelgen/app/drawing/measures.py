@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.app.drawing.colours import ramp_rgba
-from skelgen.app.drawing.scales import LogScale
+from skelgen.app.drawing.scales import LogScale, ramp_rgba
 from skelgen.model import Limbs, Motion, Project, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.skeleton import joint_between

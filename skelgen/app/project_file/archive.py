@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from skelgen_formats.registry import read_take
 
 import skelgen
-from skelgen.app.project_file.checks import check_chain
-from skelgen.app.project_file.packing import packed, unpacked
+from skelgen.app.project_file.packing import check_chain, packed, unpacked
 from skelgen.errors import FormatError, InputError, ParameterError, RecordingMovedError, WriteError
 from skelgen.files import open_regular, read_content, replacing, sha256_of
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take

@@ -14,19 +14,17 @@ from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.advice import doubtful_share
 from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
-from skelgen.app.drawing.colours import limb_colour
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
+from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
 from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
-from skelgen.app.report.matrix import cost_figure, deviation_figure
+from skelgen.app.report.pictures import cost_figure, deviation_figure, gaps_figure
 from skelgen.app.report.play import play_content
-from skelgen.app.report.pose import pose_figures
-from skelgen.app.report.timelines import gaps_figure
-from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
+from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
-from skelgen.kinematics.gap_filling.stated import fill_project
+from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES

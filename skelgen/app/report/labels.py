@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing import measures, svg
-from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import counted, duration, percent
-from skelgen.app.report.matrix import png_uri
-from skelgen.app.report.timelines import (
+from skelgen.app.report.pictures import (
     BOTTOM,
     LEAST_WIDTH,
     LEFT,
@@ -24,6 +23,7 @@ from skelgen.app.report.timelines import (
     WIDTH,
     confidence_figure,
     parted,
+    png_uri,
     row_height,
     row_labels,
     time_axis,

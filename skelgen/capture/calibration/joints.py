@@ -12,9 +12,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from skelgen.capture.angles import find_angles
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
+from skelgen.capture.target_joints import find_angles
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix

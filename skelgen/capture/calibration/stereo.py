@@ -11,9 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board
 from skelgen.capture.calibration.bundle_adjustment import LEAST_VIEWS, N_INTRINSIC, Adjusted, Bundle
-from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
+from skelgen.capture.calibration.chessboard import (
+    AUTO,
+    Board,
+    BoardView,
+    adjust_lens,
+    board_that_is_there,
+    find_board,
+    guess_camera,
+)
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
 from skelgen.capture.optics import project
@@ -90,7 +97,7 @@ def calibrate_stereo(
     square : float, mm
         Side of a square.
     lens : str
-        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.single_camera`.
+        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.chessboard`.
     monitor : Monitor
         Reports each pair.
 

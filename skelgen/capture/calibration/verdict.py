@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.calibration.board import BoardView, uncovered
 from skelgen.capture.calibration.bundle_adjustment import Adjusted
+from skelgen.capture.calibration.chessboard import BoardView, uncovered
 from skelgen.model.rig import StereoRig
 
 GOOD, USABLE, REPEAT = "good", "usable", "repeat"

@@ -12,8 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from skelgen.capture.calibration.board import Board, board_from_text, find_board
-from skelgen.capture.calibration.single_camera import fit_camera
+from skelgen.capture.calibration.chessboard import Board, board_from_text, find_board, fit_camera
 from skelgen.capture.images import opencv
 from skelgen.capture.room.bundles import BoardBundle
 from skelgen.capture.values import Image

@@ -9,8 +9,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from skelgen.capture.calibration.board import uncovered
 from skelgen.capture.calibration.bundle_adjustment import pixels_and_slopes
+from skelgen.capture.calibration.chessboard import uncovered
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
 from skelgen.capture.optics import in_image
 from skelgen.capture.room.adjustment import N_CAMERA, AdjustedRoom, adjust_room, free_numbers
@@ -18,7 +18,7 @@ from skelgen.capture.room.boards import AnyBoard, board_start
 from skelgen.capture.room.bundles import RoomBundle
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
 from skelgen.capture.room.values import Views
-from skelgen.capture.room.wand import check_wand, wand_views
+from skelgen.capture.room.wand_and_ground import check_wand, wand_views
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Floats, Ints
@@ -242,7 +242,7 @@ def on_ground(calibration: WandCalibration, first_from_ground: Floats) -> WandCa
     calibration : WandCalibration
         In any world.
     first_from_ground : ndarray, shape (4, 4), mm
-        The ground in that world; see `skelgen.capture.room.ground`.
+        The ground in that world; see `skelgen.capture.room.wand_and_ground`.
     """
     rig = calibration.rig
     cameras = [placed_in(eye, first_from_ground) for eye in rig.cameras]

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from skelgen.capture.calibration.board import Board
+from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.room.live_sources import (

@@ -16,7 +16,7 @@ from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
 from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
 from skelgen.capture.room.bundles import Resected, WandBundle, resected
-from skelgen.capture.room.wand import TWO
+from skelgen.capture.room.wand_and_ground import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
@@ -62,7 +62,7 @@ def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names
     Parameters
     ----------
     seen : ndarray, shape (n_frames, n_cameras, n_balls, 2), px
-        Where the wand was seen; see `skelgen.capture.room.wand`.
+        Where the wand was seen; see `skelgen.capture.room.wand_and_ground`.
     wand : ndarray, shape (n_balls,), mm
         Its balls.
     sizes : list of tuple of int, px

@@ -3,7 +3,6 @@
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.capture.simulated_rig.board import SimulatedBoard, board_image, board_places
-from skelgen.capture.simulated_rig.render import projected_balls, render_pair, render_view
 from skelgen.capture.simulated_rig.scene import (
     Scene,
     Wandering,
@@ -12,7 +11,14 @@ from skelgen.capture.simulated_rig.scene import (
     scene_of_structure,
     wandering_poses,
 )
-from skelgen.capture.simulated_rig.source import SimulatedRig, simulated_rig, suited_parameters
+from skelgen.capture.simulated_rig.source import (
+    SimulatedRig,
+    projected_balls,
+    render_pair,
+    render_view,
+    simulated_rig,
+    suited_parameters,
+)
 
 __all__ = [
     "RenderParameters",

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from skelgen._kernels.rendering import PADDING
-from skelgen.capture.calibration.board import Board, coverage, shortest_side
+from skelgen.capture.calibration.chessboard import Board, coverage, shortest_side
 from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.source import RenderedPairs

@@ -11,8 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from skelgen._kernels.chain_constants import FIRST, LAST, N_TILTS, ORDER, Columns, constants_in
-from skelgen._kernels.gradient import add_gradient
+from skelgen._kernels.chain_constants import FIRST, LAST, N_TILTS, ORDER, Columns, add_gradient, constants_in
 from skelgen._kernels.information import POSE_RIDGE, FrameInformation, add_frames, write_frames
 from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix

@@ -21,8 +21,13 @@ from skelgen.kinematics.soft_tissue.cluster_deformation import (
     deformation_slopes,
     observe_deformations,
 )
-from skelgen.kinematics.soft_tissue.equations import SoftTissueEquations, rigid_displacements, soft_tissue_equations
-from skelgen.kinematics.soft_tissue.model import SoftTissue, soft_tissue_at_rest
+from skelgen.kinematics.soft_tissue.model import (
+    SoftTissue,
+    SoftTissueEquations,
+    rigid_displacements,
+    soft_tissue_at_rest,
+    soft_tissue_equations,
+)
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 
 EQUATION_FRAMES = 100

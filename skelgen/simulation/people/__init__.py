@@ -3,9 +3,8 @@
 What is known of them stands in readable tables, `tables/*.toml`, each with its sources.
 """
 
-from skelgen.simulation.people.body import HEIGHTS, Person, person, usual_person
+from skelgen.simulation.people.body import HEIGHTS, Person, person, realistic_soft_tissue, usual_person
 from skelgen.simulation.people.motions import MOTIONS, SLOWEST, natural_motion
-from skelgen.simulation.people.soft_tissue import realistic_soft_tissue
 from skelgen.simulation.people.tables import EVERY_PLACE, LABORATORY_SETS, MARKER_SETS, worn_markers
 
 __all__ = [

@@ -21,9 +21,15 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import joint_cost as cost_and_gradient
 from skelgen._kernels.ball_joint import mean_distances, multilaterated
 from skelgen.model.arrays import Bools, Floats
-from skelgen.stages.classic.conjugate_gradients import Objective, Precondition, Scaling, brent_step, minimise
+from skelgen.stages.classic.conjugate_gradients import (
+    DescentParameters,
+    Objective,
+    Precondition,
+    Scaling,
+    brent_step,
+    minimise,
+)
 from skelgen.stages.classic.lateration import common_distances
-from skelgen.stages.classic.parameters import DescentParameters
 
 STUCK = 2.0
 """Times the noise: a larger mean variance of the distances says that the descent is stuck or that there is none."""

@@ -12,7 +12,7 @@ from skelgen.errors import InputError
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import declare
-from skelgen.stages.classic.parameters import DescentParameters
+from skelgen.stages.classic.conjugate_gradients import DescentParameters
 
 PAIR_SEPARATOR, NAME_SEPARATOR = ";", ","
 

@@ -8,8 +8,7 @@ from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.keypoints.bones import Bones, find_bones
-from skelgen.stages.keypoints.poses import PosedBones, pose_bones
+from skelgen.stages.keypoints.bones import Bones, PosedBones, find_bones, pose_bones
 
 _SIGMA_PER_QUARTILES = 0.7413  # the deviation of a normal distribution, in the range between its quartiles
 

@@ -21,7 +21,7 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import filled_labels
 from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
 from skelgen.stages.labels.tracking.follow import follow_points
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
     apply_corrections,
     corrected_quality,

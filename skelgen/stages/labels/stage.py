@@ -28,7 +28,7 @@ from skelgen.stages.labels.input_checks import (
     with_jitter,
 )
 from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.leftovers import label_leftovers
+from skelgen.stages.labels.merging.leftovers import label_leftovers, move_pieces
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import (
@@ -38,12 +38,11 @@ from skelgen.stages.labels.merging.markers import (
     sampled_distances,
     seen_at_once,
 )
-from skelgen.stages.labels.merging.pieces import move_pieces
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points, least_length, stand_alone_frames
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
 from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take

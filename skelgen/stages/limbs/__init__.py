@@ -5,10 +5,9 @@ markers into clusters that are rigid as far as noise can tell, `merging` joins t
 """
 
 from skelgen.stages.limbs.bodies import bodies_by_distances
-from skelgen.stages.limbs.constraints import LimbConstraints
 from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.membership import doubt_notices
-from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters
 from skelgen.stages.limbs.stage import draft_limbs, find_limbs
 from skelgen.stages.limbs.worn_body import markers_of_set, worn_body, worn_neighbours
 

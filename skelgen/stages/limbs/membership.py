@@ -11,8 +11,8 @@ import numpy as np
 
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
-from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.pair_evidence import log_odds
+from skelgen.stages.limbs.parameters import MarkerConstraints
 
 LARGEST = 6.0
 """Log odds of one pair: more would let it speak for all others."""

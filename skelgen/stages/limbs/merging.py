@@ -24,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import (
     FULL_POSE,
     LEAST_GAIN,
@@ -35,7 +34,7 @@ from skelgen.stages.limbs.distances import (
     noise_variance,
     single_order,
 )
-from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.parameters import LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Group, Movements, Spread
 from skelgen.stages.limbs.rigid_clusters import (
     GAIN,

@@ -8,9 +8,9 @@ split, for as long as one of these is clearly better. What is not clear stays as
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import Deviations, PairSums
 from skelgen.stages.limbs.pair_evidence import log_odds
+from skelgen.stages.limbs.parameters import MarkerConstraints
 from skelgen.stages.limbs.worn_places import worn_odds
 from skelgen.stages.limbs.worn_sets import belief_in_set, nearest_set
 

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.limbs.constraints import MarkerConstraints
+from skelgen.stages.limbs.parameters import MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Group, Movements
 
 LINKED = 5.0

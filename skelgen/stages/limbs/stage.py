@@ -20,10 +20,9 @@ from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_cl
 from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.bodies import find_bodies
 from skelgen.stages.limbs.checks import limb_notices
-from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
 from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
-from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import is_dressed, is_soft, revised
 from skelgen.stages.limbs.votes import majority

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen._kernels.set_misfits import MOTION_WEIGHT
+from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.people import EVERY_PLACE, worn_markers
 from skelgen.stages.limbs.worn_sets import (

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen._kernels.set_misfits import MOTION_WEIGHT, misfits_to_set
+from skelgen._kernels.distance_statistics import MOTION_WEIGHT, misfits_to_set
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
 

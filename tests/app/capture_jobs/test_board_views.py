@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.app.capture_jobs.board_views import CollectedView, ViewCollection, gaps, is_new, is_steady
-from skelgen.capture.calibration.board import BoardView
+from skelgen.capture.calibration.chessboard import BoardView
 
 SIZE = (640, 480)
 GRID = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)

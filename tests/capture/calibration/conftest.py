@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skelgen.capture.calibration.board import Board, BoardView
+from skelgen.capture.calibration.chessboard import Board, BoardView
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from

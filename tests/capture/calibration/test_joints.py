@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.angles import find_angles
 from skelgen.capture.calibration.joints import calibrate_joints
+from skelgen.capture.target_joints import find_angles
 from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from

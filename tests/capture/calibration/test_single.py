@@ -5,9 +5,17 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from skelgen.capture.calibration.board import Board, board_from_text, coverage, find_board, uncovered
 from skelgen.capture.calibration.bundle_adjustment import Bundle
-from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
+from skelgen.capture.calibration.chessboard import (
+    AUTO,
+    Board,
+    adjust_lens,
+    board_from_text,
+    coverage,
+    find_board,
+    guess_camera,
+    uncovered,
+)
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.calibration.board import Board
+from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.boards import CharucoBoard, corners_in, room_board

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from skelgen.capture.calibration.board import uncovered
+from skelgen.capture.calibration.chessboard import uncovered
 from skelgen.capture.simulated_rig import SimulatedBoard, board_places
 from skelgen.capture.sources import open_source
 from skelgen.errors import InputError
@@ -15,7 +15,7 @@ from skelgen.model.rig import StereoRig
 
 pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen-mocap[capture]'")
 
-from skelgen.capture.calibration.board import Board, find_board
+from skelgen.capture.calibration.chessboard import Board, find_board
 from skelgen.capture.calibration.stereo import calibrate_stereo
 
 N_VIEWS = 12

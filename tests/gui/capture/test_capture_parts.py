@@ -13,7 +13,7 @@ from skelgen_gui.project.cameras import cameras_of
 
 from skelgen.app.capture_jobs.camera_images import CameraImage
 from skelgen.app.capture_jobs.messages import FoundInSpace
-from skelgen.capture.calibration.board import BoardView
+from skelgen.capture.calibration.chessboard import BoardView
 from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.values import Balls, FoundBody

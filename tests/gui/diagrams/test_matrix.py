@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication
 from skelgen_gui.diagrams.matrix_view import MatrixView
 from skelgen_gui.model.matrix import Region, cell_sentence
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.theme import colour_of_limb, theme_palette
+from skelgen_gui.widgets.painting import colour_of_limb, theme_palette
 
 from skelgen.app.drawing.measures import find_deviation_matrix
 from skelgen.model import Project

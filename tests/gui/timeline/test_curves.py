@@ -9,7 +9,7 @@ from skelgen_gui.model.curves import Curve, Panel, joint_curve
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
-from skelgen_gui.widgets.theme import colour_of_limb, component_colour
+from skelgen_gui.widgets.painting import colour_of_limb, component_colour
 
 from skelgen.app.drawing.scales import Extremes
 from skelgen.model import Project

@@ -13,7 +13,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, clock
 from skelgen_gui.timeline.timeline import Timeline
-from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, theme_palette
+from skelgen_gui.widgets.painting import colour_of_limb, doubt_colour, theme_palette
 
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.labelling import Doubt

@@ -11,7 +11,7 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.view3d.view import View3D
-from skelgen_gui.widgets.theme import theme_palette
+from skelgen_gui.widgets.painting import theme_palette
 
 ALONE = 26  # px to the next thing that is drawn: nothing covers it, nor the light and the shade of its ball
 NOTHING = Shown(**dict.fromkeys(("filled", "trails", "bones", "joints", "uncertainty", "axes", "floor"), False))

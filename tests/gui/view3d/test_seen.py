@@ -13,9 +13,9 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import DOWN, frustum
 from skelgen_gui.view3d.colours import Colours
-from skelgen_gui.widgets.theme import doubt_colour, theme_palette
+from skelgen_gui.widgets.painting import doubt_colour, theme_palette
 
-from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.scales import limb_colour
 from skelgen.model import Project
 
 SAME_HUE = 24  # degrees: light and fog change a colour, but hardly its hue; that of pale colours most

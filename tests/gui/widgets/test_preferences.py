@@ -7,8 +7,8 @@ from PySide6.QtCore import QByteArray, QSettings, Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QLabel
 from skelgen_gui.project.file_actions import RecentMenu
+from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 from skelgen_gui.widgets.preferences import MOST_RECENT, Preferences, PreferenceValues
-from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 from skelgen_gui.window_commands import PreferencesDialog
 
 READABLE = 4.0

@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDockWidget, QScrollArea, QWidget
-from skelgen_gui.widgets.theme import colour_of_limb, component_colour, doubt_colour, theme_palette
+from skelgen_gui.widgets.painting import colour_of_limb, component_colour, doubt_colour, theme_palette
 
 Key = Qt.Key
 ROW = 12  # px: what is at about the same height stands in one row

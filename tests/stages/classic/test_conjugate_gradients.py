@@ -7,8 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from skelgen.stages.classic.conjugate_gradients import Line, LineSample, brent_step, minimise, secant_step
-from skelgen.stages.classic.parameters import DescentParameters
+from skelgen.stages.classic.conjugate_gradients import (
+    DescentParameters,
+    Line,
+    LineSample,
+    brent_step,
+    minimise,
+    secant_step,
+)
 
 METHODS = ("polak-ribiere", "fletcher-reeves")
 THOROUGH = {"tolerance": 0.0, "absolute_tolerance": 1e-24, "max_iterations": 2000, "line_tolerance": 1e-6}

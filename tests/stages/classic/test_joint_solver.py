@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from skelgen.stages.classic.conjugate_gradients import DescentParameters
 from skelgen.stages.classic.joint_solver import JointSolver
 from skelgen.stages.classic.lateration import common_distances
-from skelgen.stages.classic.parameters import DescentParameters
 
 SEEDS = range(5)
 NOISE = 1e-8  # mm^2: none

@@ -9,7 +9,7 @@ from skelgen.simulation import simulate
 from skelgen.stages.labels.merging.windows import continuity_evidence
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 
 
 @pytest.fixture(scope="module")

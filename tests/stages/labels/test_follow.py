@@ -16,7 +16,7 @@ from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.labels.tracking.follow import MOST_POINTS_PER_FRAME, follow_points, rules_of
-from skelgen.stages.labels.tracking.take import point_weights, time_steps
+from skelgen.stages.labels.tracking.statistics import point_weights, time_steps
 
 ASSIGNMENTS = ("greedy", "optimal")
 PREDICTIONS = ("none", "constant_velocity", "double_exponential")

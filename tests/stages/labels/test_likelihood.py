@@ -12,7 +12,7 @@ from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_su
 from skelgen.stages.labels.merging.windows import WindowSize, merge_tracklets
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
 

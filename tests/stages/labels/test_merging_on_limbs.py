@@ -18,7 +18,7 @@ from skelgen.stages.labels.merging.limbs import main_groups, measure_pairs, merg
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import counts_together, find_points
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points
-from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 
 RATE, SPACING = 100.0, 30.0
 LABELLED = 0.99

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.leftovers import move_pieces
 from skelgen.stages.labels.merging.markers import sampled_distances
-from skelgen.stages.labels.merging.pieces import move_pieces
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70], [-40, 35, 25]], dtype=float)  # mm

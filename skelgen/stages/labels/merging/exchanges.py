@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels.tracklet_evidence import WITNESSES
-from skelgen._kernels.witness_misfits import write_misfits
+from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Ints

@@ -29,7 +29,7 @@ from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerM
 from skelgen.stages.labels.model_fit.symmetry import turned_limbs
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import stand_alone_frames
-from skelgen.stages.labels.tracking.take import point_weights
+from skelgen.stages.labels.tracking.statistics import point_weights
 from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained, markers_of_names
 
 MODEL_FRAMES = 600

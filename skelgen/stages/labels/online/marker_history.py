@@ -10,16 +10,19 @@ whole takes).
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.remembered_poses import SeenNeighbours, place_marker, room_for_poses, write_moments
-from skelgen._kernels.rigid_neighbours import (
+from skelgen._kernels.marker_history import (
     LEAST_COMMON,
     LEAST_NEIGHBOURS,
     DistanceTables,
     Neighbours,
+    SeenNeighbours,
     find_neighbours,
     learn_distances,
+    place_marker,
+    room_for_poses,
     write_deviations,
     write_misfits,
+    write_moments,
 )
 from skelgen.geometry.orientation import rotation_by_quaternion
 from skelgen.model.arrays import Floats, Ints

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.pose_scores import LimbMarkers, scores_of_poses
+from skelgen._kernels.explained_points import LimbMarkers, scores_of_poses
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.online.marker_history import MarkerHistory

@@ -19,8 +19,16 @@ from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import blocks_of
-from skelgen.stages.labels.tracking.innovations import Innovations, Trial, find_innovations, supposed_innovations
-from skelgen.stages.labels.tracking.take import LONGEST_PAUSE, point_weights, time_steps, typical_spacing
+from skelgen.stages.labels.tracking.statistics import (
+    LONGEST_PAUSE,
+    Innovations,
+    Trial,
+    find_innovations,
+    point_weights,
+    supposed_innovations,
+    time_steps,
+    typical_spacing,
+)
 
 MOST_POINTS_PER_FRAME = 10_000
 """More points than this in a frame are no markers but a scanner's surface or noise; bounds the work per frame."""

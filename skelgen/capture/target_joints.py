@@ -1,9 +1,10 @@
-r"""Joint angles from the poses of two targets, with their errors (Gaschler 2011, 5.1.3 and 5.2.4).
+r"""Joints between targets: their angles with their errors, and targets that joints hold together as a tree.
 
-The joint's frames in both bodies, carried into the world by their poses, differ by a rotation and a shift. Gaschler
-takes the rotation that best lays points on the axes of one frame on those of the other, and does not use the shift.
-Here both poses have covariances, and the joint holds the bodies together: at its centre, a hinge along its axis as
-well. The measured poses violate these constraints by r. The most likely errors of the poses that explain this are
+An angle comes from the poses of two targets (Gaschler 2011, 5.1.3 and 5.2.4). The joint's frames in both bodies,
+carried into the world by their poses, differ by a rotation and a shift. Gaschler takes the rotation that best lays
+points on the axes of one frame on those of the other, and does not use the shift. Here both poses have covariances, and
+the joint holds the bodies together: at its centre, a hinge along its axis as well. The measured poses violate these
+constraints by r. The most likely errors of the poses that explain this are
 
 .. math::
     e = \Sigma H^T (H \Sigma H^T + P)^{-1} r ,
@@ -14,17 +15,26 @@ about z for a hinge. Its covariance is that of the errors given r.
 
 A constraint that is violated by more than noise explains shows play of the joint. Then P grows until the violation is
 likely. With much play the constraint no longer counts, and the angle is Gaschler's.
+
+In a chain, targets are where the root's pose and the rotations of all joints place them.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
-from skelgen.capture.error_propagation import block_diagonal, constraint_slope, rotation_slope
+from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
-from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
+from skelgen.geometry.rotations import (
+    cross_matrix,
+    matrix_from_vector,
+    nearest_rotation,
+    transform_from,
+    vector_from_matrix,
+)
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
@@ -168,3 +178,147 @@ def _kinematic(kind: str) -> Joint:
     """A joint as `skelgen.kinematics` knows it, in its own frame."""
     origin = np.zeros(3)
     return Joint(0, 1, origin, origin, kind, _Z if kind == "hinge" else None, origin)
+
+
+N_POSE = 6
+"""Freedoms of a pose: a small rotation about the world's axes [rad], then a shift [mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChainState:
+    """Where a chain of targets is, and how it moves.
+
+    Attributes
+    ----------
+    root : ndarray, shape (4, 4), mm
+        World from the root.
+    turns : tuple of ndarray, shape (3, 3)
+        Rotation of each joint, in its frame in the parent.
+    rates : ndarray, shape (2, n)
+        Velocities and accelerations of the n freedoms: the root's rotation and shift, then the joints' angles.
+    covariance : ndarray, shape (3n, 3n)
+        Of the freedoms, their velocities and their accelerations.
+    """
+
+    root: Floats
+    turns: tuple[Floats, ...]
+    rates: Floats
+    covariance: Floats
+
+
+class TargetChain:
+    """A tree of targets and joints.
+
+    Attributes
+    ----------
+    joints : tuple of TargetJoint
+        Each one's parent before it.
+    names : tuple of str
+        The targets, the root first, then each joint's child.
+    of_joint : list of slice
+        Which freedoms each joint has: one a hinge, three a ball.
+    n : int
+        Number of all freedoms.
+    paths : dict of str to list of int
+        The joints between the root and each target.
+
+    Parameters
+    ----------
+    joints : sequence of TargetJoint
+        Of one tree, each one's parent before it.
+    """
+
+    def __init__(self, joints: Sequence[TargetJoint]) -> None:
+        self.joints = tuple(joints)
+        self.names = (joints[0].parent, *(joint.child for joint in joints))
+        ends = np.cumsum([N_POSE, *(1 if joint.kind == HINGE else 3 for joint in joints)]).tolist()
+        self.of_joint = [slice(*pair) for pair in pairwise(ends)]
+        self.n: int = ends[-1]
+        self.paths: dict[str, list[int]] = {self.names[0]: []}
+        for number, joint in enumerate(joints):
+            self.paths[joint.child] = [*self.paths[joint.parent], number]
+
+    def moved(self, state: ChainState, step: Floats) -> ChainState:
+        """Return the chain after small motions of its freedoms, rates and covariance as they are.
+
+        Parameters
+        ----------
+        state : ChainState
+            Before.
+        step : ndarray, shape (n,)
+            Rotations [rad] and the root's shift [mm].
+        """
+        root = state.root.copy()
+        root[:3, :3] = nearest_rotation(matrix_from_vector(step[:3]) @ root[:3, :3])
+        root[:3, 3] += step[3:N_POSE]
+        turns = [
+            nearest_rotation(matrix_from_vector(vector_of_joint(joint, step[own])) @ turn)
+            for joint, turn, own in zip(self.joints, state.turns, self.of_joint, strict=True)
+        ]
+        return replace(state, root=root, turns=tuple(turns))
+
+    def poses(self, state: ChainState) -> dict[str, Floats]:
+        """Return where all targets are, world from body, by name."""
+        poses = {self.names[0]: state.root}
+        for joint, turn in zip(self.joints, state.turns, strict=True):
+            frame = poses[joint.parent] @ joint.parent_from_joint
+            frame[:3, :3] = frame[:3, :3] @ turn
+            poses[joint.child] = frame @ np.linalg.inv(joint.child_from_joint)
+        return poses
+
+    def slope(self, poses: Mapping[str, Floats], name: str) -> Floats:
+        """Return how a target's pose follows all freedoms, shape (6, n): rotated about the world's axes, and shifted.
+
+        Parameters
+        ----------
+        poses : mapping of str to ndarray, shape (4, 4), mm
+            Where all targets are.
+        name : str
+            Of the target.
+        """
+        slope, place = np.zeros((N_POSE, self.n)), poses[name][:3, 3]
+        slope[:, :N_POSE] = np.eye(N_POSE)
+        slope[3:, :3] = -cross_matrix(place - poses[self.names[0]][:3, 3])
+        for number in self.paths[name]:
+            joint, own = self.joints[number], self.of_joint[number]
+            frame = poses[joint.parent] @ joint.parent_from_joint
+            axes = frame[:3, 2:3] if joint.kind == HINGE else frame[:3, :3]
+            slope[:3, own], slope[3:, own] = axes, -cross_matrix(place - frame[:3, 3]) @ axes
+        return slope
+
+
+def vector_of_joint(joint: TargetJoint, step: Floats) -> Floats:
+    """Return the rotation vector of a joint's small motion [rad], in its frame in the parent.
+
+    Parameters
+    ----------
+    joint : TargetJoint
+        A hinge, about z, or a ball.
+    step : ndarray, shape (1,) or (3,), rad
+        Of its freedoms.
+    """
+    return np.array([0.0, 0.0, step[0]]) if joint.kind == HINGE else step
+
+
+def pose_error(pose: Floats, found: Floats) -> Floats:
+    """Return the rotation about the world's axes and the shift from one pose to another, shape (6,).
+
+    Parameters
+    ----------
+    pose, found : ndarray, shape (4, 4), mm
+        World from body, before and after.
+    """
+    return np.concatenate([vector_from_matrix(found[:3, :3] @ pose[:3, :3].T), found[:3, 3] - pose[:3, 3]])
+
+
+def turned_and_shifted(pose: Floats, step: Floats) -> Floats:
+    """Return a pose after a small motion.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (4, 4), mm
+        World from body.
+    step : ndarray, shape (6,)
+        Rotation about the world's axes [rad] and shift [mm].
+    """
+    return transform_from(matrix_from_vector(step[:3]) @ pose[:3, :3], pose[:3, 3] + step[3:])

@@ -1,18 +1,25 @@
-"""What writers of markers share: which value they can take, filled positions, and the table of these."""
+"""What writers share: parts of a project that they keep, markers that they can take, and the axis that is up.
+
+Formats declare which parts they keep, and what is lost is told. Markers are written with filled positions, and a table
+of these. What is found to be up in the recording is turned to what a format says is up.
+"""
 
 import csv
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Project, Trajectories
+from skelgen.geometry.up_axis import AS_RECORDED, TURNS
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.options import Writable
+from skelgen_formats.options import AUTO, AXES, Options, Writable
 from skelgen_formats.text import defused
 
 
@@ -115,7 +122,7 @@ def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor
     if filled and isinstance(value, Filled):
         return value
     if filled and isinstance(value, Project):
-        from skelgen.kinematics.gap_filling.stated import fill_project  # noqa: PLC0415 - numeric code of filling alone
+        from skelgen.kinematics.gap_filling.filling import fill_project  # noqa: PLC0415 - numeric code of filling alone
 
         return fill_project(value, monitor)
     return trajectories_of(value, title)
@@ -167,3 +174,137 @@ def marker_files(path: Path, filled: bool) -> tuple[Path, ...]:
 def table_of(path: Path) -> Path:
     """Return where the table of filled positions belongs to a file of markers."""
     return path.with_name(path.stem + TABLE_SUFFIX)
+
+
+_GRAVITY = 9.80665  # m/s^2, the standard
+
+UPRIGHTABLE = replace(
+    AXES,
+    help="Axes of the world: as recorded; auto: what is found to be up is up as the format has it; or turned by hand.",
+    choices=(*TURNS, AUTO),
+)
+UPRIGHT = replace(UPRIGHTABLE, default=AUTO)
+"""Those of formats that say which axis is up, see `Format.up`; by default as recorded, and turned."""
+
+
+def turn_wished(value: Writable, options: Options, up: str) -> str:
+    """Return the turn of the world, a key of `TURNS`, that a user wants for a value.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    options : Options
+        With the choice of axes.
+    up : str
+        See `Format.up`.
+    """
+    if options.axes != AUTO:
+        return options.axes
+    from skelgen.geometry.up_axis import turn_to  # noqa: PLC0415 - scipy is slow to load
+
+    return turn_to(value, up)
+
+
+def remark_on_up(project: Project, options: Options, up: str, title: str) -> tuple[str, ...]:
+    """Say if what is up in the file will not be what is up in the recording, or may not be.
+
+    Parameters
+    ----------
+    project : Project
+        As recorded.
+    options : Options
+        With the choice of axes.
+    up : str
+        See `Format.up`.
+    title : str
+        Of the format.
+    """
+    from skelgen.geometry.up_axis import turn_to, up_of  # noqa: PLC0415 - scipy is slow to load
+
+    found, turn = up_of(project), turn_wished(project, options, up)
+    if not found:
+        return (f"{title} takes {up} to be up, and the recording does not tell what is: see which axes are right.",)
+    comes = found if turn == AS_RECORDED else turn[-1] if turn.startswith(found) else ""
+    if comes == up:
+        return ()
+    wish = turn_to(project, up)
+    advice = f": choose axes {wish}" if wish != AS_RECORDED else ""
+    return (f"{title} takes {up} to be up; in the recording it is {found}{advice}.",)
+
+
+def gravity(project: Project, up: str) -> Floats:
+    """Return the acceleration of gravity [m/s^2], shape (3,), against what is found to be up.
+
+    Parameters
+    ----------
+    project : Project
+        In the axes of the file.
+    up : str
+        The axis that is up where nothing is found, see `Format.up`.
+    """
+    from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
+
+    found = up_of(project) or up
+    return np.where(np.array(list("xyz")) == found[-1], _GRAVITY if found.startswith("-") else -_GRAVITY, 0.0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One kind of thing that a project holds.
+
+    Attributes
+    ----------
+    name : str
+        What formats declare in `Format.keeps`.
+    title : str
+        How a sentence names it.
+    is_in : callable (project) -> bool
+        Whether a project has it.
+    in_every_frame : bool
+        Whether it has a value in every frame.
+    """
+
+    name: str
+    title: str
+    is_in: Callable[[Project], bool]
+    in_every_frame: bool = False
+
+
+def _has_markers(project: Project) -> bool:
+    return project.has("labels") or isinstance(project.take, Trajectories)
+
+
+PARTS: tuple[Part, ...] = (
+    Part("points", "the points of the recording", lambda project: isinstance(project.take, PointCloud), True),
+    Part("bodies", "the bodies with their orientations", lambda project: isinstance(project.take, Poses), True),
+    Part("markers", "the positions of the markers", _has_markers, True),
+    Part("names", "the names of the markers", _has_markers),
+    Part("confidence", "how sure the labels are", lambda project: project.has_labelling),
+    Part("limbs", "which marker is on which limb", lambda project: project.has("limbs")),
+    Part("joints", "the positions of the joints", lambda project: project.has("skeleton"), True),
+    Part("angles", "the angles of the joints with their deviations", lambda project: project.has("skeleton"), True),
+    Part("kinds", "types and axes of the joints", lambda project: project.has("skeleton")),
+    Part("uncertainty", "how sure the joints are", lambda project: project.has("skeleton")),
+    Part("motion", "how the limbs turn", lambda project: project.has("skeleton"), True),
+)
+"""All parts, in the order in which the stages find them."""
+
+
+def parts_in(project: Project) -> tuple[Part, ...]:
+    """Return the parts that a project has."""
+    return tuple(part for part in PARTS if part.is_in(project))
+
+
+def choices_in(project: Project) -> tuple[str, ...]:
+    """Say which joints are drawn where the motion does not determine them, and which hinges along their axes."""
+    if not project.has("skeleton"):
+        return ()
+    named = [*zip(project.skeleton.joint_names, project.skeleton.joints, strict=True)]
+    anywhere = ", ".join(name for name, joint in named if not joint.is_determined)
+    along = ", ".join(name for name, joint in named if joint.is_determined and not joint.is_fully_determined)
+    sentences = (
+        (anywhere, "The motion does not determine where these joints are; their places are a choice"),
+        (along, "The motion does not determine where these hinges are along their axes; that is a choice"),
+    )
+    return tuple(f"{sentence}: {names}." for names, sentence in sentences if names)
