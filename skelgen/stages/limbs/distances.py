@@ -79,6 +79,17 @@ class Deviations:
         block = np.ix_(markers, markers)
         return Deviations(self.plain[block], self.steady[block], self.common[block])
 
+    def between(self, groups: Ints) -> PairSums:
+        """Return the sums of what varies within groups of markers, and between them; each known pair counts as one.
+
+        Parameters
+        ----------
+        groups : ndarray of intp, shape (n_markers,)
+            Group of each marker.
+        """
+        known = ~np.isnan(self.steady)
+        return PairSums(np.where(known, self.steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+
 
 def distance_deviations(positions: Floats, frames: Ints) -> Deviations:
     """Return how much each distance varies over the sampled frames.

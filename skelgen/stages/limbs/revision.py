@@ -8,7 +8,7 @@ split, for as long as one of these is clearly better. What is not clear stays as
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs.distances import Deviations, PairSums
+from skelgen.stages.limbs.distances import Deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
 from skelgen.stages.limbs.worn_places import worn_odds
@@ -65,8 +65,7 @@ def is_soft(groups: Ints, deviations: Deviations) -> bool:
     deviations : Deviations
         Of all distances.
     """
-    known = ~np.isnan(deviations.steady)
-    sums = PairSums(np.where(known, deviations.steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+    sums = deviations.between(groups)
     several = (sums.sizes > 1) & (np.diag(sums.weights) > 0)
     if len(sums.sizes) < ENOUGH_LIMBS or several.sum() < 2:
         return False
@@ -75,21 +74,21 @@ def is_soft(groups: Ints, deviations: Deviations) -> bool:
     return float(np.median(bending)) > SOFT**2 * sums.neighbour_motion() and unlike > ALIKE
 
 
-def is_dressed(positions: Floats, take: Floats) -> bool:
+def wears_set(positions: Floats, whole: Floats) -> bool:
     """Whether markers have the shape of a set that people wear, and what pairs do bears it out.
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Sampled frames; NaN where unseen.
-    take : ndarray, shape (n_take_frames, n_markers, 3), mm
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm
         All frames.
     """
-    nearest = nearest_set(take)
+    nearest = nearest_set(whole)
     return nearest is not None and belief_in_set(*nearest, _odds_of_pairs(positions)) > WORN
 
 
-def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, take: Floats | None = None) -> Ints:
+def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, whole: Floats | None = None) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
     Parameters
@@ -100,12 +99,12 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, tak
         Sampled frames; NaN where unseen.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
-    take : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
         All frames: the shape of a marker set that people wear adds to what pairs say. Without them pairs speak alone.
     """
     odds = _odds_of_pairs(positions)
-    if take is not None:
-        odds += worn_odds(take, odds)
+    if whole is not None:
+        odds += worn_odds(whole, odds)
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:

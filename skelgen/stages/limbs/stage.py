@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import is_dressed, is_soft, revised
+from skelgen.stages.limbs.revision import is_soft, revised, wears_set
 from skelgen.stages.limbs.votes import majority
 
 HALF_WEIGHT = 20
@@ -231,11 +231,8 @@ class _Grouping:
         if self._n_limbs is not None:
             return groups
         # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
-        steady = deviations.steady
-        known = ~np.isnan(steady)
-        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), rigid)
-        usual = sums.neighbour_motion()
-        others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
+        usual = deviations.between(rigid).neighbour_motion()
+        others = np.nan_to_num(deviations.steady, nan=np.inf) + np.diag(np.full(len(groups), np.inf))
         is_alone = np.bincount(groups)[groups] == 1
         is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
         return np.where(is_far & ~self._constraints.is_named, -1, groups)
@@ -274,9 +271,9 @@ class _Grouping:
         """
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
         if may_bend and self._n_limbs is None:
-            sampled, take = self._positions[frames], self._positions if self._parameters.marker_set != "none" else None
-            if is_soft(groups, deviations) or (take is not None and is_dressed(sampled, take)):
-                groups = revised(groups, sampled, self._constraints, take)
+            sampled, whole = self._positions[frames], self._positions if self._parameters.marker_set != "none" else None
+            if is_soft(groups, deviations) or (whole is not None and wears_set(sampled, whole)):
+                groups = revised(groups, sampled, self._constraints, whole)
         return _numbered_by_first(groups)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:

@@ -9,13 +9,13 @@ fit best, beginning with the sets that fit best. A place that is taken on one si
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.people import EVERY_PLACE, worn_markers
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
@@ -35,7 +35,7 @@ from skelgen.stages.limbs.worn_sets import (
     part_of,
     readings,
 )
-from skelgen.stages.limbs.worn_shapes import Shape, WornSet, shape_of
+from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
 
 STARTS, ROUNDS = 3, 12
 """Sets from which a search begins, and rounds of each."""
@@ -238,6 +238,14 @@ def worn_set(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    return _worn_set(shown.tobytes(), shown.shape)
+
+
+@lru_cache(maxsize=4)
+def _worn_set(shown: bytes, n: tuple[int, ...]) -> tuple[Match, WornSet] | None:
+    """The same, found once for the frames that are looked at: names and joints both ask for it."""
+    positions = np.frombuffer(shown).reshape(n)
     best = nearest_set(positions)
     if best is None or best[0].misfit > WORN:
         return None
