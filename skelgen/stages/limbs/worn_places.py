@@ -1,22 +1,19 @@
 """Where on the body markers are stuck, told by their distances alone, where no set that is known is worn.
 
-Every laboratory changes a set: a marker more, a cluster elsewhere. Its markers still lie at places that are usual, and
-usual distances of all places to each other are learned as those of sets are (``tables/worn_places.npz``, made by
-tests/benchmarks/learn_sets.py, from people in any posture, whose markers miss their places as those of different
-examiners do: Della Croce et al., Gait & Posture 21 (2005) 226-237). Markers are taken for places so that all distances
-fit best, beginning with the sets that fit best. A place that is taken on one side is likely taken on the other.
+Every laboratory changes a set: a marker more, a cluster elsewhere. Its markers still lie at places that are usual
+(`place_matching`). These speak instead of a set where they fit much better and motion bears them out; and single ones
+do that fit well, where neither a set nor all places are believed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from pathlib import Path
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats, Ints, spread_frames
-from skelgen.simulation.people import EVERY_PLACE, worn_markers
+from skelgen.simulation.people import EVERY_PLACE, usual_person
+from skelgen.stages.limbs.place_matching import mirror_images, misfits_and_costs, nearest_places
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
     DOUBTFUL,
@@ -24,33 +21,22 @@ from skelgen.stages.limbs.worn_sets import (
     MARKER_DOES_NOT,
     MARKER_FITS,
     STRENGTH,
-    WITHOUT_PARTNER,
     WORN,
     Match,
     agreement,
     belief_in_set,
     fitting_sets,
-    misfits_of,
     nearest_set,
     part_of,
     readings,
 )
 from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
 
-STARTS, ROUNDS = 3, 12
-"""Sets from which a search begins, and rounds of each."""
-
-WIDE = 0.5
-"""Weight of the spread of a place's distances as a cost: a place with wide spreads fits any marker."""
-
-ONE_SIDED = 0.2
-"""Cost of a place that is taken while its mirror image is free."""
+STARTS = 3
+"""Sets from which a search begins."""
 
 ENOUGH_MARKERS = 30
 """Distances of fewer hardly tell places apart: simulated people in sets of 25 that are not known may be mistaken."""
-
-MOTION_COUNTS = 0.5
-"""Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
 
 PART_OF_PLACES, OF_PARTING = 2 / 3, 0.5
 """What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
@@ -77,6 +63,10 @@ PLACE_FITS, PLACE_DOES_NOT = 0.8, 1.2
 that both fit so well .93 of those on one segment, and .998 of those on two, are right on people in sets that are not
 known."""
 
+SURE_SEGMENTS, SURE_COUNTS = ("chest", "head"), 0.7
+"""Segments whose markers are seldom mistaken, and how much their misfits count: .95 of the pairs on them are right up
+to misfits of 2, on a pelvis up to 1, on arms and shanks up to .8. Counted less, arms held out become a chest."""
+
 SOME_AT_PLACES, NONE_AT_PLACES = 1.26, 1.33
 """Misfit of all up to which single places are believed, and from which none is: animals have 1.33 and more."""
 
@@ -94,14 +84,6 @@ whose set is known have .5 and less, others up to 1.4."""
 
 PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT = 0.88, 0.8
 """Part of the pairs on one segment that motion does not contradict: animals and wrong places have .5 to .79."""
-
-
-@cache
-def worn_places() -> WornSet:
-    """Return the shape of all places at once."""
-    with np.load(Path(__file__).with_name("tables") / "worn_places.npz") as table:
-        mean, spread = (Shape(*table[name].astype(np.float64)) for name in ("mean", "spread"))
-        return WornSet(EVERY_PLACE, mean, spread, table["segments"].astype(np.intp), tuple(table["markers"].tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +114,8 @@ class Believed:
         """
         fits = np.zeros(n_markers)
         if n_markers >= ENOUGH_MARKERS and len(np.unique(self.worn.segments[self.match.of_set])) >= ENOUGH_SEGMENTS:
-            fits[self.match.markers] = part_of(self.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
+            counts = np.where(np.isin(self.worn.segments[self.match.of_set], _sure_segments()), SURE_COUNTS, 1.0)
+            fits[self.match.markers] = part_of(counts * self.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
             fits *= part_of(self.match.misfit, SOME_AT_PLACES, NONE_AT_PLACES)
         return np.maximum(self.belief, np.minimum(fits[:, np.newaxis], fits))
 
@@ -283,7 +266,7 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    _, costs = _misfits_and_costs(shape, places.match.markers, places.match.of_set, by_motion)
+    _, costs = misfits_and_costs(shape, places.match.markers, places.match.of_set, by_motion)
     likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
     likely /= likely.sum(axis=1, keepdims=True)
     on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]
@@ -295,7 +278,7 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
 
 def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:
     """Log odds by motion of the mirror image of each pair; of the pair itself where a marker has no mirror image."""
-    mirrored = _mirror_images()
+    mirrored = mirror_images()
     marker_at = np.full(len(mirrored), -1)
     marker_at[match.of_set] = match.markers
     image = np.full(len(by_motion), -1)
@@ -326,69 +309,7 @@ def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats
     return odds
 
 
-def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
-    """Match markers with places so that distances fit best, and markers on one segment move as one limb.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of the take.
-    sets : sequence of tuple of Match and WornSet
-        Sets from which the search begins, and how the take fits them.
-    by_motion : ndarray, shape (n_markers, n_markers)
-        Log odds that two markers share a limb by what each pair does.
-    """
-    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
-
-    best, visited = None, set()
-    for match, worn in sets:
-        markers, taken = match.markers, _places_of(worn)[match.of_set]
-        for _ in range(ROUNDS):
-            matched = markers.tobytes() + taken.tobytes()
-            if matched in visited:  # another search went on from here, or this one stands still
-                break
-            visited.add(matched)
-            misfits, costs = _misfits_and_costs(shape, markers, taken, by_motion)
-            cost = float(costs[markers, taken].mean())
-            if best is None or cost < best[0]:
-                best = cost, markers, taken, misfits[markers, taken]
-            markers, taken = linear_sum_assignment(costs)
-    assert best is not None
-    _, markers, taken, misfits = best
-    left_over = WITHOUT_PARTNER * (1.0 - len(markers) / len(shape.distances))
-    return Match(markers, taken, misfits, float(misfits.mean()) + left_over), worn_places()
-
-
-def _misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floats) -> tuple[Floats, Floats]:
-    """For each marker at each place: misfit of its distances to matched markers, and the whole cost."""
-    places = worn_places()
-    others = max(len(taken) - 1, 1)
-    misfits = misfits_of(shape, places, markers, taken)
-    costs = misfits + _wide()[:, taken].sum(axis=1) / others
-    alike = places.segments[taken, np.newaxis] == places.segments
-    costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
-    return misfits, costs + ONE_SIDED * ~np.isin(_mirror_images(), taken)
-
-
 @cache
-def _wide() -> Floats:
-    """Cost of the spread of the distances of each place, shape (n_places, n_places)."""
-    spread = worn_places().spread
-    wide = 2.0 * np.log(spread.distances) + 2.0 * MOTION_WEIGHT * np.log(spread.motions)
-    return np.asarray(WIDE * np.nan_to_num(wide - np.nanmedian(wide)))
-
-
-@cache
-def _mirror_images() -> Ints:
-    """The place that mirrors each; those in the middle mirror themselves."""
-    other, names = {"L ": "R ", "R ": "L "}, worn_places().markers
-    return np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
-
-
-@cache
-def _places_of(worn: WornSet) -> Ints:
-    """The places of a set's markers, shape (n_markers,)."""
-    number = {name: index for index, name in enumerate(worn_places().markers)}
-    place_at = {(one.limb, *one.offset): number.get(one.name, -1) for one in worn_markers(EVERY_PLACE)}
-    of_marker = {one.name: place_at[(one.limb, *one.offset)] for one in worn_markers(worn.name)}
-    return np.array([of_marker[name] for name in worn.markers])
+def _sure_segments() -> Ints:
+    """The numbers of `SURE_SEGMENTS`."""
+    return np.flatnonzero(np.isin(usual_person(EVERY_PLACE).limb_names, SURE_SEGMENTS))

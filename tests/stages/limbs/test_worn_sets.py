@@ -7,14 +7,8 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.worn_places import (
-    Believed,
-    believed_wear,
-    nearest_places,
-    segment_odds,
-    worn_odds,
-    worn_places,
-)
+from skelgen.stages.limbs.place_matching import nearest_places, worn_places
+from skelgen.stages.limbs.worn_places import Believed, believed_wear, segment_odds, worn_odds
 from skelgen.stages.limbs.worn_sets import (
     HALVES,
     LEAST_OF_HALF,
