@@ -7,7 +7,7 @@ split, for as long as one of these is clearly better. What is not clear stays as
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs.distances import Deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
@@ -28,7 +28,16 @@ ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual for a pair."""
 
 WORN = 0.5
-"""Belief in a marker set from which its wearer is soft, however alike limbs bend."""
+"""Belief in a marker set from which its wearer's skin moves, however alike limbs bend."""
+
+LOOKED_AT = 200
+"""Frames from which white noise is told, each with the two that follow it."""
+
+STEPS = (1.0, -2.0, 1.0)
+"""Weights of three frames in a second difference."""
+
+MEDIAN_OF_SQUARE = 0.455
+"""Of a normal variable, beside its variance."""
 
 SUREST = 6.0
 """Largest log odds of one pair: more would let it speak for all others."""
@@ -55,8 +64,8 @@ MOST_CHANGES = 100
 """Ends a search that rounding might prolong."""
 
 
-def is_soft(groups: Ints, deviations: Deviations) -> bool:
-    """Whether there are enough limbs, which bend so far, and so unlike, that pairs tell more than rigid bodies.
+def bending(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, bool]:
+    """Return whether there are enough limbs that bend, and whether they do so unlike each other.
 
     Parameters
     ----------
@@ -64,14 +73,29 @@ def is_soft(groups: Ints, deviations: Deviations) -> bool:
         Limb of each marker.
     deviations : Deviations
         Of all distances.
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm
+        All frames, whose white noise is no bending.
     """
     sums = deviations.between(groups)
     several = (sums.sizes > 1) & (np.diag(sums.weights) > 0)
     if len(sums.sizes) < ENOUGH_LIMBS or several.sum() < 2:
-        return False
-    bending = np.diag(sums.sums)[several] / np.diag(sums.weights)[several]
-    unlike = float(np.std(np.log(np.maximum(bending, TINY)) / 2))
-    return float(np.median(bending)) > SOFT**2 * sums.neighbour_motion() and unlike > ALIKE
+        return False, False
+    variance = np.diag(sums.sums)[several] / np.diag(sums.weights)[several]
+    unlike = float(np.std(np.log(np.maximum(variance, TINY)) / 2))
+    beyond_noise = float(np.median(variance)) - _white_noise(groups, whole)
+    return beyond_noise > SOFT**2 * sums.neighbour_motion(), unlike > ALIKE
+
+
+def _white_noise(groups: Ints, whole: Floats) -> float:
+    """Variance [mm^2] of a coordinate by second differences of distances within limbs, of which soft tissue has few."""
+    if len(whole) < len(STEPS):
+        return 0.0
+    first, second = np.nonzero(np.triu(groups[:, np.newaxis] == groups, 1))
+    frames = spread_frames(len(whole) - 2, LOOKED_AT)
+    shown = [whole[frames + step] for step in range(len(STEPS))]
+    gaps = (np.linalg.norm(one[:, first] - one[:, second], axis=2) for one in shown)
+    squares = sum(step * gap for step, gap in zip(STEPS, gaps, strict=True)) ** 2 / np.dot(STEPS, STEPS)
+    return float(np.nanmedian(squares)) / MEDIAN_OF_SQUARE / 2 if np.isfinite(squares).any() else 0.0
 
 
 def wears_set(positions: Floats, whole: Floats) -> bool:

@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import is_soft, revised, wears_set
+from skelgen.stages.limbs.revision import bending, revised, wears_set
 from skelgen.stages.limbs.votes import majority
 
 HALF_WEIGHT = 20
@@ -258,7 +258,7 @@ class _Grouping:
         return self._constrained(majority(votes), deviations.steady)
 
     def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
-        """Revise the limbs of soft bodies by what all pairs of markers say, unless their number is given or none bends.
+        """Revise limbs that bend by what all pairs say, if they do so unlike or a marker set is worn.
 
         Parameters
         ----------
@@ -272,7 +272,8 @@ class _Grouping:
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
         if may_bend and self._n_limbs is None:
             sampled, whole = self._positions[frames], self._positions if self._parameters.marker_set != "none" else None
-            if is_soft(groups, deviations) or (whole is not None and wears_set(sampled, whole)):
+            bend, unlike = bending(groups, deviations, self._positions)
+            if bend and (unlike or (whole is not None and wears_set(sampled, whole))):
                 groups = revised(groups, sampled, self._constraints, whole)
         return _numbered_by_first(groups)
 

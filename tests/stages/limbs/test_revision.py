@@ -9,7 +9,9 @@ from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import LimbConstraints, find_limbs
+from skelgen.stages.limbs.distances import distance_deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
+from skelgen.stages.limbs.revision import bending
 
 PEOPLE = {
     "landing.trc": 0.8,
@@ -66,6 +68,14 @@ def test_limbs_that_all_bend_alike_are_rigid_bodies_whatever_is_worn(simulated, 
     simulation = simulated("human:4", seed, soft_tissue=3.0, noise=0.3, n_frames=600)
     found, true = find_limbs(simulation.take).limb_of_marker, np.asarray(simulation.truth.limb_of_marker)
     np.testing.assert_array_equal(found[:, np.newaxis] == found, true[:, np.newaxis] == true)
+
+
+def test_white_noise_is_no_bending(simulated) -> None:
+    for tissue, bend in ((0.0, False), (3.0, True)):
+        simulation = simulated("human", 0, soft_tissue=tissue, noise=0.5, n_frames=600)
+        positions, groups = simulation.take.positions, np.asarray(simulation.truth.limb_of_marker)
+        deviations = distance_deviations(positions, np.arange(len(positions)))
+        assert bending(groups, deviations, positions) == (bend, False)
 
 
 @pytest.mark.parametrize("worn", ["plug-in-gait", "cast", "animation-41", "opencap"])
