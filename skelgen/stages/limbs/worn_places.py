@@ -20,6 +20,7 @@ from skelgen.stages.limbs.worn_sets import (
     LEAST_OF_HALF,
     MARKER_DOES_NOT,
     MARKER_FITS,
+    NEARLY,
     STRENGTH,
     WORN,
     Match,
@@ -127,7 +128,8 @@ class Wear:
     Attributes
     ----------
     sets : tuple of Believed
-        Ways to take markers for those of sets, the best first; beliefs add to that in the best one.
+        Ways to take markers for those of sets, the best first; beliefs add to that in the surest, less by how
+        much worse it fits than the best.
     places : Believed or None
         Usual places; none if there are too few markers to tell.
     doubt : float
@@ -203,8 +205,13 @@ def believed_wear(
     best = nearest_set(positions)
     if best is None:
         return None
-    belief, places = belief_in(*best, by_motion), believed_places(positions, by_motion)
-    sets = tuple(Believed(match, worn, weight * belief) for weight, match, worn in readings(positions))
+    places, near = believed_places(positions, by_motion), readings(positions)
+    beliefs = np.array([belief_in(match, worn, by_motion) for _, match, worn in near])
+    likely = np.array([weight for weight, *_ in near]) * beliefs
+    if likely.any():  # motion chooses among readings that fit nearly alike
+        behind = np.exp([(best[0].misfit - match.misfit) / NEARLY for _, match, _ in near])
+        likely *= (behind * beliefs).max() / likely.sum()
+    sets = tuple(Believed(match, worn, belief) for belief, (_, match, worn) in zip(likely.tolist(), near, strict=True))
     return Wear(sets, places, _doubt(best[0], places.match) if places is not None else 0.0)
 
 

@@ -16,6 +16,7 @@ from skelgen.stages.limbs.worn_sets import (
     Match,
     matches,
     nearest_set,
+    readings,
     worn_sets,
 )
 from skelgen.stages.limbs.worn_shapes import OUTLINE, Shape, shape_of
@@ -147,3 +148,15 @@ def test_single_places_are_believed_where_both_markers_fit() -> None:
     assert (belief[:3, :3] == 1.0).all() and not belief[3:].any() and not belief[:, 3:].any()
     few = Believed(Match(every, np.repeat(spread[:1], n_markers), misfits, 1.0), places, 0.0)
     assert not few.of_pairs(n_markers).any()
+
+
+def test_motion_chooses_among_readings_that_fit_nearly_alike() -> None:
+    case = simulate("human", seed=3, motion="walk", marker_set="plug-in-gait", n_frames=100, soft_tissue="realistic")
+    positions = np.asarray(case.take.positions)
+    near = readings(positions)
+    assert len(near) > 1
+    second = near[1][1]
+    worn = believed_wear(positions, log_odds(positions), lambda match, *_: float(match is second))
+    assert worn is not None
+    beliefs = [one.belief for one in worn.sets]
+    assert np.argmax(beliefs) == 1 and sum(beliefs) == beliefs[1] <= 1.0
