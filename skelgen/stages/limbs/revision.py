@@ -27,7 +27,7 @@ all marker sets and in parts of takes, as skin is not alike everywhere; bodies w
 ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual for a pair."""
 
-WORN = 0.5
+BELIEVED = 0.5
 """Belief in a marker set from which its wearer's skin moves, however alike limbs bend."""
 
 LOOKED_AT = 200
@@ -98,37 +98,46 @@ def _white_noise(groups: Ints, whole: Floats) -> float:
     return float(np.nanmedian(squares)) / MEDIAN_OF_SQUARE / 2 if np.isfinite(squares).any() else 0.0
 
 
-def wears_set(positions: Floats, whole: Floats) -> bool:
-    """Whether markers have the shape of a set that people wear, and what pairs do bears it out.
+def pair_odds(positions: Floats) -> Floats:
+    """Return the log odds that two markers share a limb by what each pair does, shape (n_markers, n_markers).
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Sampled frames; NaN where unseen.
+    """
+    return np.clip(log_odds(positions), -SUREST, SUREST)
+
+
+def wears_set(by_motion: Floats, whole: Floats) -> bool:
+    """Whether markers have the shape of a set that people wear, and what pairs do bears it out.
+
+    Parameters
+    ----------
+    by_motion : ndarray, shape (n_markers, n_markers)
+        From `pair_odds`.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm
         All frames.
     """
     nearest = nearest_set(whole)
-    return nearest is not None and belief_in_set(*nearest, _odds_of_pairs(positions)) > WORN
+    return nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED
 
 
-def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, whole: Floats | None = None) -> Ints:
+def revised(groups: Ints, by_motion: Floats, constraints: MarkerConstraints, whole: Floats | None = None) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
     Parameters
     ----------
     groups : ndarray of intp, shape (n_markers,)
         Limb of each marker.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Sampled frames; NaN where unseen.
+    by_motion : ndarray, shape (n_markers, n_markers)
+        From `pair_odds`.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
         All frames: the shape of a marker set that people wear adds to what pairs say. Without them pairs speak alone.
     """
-    odds = _odds_of_pairs(positions)
-    if whole is not None:
-        odds += worn_odds(whole, odds)
+    odds = by_motion + (worn_odds(whole, by_motion) if whole is not None else 0.0)
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:
@@ -146,11 +155,6 @@ def revised(groups: Ints, positions: Floats, constraints: MarkerConstraints, who
             break
         groups = changed
     return groups
-
-
-def _odds_of_pairs(positions: Floats) -> Floats:
-    """Log odds that two markers share a limb by what each pair does, shape (n_markers, n_markers)."""
-    return np.clip(log_odds(positions), -SUREST, SUREST)
 
 
 def _merged(groups: Ints, odds: Floats) -> Ints | None:

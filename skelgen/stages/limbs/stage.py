@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import bending, revised, wears_set
+from skelgen.stages.limbs.revision import bending, pair_odds, revised, wears_set
 from skelgen.stages.limbs.votes import majority
 
 HALF_WEIGHT = 20
@@ -270,11 +270,13 @@ class _Grouping:
             Of distances over these frames.
         """
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
-        if may_bend and self._n_limbs is None:
-            sampled, whole = self._positions[frames], self._positions if self._parameters.marker_set != "none" else None
-            bend, unlike = bending(groups, deviations, self._positions)
-            if bend and (unlike or (whole is not None and wears_set(sampled, whole))):
-                groups = revised(groups, sampled, self._constraints, whole)
+        is_open = may_bend and self._n_limbs is None
+        bend, unlike = bending(groups, deviations, self._positions) if is_open else (False, False)
+        if bend:
+            by_motion = pair_odds(self._positions[frames])
+            whole = self._positions if self._parameters.marker_set != "none" else None
+            if unlike or (whole is not None and wears_set(by_motion, whole)):
+                groups = revised(groups, by_motion, self._constraints, whole)
         return _numbered_by_first(groups)
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:

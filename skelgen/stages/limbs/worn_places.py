@@ -105,21 +105,6 @@ class Believed:
     worn: WornSet
     belief: float
 
-    def of_pairs(self, n_markers: int) -> Floats:
-        """Return how far to believe it of each two markers, shape (n_markers, n_markers): more where both fit well.
-
-        Parameters
-        ----------
-        n_markers : int
-            Of the take.
-        """
-        fits = np.zeros(n_markers)
-        if n_markers >= ENOUGH_MARKERS and len(np.unique(self.worn.segments[self.match.of_set])) >= ENOUGH_SEGMENTS:
-            counts = np.where(np.isin(self.worn.segments[self.match.of_set], _sure_segments()), SURE_COUNTS, 1.0)
-            fits[self.match.markers] = part_of(counts * self.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
-            fits *= part_of(self.match.misfit, SOME_AT_PLACES, NONE_AT_PLACES)
-        return np.maximum(self.belief, np.minimum(fits[:, np.newaxis], fits))
-
 
 @dataclass(frozen=True, eq=False)
 class Wear:
@@ -157,8 +142,18 @@ class Wear:
         """
         if self.places is None:
             return np.zeros((n_markers, n_markers))
-        single = np.maximum(self.places.of_pairs(n_markers) - self.share, 0.0)
+        single = np.maximum(_belief_in_pairs(self.places, n_markers) - self.share, 0.0)
         return np.asarray(self.share + (1.0 - sum(reading.belief for reading in self.sets)) * single)
+
+
+def _belief_in_pairs(places: Believed, n_markers: int) -> Floats:
+    """How far to believe in the places of each two markers, shape (n_markers, n_markers): more where both fit well."""
+    fits, segments = np.zeros(n_markers), places.worn.segments[places.match.of_set]
+    if n_markers >= ENOUGH_MARKERS and len(np.unique(segments)) >= ENOUGH_SEGMENTS:
+        counts = np.where(np.isin(segments, _sure_segments()), SURE_COUNTS, 1.0)
+        fits[places.match.markers] = part_of(counts * places.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
+        fits *= part_of(places.match.misfit, SOME_AT_PLACES, NONE_AT_PLACES)
+    return np.maximum(places.belief, np.minimum(fits[:, np.newaxis], fits))
 
 
 def worn_odds(positions: Floats, by_motion: Floats) -> Floats:

@@ -25,14 +25,23 @@ PEOPLE = {
 LEAST_PURITY = 0.9  # markers on the limb of their body; a landing's forearms do not turn
 
 
+@pytest.fixture
+def person(recording):
+    """A recorded person whose markers have numbers for names, and what an expert says of it."""
+
+    def read(path):
+        truth = np.load(recording.folder / "bodies" / f"{path.split('.')[0]}.truth.npz")
+        take = recording(f"bodies/{path}")
+        index = {name.split(":")[-1].strip().lower(): marker for marker, name in enumerate(take.names)}
+        kept = [index[str(label).split(":")[-1].strip().lower()] for label in truth["labels"]]
+        return Trajectories(take.positions[:, kept], tuple(map(str, kept)), take.rate), truth
+
+    return read
+
+
 @pytest.mark.parametrize(("path", "least"), PEOPLE.items())
-def test_trees_of_people_are_those_of_an_expert(recording, path, least):
-    truth_path = recording.folder / "bodies" / f"{path.split('.')[0]}.truth.npz"
-    take = recording(f"bodies/{path}")
-    truth = np.load(truth_path)
-    index = {name.split(":")[-1].strip().lower(): marker for marker, name in enumerate(take.names)}
-    kept = [index[str(label).split(":")[-1].strip().lower()] for label in truth["labels"]]
-    take = Trajectories(take.positions[:, kept], tuple(map(str, kept)), take.rate)
+def test_trees_of_people_are_those_of_an_expert(person, path, least):
+    take, truth = person(path)
     limbs = find_limbs(take)
     shares = [truth["allowed"][limbs.markers_of(limb)].sum(axis=0) for limb in range(limbs.n_limbs)]
     bodies = [np.flatnonzero(share == share.max()).tolist() for share in shares]
@@ -105,13 +114,10 @@ def test_knees_and_ankles_of_a_squat_in_clusters_are_on_thighs_and_shanks(record
         assert len({of[f"{side}{name}"] for name in ("HEE", "TOE", "LatFoot")}) == 1
 
 
-def test_a_landing_that_lacks_every_seventh_marker_has_its_limbs(recording) -> None:
-    truth = np.load(recording.folder / "bodies" / "landing.truth.npz")
-    take = recording("bodies/landing.trc")
-    index = {name.split(":")[-1].strip().lower(): marker for marker, name in enumerate(take.names)}
-    kept = np.sort(np.random.default_rng(0).permutation(len(truth["labels"]))[: round(0.85 * len(truth["labels"]))])
-    taken = [index[str(truth["labels"][marker]).split(":")[-1].strip().lower()] for marker in kept]
-    limbs = find_limbs(Trajectories(take.positions[:, taken], tuple(map(str, taken)), take.rate))
+def test_a_landing_that_lacks_every_seventh_marker_has_its_limbs(person) -> None:
+    take, truth = person("landing.trc")
+    kept = np.sort(np.random.default_rng(0).permutation(take.n_markers)[: round(0.85 * take.n_markers)])
+    limbs = find_limbs(Trajectories(take.positions[:, kept], tuple(take.names[one] for one in kept), take.rate))
     shares = [truth["allowed"][kept][limbs.markers_of(limb)].sum(axis=0) for limb in range(limbs.n_limbs)]
     assert sum(share.max() for share in shares) / len(kept) > LEAST_PURITY
 

@@ -8,7 +8,7 @@ from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.place_matching import nearest_places, worn_places
-from skelgen.stages.limbs.worn_places import Believed, believed_wear, segment_odds, worn_odds
+from skelgen.stages.limbs.worn_places import Believed, Wear, believed_wear, segment_odds, worn_odds
 from skelgen.stages.limbs.worn_sets import (
     HALVES,
     LEAST_OF_HALF,
@@ -144,10 +144,10 @@ def test_single_places_are_believed_where_both_markers_fit() -> None:
     misfits[:3] = 0.5
     every = np.arange(n_markers)
     spread = np.argsort(places.segments, kind="stable")[np.linspace(0, len(places.segments) - 1, n_markers).astype(int)]
-    belief = Believed(Match(every, spread, misfits, 1.0), places, 0.0).of_pairs(n_markers)
+    belief = Wear((), Believed(Match(every, spread, misfits, 1.0), places, 0.0), 0.0).of_places(n_markers)
     assert (belief[:3, :3] == 1.0).all() and not belief[3:].any() and not belief[:, 3:].any()
     few = Believed(Match(every, np.repeat(spread[:1], n_markers), misfits, 1.0), places, 0.0)
-    assert not few.of_pairs(n_markers).any()
+    assert not Wear((), few, 0.0).of_places(n_markers).any()
 
 
 def test_motion_chooses_among_readings_that_fit_nearly_alike() -> None:

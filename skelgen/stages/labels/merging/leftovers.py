@@ -43,7 +43,7 @@ LASTING = 25
 """Frames that false points hardly last: a track of so many is a marker, of those known or another one."""
 
 TRACKS_AT_ONCE = 500
-"""Tracks that are compared with all markers at once."""
+"""Tracks, or pieces of them, that are compared with all markers at once."""
 
 
 def label_leftovers(
@@ -196,9 +196,6 @@ SHORTEST = 4
 MOMENTS = 8
 """Moments of a piece whose distances are compared, evenly spread."""
 
-PIECES_AT_ONCE = 500
-"""Pieces that are compared with all markers at once."""
-
 
 def move_pieces(
     cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float, fixed: Bools
@@ -227,8 +224,8 @@ def move_pieces(
     frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
     laws, result = usual_distances(sums, spacing), marker_of_point.copy()
     moves: list[tuple[float, int, int]] = []
-    for first in range(0, len(moments), PIECES_AT_ONCE):
-        some = moments[first : first + PIECES_AT_ONCE]
+    for first in range(0, len(moments), TRACKS_AT_ONCE):
+        some = moments[first : first + TRACKS_AT_ONCE]
         gain, other = _best_others(cloud, marker_of_point, frame, some, laws, spacing)
         found = np.flatnonzero(gain >= MOVED)
         moves += zip(gain[found].tolist(), some[found, 0].tolist(), other[found].tolist(), strict=True)
