@@ -69,7 +69,11 @@ SURE_SEGMENTS, SURE_COUNTS = ("chest", "head"), 0.7
 to misfits of 2, on a pelvis up to 1, on arms and shanks up to .8. Counted less, arms held out become a chest."""
 
 SOME_AT_PLACES, NONE_AT_PLACES = 1.26, 1.33
-"""Misfit of all up to which single places are believed, and from which none is: animals have 1.33 and more."""
+"""Misfit of all up to which single places are believed, and from which none is: animals have 1.25 and more."""
+
+SOME_BORNE_OUT, NONE_BORNE_OUT = 0.6, 0.52
+"""Part of the pairs on one segment that motion does not contradict, from which single places are believed, and below
+which none is: of 40 animals two have more, and of these misfits; people .61 and more."""
 
 ENOUGH_SEGMENTS = 10
 """Segments with markers, from which single places are believed: half a body may fit other parts in another size."""
@@ -99,11 +103,14 @@ class Believed:
         The set, or all places.
     belief : float
         How far to believe it, 0 to 1.
+    single : float
+        How far to believe it of single markers that fit well, 0 to 1.
     """
 
     match: Match
     worn: WornSet
     belief: float
+    single: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +156,9 @@ class Wear:
 def _belief_in_pairs(places: Believed, n_markers: int) -> Floats:
     """How far to believe in the places of each two markers, shape (n_markers, n_markers): more where both fit well."""
     fits, segments = np.zeros(n_markers), places.worn.segments[places.match.of_set]
-    if n_markers >= ENOUGH_MARKERS and len(np.unique(segments)) >= ENOUGH_SEGMENTS:
-        counts = np.where(np.isin(segments, _sure_segments()), SURE_COUNTS, 1.0)
-        fits[places.match.markers] = part_of(counts * places.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
-        fits *= part_of(places.match.misfit, SOME_AT_PLACES, NONE_AT_PLACES)
-    return np.maximum(places.belief, np.minimum(fits[:, np.newaxis], fits))
+    counts = np.where(np.isin(segments, _sure_segments()), SURE_COUNTS, 1.0)
+    fits[places.match.markers] = part_of(counts * places.match.misfits, PLACE_FITS, PLACE_DOES_NOT)
+    return np.maximum(places.belief, places.single * np.minimum(fits[:, np.newaxis], fits))
 
 
 def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
@@ -251,9 +256,13 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
         return None
     match, places = nearest_places(shape_of(positions), sets[:STARTS], by_motion)
     beyond_doubt = part_of(match.misfit, PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL)
-    agreed = part_of(agreement(match, places, by_motion), PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT)
-    may_be = part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) if len(by_motion) >= ENOUGH_MARKERS else beyond_doubt
-    return Believed(match, places, float(may_be * np.maximum(agreed, beyond_doubt)))
+    agreed = agreement(match, places, by_motion)
+    borne_out = np.maximum(part_of(agreed, PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT), beyond_doubt)
+    if len(by_motion) < ENOUGH_MARKERS:
+        return Believed(match, places, float(beyond_doubt * borne_out))
+    some = part_of(match.misfit, SOME_AT_PLACES, NONE_AT_PLACES) * part_of(agreed, SOME_BORNE_OUT, NONE_BORNE_OUT)
+    single = float(some) if len(np.unique(places.segments[match.of_set])) >= ENOUGH_SEGMENTS else 0.0
+    return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), single)
 
 
 def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:

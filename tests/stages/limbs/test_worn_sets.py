@@ -1,14 +1,17 @@
 """Marker sets, and places of markers where no known set is worn, are told by the distances of markers alone."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from skelgen.benchmark.people import simulated_animal
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.place_matching import nearest_places, worn_places
-from skelgen.stages.limbs.worn_places import Believed, Wear, believed_wear, segment_odds, worn_odds
+from skelgen.stages.limbs.worn_places import Believed, Wear, believed_places, believed_wear, segment_odds, worn_odds
 from skelgen.stages.limbs.worn_sets import (
     HALVES,
     LEAST_OF_HALF,
@@ -144,10 +147,19 @@ def test_single_places_are_believed_where_both_markers_fit() -> None:
     misfits[:3] = 0.5
     every = np.arange(n_markers)
     spread = np.argsort(places.segments, kind="stable")[np.linspace(0, len(places.segments) - 1, n_markers).astype(int)]
-    belief = Wear((), Believed(Match(every, spread, misfits, 1.0), places, 0.0), 0.0).of_places(n_markers)
+    single = Believed(Match(every, spread, misfits, 1.0), places, 0.0, 1.0)
+    belief = Wear((), single, 0.0).of_places(n_markers)
     assert (belief[:3, :3] == 1.0).all() and not belief[3:].any() and not belief[:, 3:].any()
-    few = Believed(Match(every, np.repeat(spread[:1], n_markers), misfits, 1.0), places, 0.0)
-    assert not Wear((), few, 0.0).of_places(n_markers).any()
+    assert not Wear((), replace(single, single=0.0), 0.0).of_places(n_markers).any()
+
+
+def test_no_place_is_believed_on_animals_not_even_a_single_one() -> None:
+    for seed in (2, 14):  # whose distances fit places as those of some people do
+        case, *_ = simulated_animal(seed)
+        positions = np.asarray(case.take.positions)
+        places = believed_places(positions, log_odds(positions))
+        assert places is not None and places.match.misfit < 1.33  # as people have
+        assert places.belief == places.single == 0.0
 
 
 def test_motion_chooses_among_readings_that_fit_nearly_alike() -> None:
