@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+BENCHMARKS = Path(__file__).with_name("benchmarks")
 STAGES = PYPROJECT.parent / "skelgen" / "stages"
 
 
@@ -39,3 +40,27 @@ def test_a_stage_uses_another_by_its_public_functions_only():
         if len(module) > 1 and module[0] not in {path.relative_to(STAGES).parts[0], "classic"}
     ]
     assert not private
+
+
+def test_benchmarks_import_what_stands_in_the_scripts_beside_them():
+    scripts = {path.stem: ast.parse(path.read_text()) for path in BENCHMARKS.glob("*.py")}
+    imports = [
+        (name, node.module, one.name)
+        for name, tree in scripts.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module in scripts
+        for one in node.names
+    ]
+    assert imports
+    assert [one for one in imports if one[2] not in _names_in(scripts[one[1]])] == []
+
+
+def _names_in(tree):
+    """What a script assigns, defines or imports."""
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.ImportFrom):
+            names |= {one.asname or one.name for one in node.names}
+    return names

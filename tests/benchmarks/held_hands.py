@@ -12,7 +12,8 @@ import sys
 from collections.abc import Iterator
 
 import numpy as np
-from people import LEAST_TREE, LENGTHS, NOISE, PLACED, RATE, Person, reconstruct, scores
+from learn_sets import NOISE
+from people import LEAST_TREE, LENGTHS, PLACED, RATE, Person, reconstruct, scores
 from scipy.spatial.transform import Rotation
 from shown import show, show_machine
 
