@@ -1,9 +1,10 @@
 """Learn skelgen/stages/limbs/tables/worn_*.npz, shapes of marker sets: ``python tests/benchmarks/learn_sets.py``.
 
 Each set is worn by simulated people of all sizes, with soft tissue as measured, in all natural motions and in random
-motions about any posture. Kept are means of the logarithms of distances and of how much they vary, and standard
-deviations between people, with what simulation does not vary: where exactly a marker is stuck. The same of all places
-that markers are stuck at, whatever the set.
+motions about any posture. Kept are means of the logarithms of distances and of how much they vary, standard deviations
+between people, with what simulation does not vary: where exactly a marker is stuck; principal components, which are
+what posture and proportions do, and what these leave. The same of all places that markers are stuck at, whatever the
+set.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import skelgen.stages.limbs.worn_sets as module
+from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats
 from skelgen.simulation import Structure
 from skelgen.simulation.markers import carried_markers
@@ -30,7 +32,7 @@ from skelgen.simulation.people import (
 )
 from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
-N_PEOPLE, N_PEOPLE_OF_PLACES = 60, 40  # in each set, and in all places at once
+N_PEOPLE, N_WAYS = 300, 12  # in each set, and in all places at once; principal components that are kept
 FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)
 POSTURES = {"upper arm": 1.6, "forearm": 1.2, "thigh": 0.8, "shank": 1.0}  # ranges of offsets, in amplitudes
@@ -47,42 +49,52 @@ def main() -> None:
 
 
 def sets() -> dict[str, np.ndarray]:
-    """Shapes of all sets, and of those of their halves that have enough markers."""
+    """What is learned of all sets, and which of their markers are on half a body, where these are enough."""
     table = {}
     for marker_set in (*MARKER_SETS, *LABORATORY_SETS):
-        people = np.array([_person_in_any_posture(marker_set, number).tables for number in range(N_PEOPLE)])
-        someone = person(marker_set, 0.0, np.random.default_rng(0)).worn
-        segments = someone.limb_of_marker
-        table |= {f"{marker_set}/{name}": values for name, values in learned(people).items()}
-        table[f"{marker_set}/markers"] = np.array(someone.marker_names)
-        table[f"{marker_set}/segments"] = segments.astype(np.uint8)
-        for half, names in module.HALVES.items():
-            taken = np.flatnonzero(np.isin(np.array(someone.limb_names)[segments], names))
+        table |= learned(marker_set, people_in(marker_set))
+        segments = table[f"{marker_set}/segments"]
+        names = np.array(person(marker_set, 0.0, np.random.default_rng(0)).worn.limb_names)[segments]
+        for half, of_half in module.HALVES.items():
+            taken = np.flatnonzero(np.isin(names, of_half))
             if module.LEAST_OF_HALF <= len(taken) < len(segments):
-                found = learned(people[:, :, taken][..., taken]) | {"taken": taken.astype(np.uint8)}
-                table |= {f"{marker_set}/{half}/{name}": values for name, values in found.items()}
+                table[f"{marker_set}/{half}"] = taken.astype(np.uint8)
         print(marker_set, len(segments), flush=True)
     return table
 
 
-def learned(people: Floats) -> dict[str, np.ndarray]:
-    """The mean and the spread of shapes of people, over the usual distance of their markers."""
-    people = people.copy()
-    people[:, 0] -= np.nanmedian(people[:, 0], axis=(1, 2), keepdims=True)
-    least = np.array([STUCK, MOVED])[:, np.newaxis, np.newaxis]
-    spread = np.sqrt(people.var(axis=0) + least**2)
-    return {"mean": people.mean(axis=0).astype(np.float16), "spread": spread.astype(np.float16)}
-
-
 def places() -> dict[str, np.ndarray]:
-    """The shape of all places at once, the same on both sides."""
-    people = np.array([_person_in_any_posture(EVERY_PLACE, number).tables for number in range(N_PEOPLE_OF_PLACES)])
-    someone = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn
+    """What is learned of all places at once, the same on both sides."""
+    people = people_in(EVERY_PLACE)
     other = {"L ": "R ", "R ": "L "}
-    names = someone.marker_names
+    names = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn.marker_names
     mirrored = np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
-    found = learned(np.concatenate([people, people[:, :, mirrored][..., mirrored]]))
-    return found | {"markers": np.array(names), "segments": someone.limb_of_marker.astype(np.uint8)}
+    return learned(EVERY_PLACE, np.concatenate([people, people[:, :, mirrored][..., mirrored]]))
+
+
+def people_in(marker_set: str) -> Floats:
+    """Shapes of people in a set, shape (n_people, 2, n_markers, n_markers)."""
+    return np.array([_person_in_any_posture(marker_set, number).tables for number in range(N_PEOPLE)], dtype=np.float32)
+
+
+def learned(marker_set: str, people: Floats) -> dict[str, np.ndarray]:
+    """Of pairs of markers mean and spread over people, the ways in which they vary together, and what these leave."""
+    first, second = np.triu_indices(people.shape[2], 1)
+    pairs = people[:, :, first, second].astype(np.float64)
+    pairs[:, 0] -= np.median(pairs[:, 0], axis=1, keepdims=True)
+    least = np.array([STUCK, MOVED])[:, np.newaxis]
+    mean, weight = pairs.mean(axis=0), least / np.sqrt([[1.0], [MOTION_WEIGHT]])
+    off = ((pairs - mean) / weight).reshape(len(pairs), -1)
+    scores, sizes, ways = np.linalg.svd(off, full_matrices=False)
+    rest = (off - (scores[:, :N_WAYS] * sizes[:N_WAYS]) @ ways[:N_WAYS]).reshape(pairs.shape) * weight
+    ways = (sizes[:N_WAYS, np.newaxis] / np.sqrt(len(pairs)) * ways[:N_WAYS]).reshape(N_WAYS, *mean.shape) * weight
+    spread, left = (np.sqrt(one.var(axis=0) + least**2) for one in (pairs, rest))
+    arrays = zip(module.LEARNED, (mean, spread, ways, left), strict=True)
+    someone = person(marker_set, 0.0, np.random.default_rng(0)).worn
+    table = {f"{marker_set}/{name}": values.astype(np.float16) for name, values in arrays}
+    table[f"{marker_set}/markers"] = np.array(someone.marker_names)
+    table[f"{marker_set}/segments"] = someone.limb_of_marker.astype(np.uint8)
+    return table
 
 
 def _person_in_any_posture(marker_set: str, number: int) -> Shape:

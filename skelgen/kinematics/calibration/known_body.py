@@ -50,12 +50,15 @@ class KnownBody:
         Of the segments, -1 for the root.
     joints : ndarray, shape (n_segments, 3), mm
         Origins of the segments, which are their joints to their parents, in the parents' frames.
+    misplaced : float, mm
+        Standard deviation of a coordinate of a marker from its place.
     """
 
     segments: Ints
     offsets: Floats
     parents: Ints
     joints: Floats
+    misplaced: float = MISPLACED
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +75,22 @@ class KnownLimb:
         The same points in the segment's frame.
     n_markers : int
         How many of them, the first, are markers.
+    misplaced : float, mm
+        Standard deviation of a coordinate of a marker from its place.
     """
 
     limb: int
     rows: Ints
     expected: Floats
     n_markers: int
+    misplaced: float
 
     @cached_property
     def deviations(self) -> Floats:
         """Standard deviations of the points [mm]."""
-        return np.asarray(
-            np.hypot(MISPLACED, UNLIKE * np.linalg.norm(self.expected - self.expected.mean(axis=0), axis=1))
-        )
+        away = np.linalg.norm(self.expected - self.expected.mean(axis=0), axis=1)
+        misplaced = np.where(np.arange(len(away)) < self.n_markers, self.misplaced, MISPLACED)
+        return np.asarray(np.hypot(misplaced, UNLIKE * away))
 
     @property
     def fixes_turn(self) -> bool:
@@ -127,7 +133,7 @@ def known_limbs(chain: Chain, body: KnownBody) -> list[KnownLimb]:
             elif other >= 0 and body.parents[own] == other:
                 rows.append(row)
                 expected.append(np.zeros(3))
-        found.append(KnownLimb(limb, np.array(rows), np.array(expected), len(markers)))
+        found.append(KnownLimb(limb, np.array(rows), np.array(expected), len(markers), body.misplaced))
     return found
 
 

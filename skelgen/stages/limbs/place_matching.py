@@ -8,7 +8,8 @@ move as one limb.
 """
 
 from collections.abc import Sequence
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +17,20 @@ import numpy as np
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.people import EVERY_PLACE, worn_markers
-from skelgen.stages.limbs.worn_sets import WITHOUT_PARTNER, Match, misfits_of
+from skelgen.stages.limbs.set_matching import Match, in_posture, misfits_in_posture
+from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
-ROUNDS = 12
-"""Of a search from each beginning."""
+AT_NO_PLACE = 1.5
+"""Cost of a marker that is at none of these places, in the search."""
 
-WIDE = 0.5
-"""Weight of the spread of a place's distances as a cost: a place with wide spreads fits any marker."""
+LEFT_OUT = 3.0
+"""The same in the misfit of all: half an animal may be at places, of people nine markers in ten are."""
 
 ONE_SIDED = 0.2
 """Cost of a place that is taken while its mirror image is free."""
 
-MOTION_COUNTS = 0.5
+MOTION_COUNTS = 0.75
 """Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
 
 
@@ -36,8 +38,7 @@ MOTION_COUNTS = 0.5
 def worn_places() -> WornSet:
     """Return the shape of all places at once."""
     with np.load(Path(__file__).with_name("tables") / "worn_places.npz") as table:
-        mean, spread = (Shape(*table[name].astype(np.float64)) for name in ("mean", "spread"))
-        return WornSet(EVERY_PLACE, mean, spread, table["segments"].astype(np.intp), tuple(table["markers"].tolist()))
+        return set_of_table(EVERY_PLACE, {key: table[key] for key in table.files})
 
 
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
@@ -52,54 +53,45 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb by what each pair does.
     """
-    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
-
-    best, visited = None, set()
+    found = []
     for match, worn in sets:
-        markers, taken = match.markers, _places_of(worn)[match.of_set]
-        for _ in range(ROUNDS):
-            matched = markers.tobytes() + taken.tobytes()
-            if matched in visited:  # another search went on from here, or this one stands still
-                break
-            visited.add(matched)
-            misfits, costs = misfits_and_costs(shape, markers, taken, by_motion)
-            cost = float(costs[markers, taken].mean())
-            if best is None or cost < best[0]:
-                best = cost, markers, taken, misfits[markers, taken]
-            markers, taken = linear_sum_assignment(costs)
-    assert best is not None
-    _, markers, taken, misfits = best
-    left_over = WITHOUT_PARTNER * (1.0 - len(markers) / len(shape.distances))
-    return Match(markers, taken, misfits, float(misfits.mean()) + left_over), worn_places()
+        start = replace(match, of_set=_places_of(worn)[match.of_set])
+        found.append(in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion)))
+    best, _ = min(found, key=lambda one: one[1])
+    left_out = 1.0 - len(best.markers) / len(shape.distances)
+    return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
 
 
-def misfits_and_costs(shape: Shape, markers: Ints, taken: Ints, by_motion: Floats) -> tuple[Floats, Floats]:
-    """Return the misfit of each marker's distances at each place, and the whole cost, shapes (n_markers, n_places).
+def _beside_misfits(by_motion: Floats, markers: Ints, taken: Ints) -> Floats:
+    """What each place costs for each marker beside its misfit, shape (n_markers, n_places)."""
+    places, others = worn_places(), max(len(taken) - 1, 1)
+    alike = places.segments[taken, np.newaxis] == places.segments
+    costs = _wide()[:, taken].sum(axis=1) / others - 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
+    return np.asarray(costs + ONE_SIDED * ~np.isin(mirror_images(), taken))
+
+
+def costs_of_places(shape: Shape, match: Match, by_motion: Floats) -> Floats:
+    """Return what each place costs for each marker, beside markers that are at places, shape (n_markers, n_places).
 
     Parameters
     ----------
     shape : Shape
         Of the take.
-    markers, taken : ndarray of intp, shape (n_matched,)
-        Markers to which distances are compared, and the places that they are taken for.
+    match : Match
+        Markers at places.
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb by what each pair does.
     """
-    places = worn_places()
-    others = max(len(taken) - 1, 1)
-    misfits = misfits_of(shape, places, markers, taken)
-    costs = misfits + _wide()[:, taken].sum(axis=1) / others
-    alike = places.segments[taken, np.newaxis] == places.segments
-    costs -= 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
-    return misfits, costs + ONE_SIDED * ~np.isin(mirror_images(), taken)
+    misfits = misfits_in_posture(shape, worn_places(), match.markers, match.of_set)
+    return misfits + _beside_misfits(by_motion, match.markers, match.of_set)
 
 
 @cache
 def _wide() -> Floats:
-    """Cost of the spread of the distances of each place, shape (n_places, n_places)."""
-    spread = worn_places().spread
-    wide = 2.0 * np.log(spread.distances) + 2.0 * MOTION_WEIGHT * np.log(spread.motions)
-    return np.asarray(WIDE * np.nan_to_num(wide - np.nanmedian(wide)))
+    """Cost of the spread of the distances of each place, as of normal variables, shape (n_places, n_places)."""
+    of_distances, of_motions = 2.0 * np.log(worn_places().postures.spread)
+    wide = of_distances + MOTION_WEIGHT * of_motions
+    return np.asarray(np.nan_to_num(wide - np.nanmedian(wide)))
 
 
 @cache

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from skelgen.kinematics.calibration.known_body import KnownBody
+from skelgen.kinematics.calibration.known_body import MISPLACED, KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.worn_places import Believed, believed_wear, worn_set
-from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, Match, belief_in_set, part_of
+from skelgen.stages.limbs.set_matching import Match
+from skelgen.stages.limbs.worn_places import Believed, believed_wear, sure_places, worn_set
+from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, belief_in_set, part_of
 from skelgen.stages.limbs.worn_shapes import WornSet
 
 AGREED = 0.8
@@ -21,6 +22,9 @@ LOOKED_AT = 30
 
 ENOUGH = 5
 """Markers of the trunk that a frame must show."""
+
+BESIDE_PLACE = 30.0
+"""mm; standard deviation of a coordinate of a marker from the usual place next to it, in a set that is not known."""
 
 MOST_OF_LIMB = 0.6
 """A limb is a segment if at least this part of its markers is on that segment."""
@@ -49,7 +53,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
-    """Return what is known of a body by the set that it wears; None if it wears none that is known.
+    """Return what is known of a body by the set that it wears, or else by where its markers are; None if nothing is.
 
     Parameters
     ----------
@@ -58,7 +62,9 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     limb_of_marker : ndarray of intp, shape (n_markers,)
         The limb of each.
     """
-    found = _set_of_limbs(positions, limb_of_marker)
+    found, misplaced = _on_limbs(worn_set(positions), limb_of_marker), MISPLACED
+    if found is None:
+        found, misplaced = _on_limbs(sure_places(positions), limb_of_marker), BESIDE_PLACE
     if found is None:
         return None
     match, worn, together = found
@@ -72,15 +78,14 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     segment_of_marker[match.markers[fits]] = segments[fits]
     places[match.markers] = size * mirror * offsets
     joints = np.array([limb.joint for limb in person.limbs])
-    return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints)
+    return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints, misplaced)
 
 
-def _set_of_limbs(positions: Floats, limb_of_marker: Ints) -> tuple[Match, WornSet, np.ndarray] | None:
-    """The set that is worn, how it fits, and which pairs of its markers are on one limb and one segment.
+def _on_limbs(found: tuple[Match, WornSet] | None, limb_of_marker: Ints) -> tuple[Match, WornSet, np.ndarray] | None:
+    """What is worn, how it fits, and which pairs of its markers are on one limb and one segment.
 
-    None if none is believed in full, or limbs are not its segments.
+    None if nothing is believed in full, or limbs are not its segments.
     """
-    found = worn_set(positions)
     if found is None:
         return None
     match, worn = found
@@ -107,7 +112,7 @@ def markers_of_set(positions: Floats, limb_of_marker: Ints) -> tuple[str, tuple[
     is_whole : bool
         Whether all markers of the set are there and no others.
     """
-    found = _set_of_limbs(positions, limb_of_marker)
+    found = _on_limbs(worn_set(positions), limb_of_marker)
     if found is None:
         return None
     match, worn, _ = found

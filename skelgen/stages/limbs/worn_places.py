@@ -13,7 +13,8 @@ import numpy as np
 
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.people import EVERY_PLACE, usual_person
-from skelgen.stages.limbs.place_matching import mirror_images, misfits_and_costs, nearest_places
+from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
+from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
     DOUBTFUL,
@@ -23,7 +24,6 @@ from skelgen.stages.limbs.worn_sets import (
     NEARLY,
     STRENGTH,
     WORN,
-    Match,
     agreement,
     belief_in_set,
     fitting_sets,
@@ -56,32 +56,34 @@ MISTAKEN = 0.03
 MIRRORED = 0.5
 """Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
 
-AT_PLACES, NOT_AT_PLACES = 1.0, 1.3
-"""Misfit up to which places are believed, and from which they are not at all: people's is .3 to 1.2, animals' 1.4."""
+AT_PLACES, NOT_AT_PLACES = 0.9, 1.2
+"""Misfit up to which places are believed, and from which they are not at all: people's is .1 to 1.1, animals' 1.5 and
+more."""
 
-PLACE_FITS, PLACE_DOES_NOT = 0.8, 1.2
-"""The same of a single place, beyond what is believed of all: arms may be mistaken, and legs right. Of pairs of markers
-that both fit so well .93 of those on one segment, and .998 of those on two, are right on people in sets that are not
-known."""
+PLACE_FITS, PLACE_DOES_NOT = 1.0, 1.4
+"""The same of a single place, beyond what is believed of all: arms may be mistaken, and legs right. On people in sets
+that are not known .94 and more of the pairs of markers that fit so well are rightly on one segment."""
 
 SURE_SEGMENTS, SURE_COUNTS = ("chest", "head"), 0.7
-"""Segments whose markers are seldom mistaken, and how much their misfits count: .95 of the pairs on them are right up
-to misfits of 2, on a pelvis up to 1, on arms and shanks up to .8. Counted less, arms held out become a chest."""
+"""Segments whose markers are seldom mistaken, and how much their misfits count."""
 
-SOME_AT_PLACES, NONE_AT_PLACES = 1.26, 1.33
-"""Misfit of all up to which single places are believed, and from which none is: animals have 1.25 and more."""
+WELL = 0.5
+"""Misfit of a marker that fits its place well."""
 
-SOME_BORNE_OUT, NONE_BORNE_OUT = 0.6, 0.52
-"""Part of the pairs on one segment that motion does not contradict, from which single places are believed, and below
-which none is: of 40 animals two have more, and of these misfits; people .61 and more."""
+SOME_FIT, NONE_FIT = 0.33, 0.22
+"""Part of all markers that fit well, from which single places are believed, and below which none is: people have .34
+and more in any posture, animals and trees .2 and less."""
 
-ENOUGH_SEGMENTS = 10
-"""Segments with markers, from which single places are believed: half a body may fit other parts in another size."""
+ENOUGH_SEGMENTS = 8
+"""Segments with markers, from which single places are believed: part of a body may fit other parts in another size."""
 
-PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.5, 0.6
+SURE_PLACES = 0.75
+"""Misfit up to which places say where joints lie."""
+
+PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.55, 0.7
 """Misfit up to which no motion contradicts places, and few markers are enough; and from which it may, and they are not.
-Of people in sets that are not known 94 to 100 % of the pairs are right up to .5, of legs alone as well. Bodies of the
-simulation that are nobody's have .66 to .9."""
+Of people in sets that are not known 94 to 100 % of the pairs are right up to .5, 88 % and more up to .7, also of legs
+alone. People with markers anywhere on their limbs have .6 and more, of whose pairs 70 % are right."""
 
 SET_FITS, PLACES_FIT_BETTER = 0.4, 0.6
 """By how much a set's misfit may be larger than that of places and the set be worn, and from where it is not: people
@@ -229,18 +231,30 @@ def worn_set(positions: Floats) -> tuple[Match, WornSet] | None:
         NaN where unseen.
     """
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _worn_set(shown.tobytes(), shown.shape)
+    return _worn(shown.tobytes(), shown.shape)[0]
+
+
+def sure_places(positions: Floats) -> tuple[Match, WornSet] | None:
+    """Return the usual places at which markers are and how they fit, or None if they do not fit so well beyond doubt.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    return _worn(shown.tobytes(), shown.shape)[1]
 
 
 @lru_cache(maxsize=4)
-def _worn_set(shown: bytes, n: tuple[int, ...]) -> tuple[Match, WornSet] | None:
-    """The same, found once for the frames that are looked at: names and joints both ask for it."""
+def _worn(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet] | None, tuple[Match, WornSet] | None]:
+    """The set and the places, found once for the frames that are looked at: names and joints both ask for them."""
     positions = np.frombuffer(shown).reshape(n)
-    best = nearest_set(positions)
-    if best is None or best[0].misfit > WORN:
-        return None
-    places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
-    return None if places is not None and _doubt(best[0], places.match) == 1.0 else best
+    best, places = nearest_set(positions), believed_places(positions, np.zeros((positions.shape[1],) * 2))
+    is_doubted = best is not None and places is not None and _doubt(best[0], places.match) == 1.0
+    is_set = best is not None and best[0].misfit <= WORN and not is_doubted
+    are_sure = places is not None and n[1] >= ENOUGH_MARKERS and places.match.misfit < SURE_PLACES
+    return best if is_set else None, (places.match, places.worn) if places is not None and are_sure else None
 
 
 def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
@@ -260,7 +274,7 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
     borne_out = np.maximum(part_of(agreed, PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT), beyond_doubt)
     if len(by_motion) < ENOUGH_MARKERS:
         return Believed(match, places, float(beyond_doubt * borne_out))
-    some = part_of(match.misfit, SOME_AT_PLACES, NONE_AT_PLACES) * part_of(agreed, SOME_BORNE_OUT, NONE_BORNE_OUT)
+    some = part_of((match.misfits < WELL).sum() / len(by_motion), SOME_FIT, NONE_FIT)
     single = float(some) if len(np.unique(places.segments[match.of_set])) >= ENOUGH_SEGMENTS else 0.0
     return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), single)
 
@@ -277,7 +291,7 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    _, costs = misfits_and_costs(shape, places.match.markers, places.match.of_set, by_motion)
+    costs = costs_of_places(shape, places.match, by_motion)
     likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
     likely /= likely.sum(axis=1, keepdims=True)
     on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]

@@ -4,24 +4,24 @@ Where soft tissue hides a joint, as of a wrist that carries two markers and a ha
 not tell limbs apart. But people wear the sets of their field, and a set has a shape: the usual distance of each two of
 its markers, and how much it varies, learned from simulated people of all sizes in natural motions and any posture
 (``tables/worn_sets.npz``, made by tests/benchmarks/learn_sets.py). Markers are assigned to those of a set so that all
-distances fit best. How well they do, and how few of the set's pairs move as two limbs, says how far to believe the set:
-log odds that two markers share a limb, which add to what the pair itself says. Where several ways to read the markers
-fit about as well, each has a part of the word.
+distances fit best, in the posture that the person takes (`set_matching`). How well they do, and how few of the set's
+pairs move as two limbs, says how far to believe the set: log odds that two markers share a limb, which add to what the
+pair itself says. Where several ways to read the markers fit about as well, each has a part of the word.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import MOTION_WEIGHT, misfits_to_set
 from skelgen.model.arrays import Floats, Ints, spread_frames
-from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
+from skelgen.stages.limbs.set_matching import SURE, Match, in_posture, matches
+from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of, square_of_pairs
 
 SIZES = (0.75, 1.33)
 """Of the number of a set's markers: a take with fewer or more does not wear it."""
@@ -29,26 +29,21 @@ SIZES = (0.75, 1.33)
 SIZES_OF_HALF = (0.75, 1.1)
 """The same of half a set: who wears half wears hardly anything else."""
 
-OUTLINE_SPREAD = 0.15, 0.5
-"""Standard deviations of these, and of those of how much the distances vary."""
-
-START_WEIGHT = 2.0
-"""How much the distances to one pair of markers count beside the outlines, at the beginning of a search."""
-
-SEARCHES, ROUNDS = 12, 10
-"""Beginnings that are tried for each set, and rounds of each."""
-
 FIRST_SEARCHES, PROMISING = 3, 0.7
 """Searches after which a set whose misfit is so much larger than the best one's is given up: of 66 people, the sets
 that fit nearly best in the end are behind by .45 at most by then, and by .28 and less of all but two."""
 
-WITHOUT_PARTNER = 2.0
-"""Cost of a marker of the take, or of the set, that has no partner."""
+STARTS, STARTING = 3, 0.45
+"""Readings of each set by its usual distances from which postures are looked for, and how much worse than the best."""
 
-WORN, NOT_WORN = 1.3, 1.6
-"""Misfit up to which a set is believed, and from which it is not at all."""
+OF_NO_SET, MISSING = 3.0, 1.5
+"""Costs of a marker of the take that is none of the set, and of one of the set that the take lacks."""
 
-BEYOND_DOUBT, DOUBTFUL = 0.6, 1.0
+WORN, NOT_WORN = 1.2, 1.45
+"""Misfit up to which a set is believed, and from which it is not at all: people in known sets have .1 to 1.3, in any
+posture, of whose pairs .98 are right and more."""
+
+BEYOND_DOUBT, DOUBTFUL = 0.5, 0.8
 """Misfit up to which no motion contradicts a set, and from which it may."""
 
 MARKER_FITS, MARKER_DOES_NOT = 1.5, 3.0
@@ -64,14 +59,14 @@ AGREED, NOT_AGREED = 0.75, 0.6
 """Part of the set's pairs that are not contradicted: from the first on it is believed, below the second not at all.
 Of simulated people in sets that are known, all of whose pairs are right, it is .73 and more."""
 
-STRANGE, TOO_STRANGE = 1.8, 2.1
-"""Misfit up to which a set is believed that motion bears out, and from which it is not: people take postures that the
-simulation does not, as in a landing with both arms held out (1.1 to 1.7). Animals and trees have 2.0 and more, people
-with markers anywhere on their limbs 1.2 to 1.8, which motion does not bear out."""
+STRANGE, TOO_STRANGE = 1.45, 1.6
+"""Misfit up to which a set is believed that motion bears out, and from which it is not: it is another one that is
+alike in most. Animals and trees have 1.9 and more, people with markers anywhere on their limbs 1.2 to 1.6, which motion
+does not bear out."""
 
-BORNE_OUT, NOT_BORNE_OUT = 0.85, 0.75
-"""Part of the pairs of such a set that are not contradicted: of people whose own set was left out of the table, .77 to
-.87 of the pairs are right up to .79, and .96 and more from .85 on."""
+BORNE_OUT, NOT_BORNE_OUT = 0.9, 0.8
+"""Part of the pairs of such a set that are not contradicted: of people whose own set was left out of the table, .45 to
+.8 of the pairs are right below, and .87 and more from .9 on."""
 
 SIDES = ("left", "right")
 
@@ -81,31 +76,14 @@ HALVES = {
 }
 """Segments of half a person."""
 
+LEARNED = ("mean", "spread", "ways", "left")
+"""Arrays of a set in the table."""
+
 LEAST_OF_HALF = 15
 """Least markers of half a person: fewer fit anything."""
 
 STRENGTH = 6.0
 """Log odds of a pair of markers by a set that is believed in full."""
-
-
-@dataclass(frozen=True, eq=False)
-class Match:
-    """Markers of a take as those of a set.
-
-    Attributes
-    ----------
-    markers, of_set : ndarray of intp, shape (n_matched,)
-        Markers of the take, and of the set.
-    misfits : ndarray, shape (n_matched,)
-        Mean square of how far the distances of each are off, in standard deviations.
-    misfit : float
-        Their mean, and what is left over.
-    """
-
-    markers: Ints
-    of_set: Ints
-    misfits: Floats
-    misfit: float
 
 
 def belief_in_set(match: Match, worn: WornSet, by_motion: Floats) -> float:
@@ -190,26 +168,76 @@ def _all_readings(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
 def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
     """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
     shape = shape_of(np.frombuffer(shown).reshape(n))
-    parts = [(worn, *part) for worn in worn_sets() for part in _parts(worn, n[1])]
-    searches = [matches(shape, part) for _, _, part in parts]
+    starts, every = _starts(shape), _Readings(shape)
+    for rank in range(STARTS):
+        for part, matched in starts:
+            if rank < len(matched):
+                every.add(part, matched[rank])
+        if every.least < SURE:
+            break
+    if every.found:
+        every.add(*every.best)
+    return tuple((replace(match, of_set=part.taken[match.of_set]), part.worn) for match, part in every.sorted())
+
+
+class _Part(NamedTuple):
+    """A set, which of its markers are looked for, and the set that these are."""
+
+    worn: WornSet
+    taken: Ints
+    part: WornSet
+
+
+class _Readings:
+    """Ways to read the markers of a take in the posture that a person takes, each once."""
+
+    def __init__(self, shape: Shape) -> None:
+        self._shape = shape
+        self.found: dict[tuple[str, bytes, bytes], tuple[Match, _Part]] = {}
+
+    @property
+    def least(self) -> float:
+        """The misfit of the best."""
+        return min((match.misfit for match, _ in self.found.values()), default=np.inf)
+
+    @property
+    def best(self) -> tuple[_Part, Match]:
+        """The best."""
+        match, part = self.sorted()[0]
+        return part, match
+
+    def sorted(self) -> list[tuple[Match, _Part]]:
+        """All, the best first."""
+        return sorted(self.found.values(), key=lambda one: one[0].misfit)
+
+    def add(self, part: _Part, start: Match) -> None:
+        """Add the one that is found from a start."""
+        match, _ = in_posture(self._shape, part.part, start, OF_NO_SET)
+        missing = MISSING * (1.0 - len(match.markers) / len(part.taken))
+        key = part.worn.name, match.markers.tobytes(), part.taken[match.of_set].tobytes()
+        self.found[key] = replace(match, misfit=match.misfit + missing), part
+
+
+def _starts(shape: Shape) -> list[tuple[_Part, list[Match]]]:
+    """Where searches by usual distances end that fit nearly best, the best of each set first."""
+    parts = [part for worn in worn_sets() for part in _parts(worn, len(shape.distances))]
+    searches = [matches(shape, part.part) for part in parts]
     found = [list(islice(search, FIRST_SEARCHES)) for search in searches]
     best = min((one.misfit for matched in found for one in matched), default=np.inf)
     for search, matched in zip(searches, found, strict=True):
         if min(one.misfit for one in matched) < best + PROMISING:
             matched.extend(search)
-    every = [
-        (replace(match, of_set=taken[match.of_set]), worn)
-        for (worn, taken, _), matched in zip(parts, found, strict=True)
-        for match in matched
-    ]
-    return tuple(sorted(every, key=lambda one: one[0].misfit))
+        matched.sort(key=lambda one: one.misfit)
+    best = min((matched[0].misfit for matched in found), default=np.inf)
+    near = ([one for one in matched if one.misfit < best + STARTING] for matched in found)
+    return list(zip(parts, near, strict=True))
 
 
-def _parts(worn: WornSet, n_markers: int) -> list[tuple[Ints, WornSet]]:
+def _parts(worn: WornSet, n_markers: int) -> list[_Part]:
     """A set and its halves, those that have about as many markers as the take."""
     halves = worn.halves if n_markers >= LEAST_OF_HALF else ()
     sized = [((np.arange(len(worn.segments)), worn), SIZES), *((half, SIZES_OF_HALF) for half in halves)]
-    return [part for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
+    return [_Part(worn, *part) for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
 
 
 @cache
@@ -217,96 +245,24 @@ def worn_sets() -> tuple[WornSet, ...]:
     """Return the shapes of all sets."""
     with np.load(Path(__file__).with_name("tables") / "worn_sets.npz") as table:
         read = {key: table[key] for key in table.files}
-    return tuple(_worn_set(name, read) for name in sorted({key.partition("/")[0] for key in read}))
+    return tuple(set_of_table(name, read) for name in sorted({key.partition("/")[0] for key in read}))
 
 
-def _worn_set(name: str, table: dict[str, np.ndarray]) -> WornSet:
-    """A set of the table, with its halves."""
-    segments, markers = table[f"{name}/segments"].astype(np.intp), table[f"{name}/markers"]
-    halves = []
-    for part in [part for part in HALVES if f"{name}/{part}/taken" in table]:
-        taken = table[f"{name}/{part}/taken"].astype(np.intp)
-        shapes = _shapes(table, f"{name}/{part}")
-        halves.append((taken, WornSet(name, *shapes, segments[taken], tuple(markers[taken].tolist()))))
-    return WornSet(name, *_shapes(table, name), segments, tuple(markers.tolist()), tuple(halves))
-
-
-def _shapes(table: dict[str, np.ndarray], key: str) -> tuple[Shape, Shape]:
-    """The mean and the spread of a set, or of half of it."""
-    mean, spread = (Shape(*table[f"{key}/{name}"].astype(np.float64)) for name in ("mean", "spread"))
-    return mean, spread
-
-
-def matches(shape: Shape, worn: WornSet) -> Iterator[Match]:
-    """Assign markers to those of a set so that their distances fit best; yield where each search ends that is new.
-
-    Each begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits the
-    last one.
+def set_of_table(name: str, table: dict[str, np.ndarray]) -> WornSet:
+    """Return a set as it was learned.
 
     Parameters
     ----------
-    shape : Shape
-        Of the take.
-    worn : WornSet
-        The set.
+    name : str
+        Of the set.
+    table : dict
+        What was learned, by the name of the set and of the array, as ``ior/mean``.
     """
-    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
-
-    outlines, visited = _outline_misfits(shape, worn.mean), set()
-    for pair in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
-        marker, of_set = divmod(pair, outlines.shape[1])
-        start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
-        start[marker] = start[:, of_set] = start.max()
-        start[marker, of_set] = 0.0
-        markers, taken = linear_sum_assignment(start)
-        ways = []
-        for _ in range(ROUNDS):
-            matched = markers.tobytes() + taken.tobytes()
-            if matched in visited:  # another search went on from here, or this one stands still
-                break
-            visited.add(matched)
-            misfits = misfits_of(shape, worn, markers, taken)
-            ways.append(_match(markers, taken, misfits))
-            markers, taken = linear_sum_assignment(misfits)
-        if ways:
-            yield min(ways, key=lambda one: one.misfit)
-
-
-def _match(markers: Ints, taken: Ints, misfits: Floats) -> Match:
-    """Markers as those of a set, with what the ones that are left over cost."""
-    of_each = misfits[markers, taken]
-    left_over = WITHOUT_PARTNER * (1 - 2 * len(markers) / sum(misfits.shape))
-    return Match(markers, taken, of_each, float(of_each.mean()) + left_over)
-
-
-def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
-    """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
-
-    Bodies are compared as if they were of one size.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of the take.
-    worn : WornSet
-        The set.
-    markers, of_set : ndarray of intp, shape (n_matched,)
-        Markers to which distances are compared, and what they are taken for.
-    """
-    differences = shape.distances[np.ix_(markers, markers)] - worn.mean.distances[np.ix_(of_set, of_set)]
-    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
-    size = float(np.median(known)) if len(known) else 0.0
-    taken = shape.tables - np.array([size, 0.0])[:, np.newaxis, np.newaxis]
-    return misfits_to_set(taken, worn.mean.tables, worn.spread.tables, markers, of_set)
-
-
-def _outline_misfits(one: Shape, other: Shape) -> Floats:
-    """Difference of the outlines of each marker of one shape and each of the other."""
-    total = np.zeros((len(one.distances), len(other.distances)))
-    pairs = zip(one.outlines, other.outlines, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True)
-    for values, means, spread, weight in pairs:
-        total += weight * ((values[:, np.newaxis] - means) ** 2).mean(axis=2) / spread**2
-    return total
+    mean, spread, ways, left = (table[f"{name}/{array}"].astype(np.float64) for array in LEARNED)
+    usual, varying = (Shape(*square_of_pairs(values)) for values in (mean, spread))
+    segments, markers = table[f"{name}/segments"].astype(np.intp), tuple(table[f"{name}/markers"].tolist())
+    parts = tuple(table[f"{name}/{half}"].astype(np.intp) for half in HALVES if f"{name}/{half}" in table)
+    return WornSet(name, usual, varying, ways, left, segments, markers, parts)
 
 
 def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:

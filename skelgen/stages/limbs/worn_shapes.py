@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.stages.limbs.postures import Postures
 
 LOOKED_AT = 60
 """Frames."""
@@ -40,6 +42,17 @@ class Shape:
         """Distances and motions, shape (2, n_markers, n_markers)."""
         return np.stack([self.distances, self.motions]).astype(np.float64, copy=False)
 
+    def of(self, taken: Ints) -> Shape:
+        """Return the shape of some markers.
+
+        Parameters
+        ----------
+        taken : ndarray of intp
+            Which.
+        """
+        pairs = np.ix_(taken, taken)
+        return Shape(self.distances[pairs], self.motions[pairs])
+
     @cached_property
     def outlines(self) -> tuple[Floats, Floats]:
         """Quantiles of the distances and of the motions of each marker, shapes (n_markers, n_quantiles)."""
@@ -56,20 +69,61 @@ class WornSet:
         What the set is called.
     mean, spread : Shape
         Of people, and the standard deviations between them.
+    ways, left : ndarray, shapes (n_ways, 2, n_pairs) and (2, n_pairs)
+        By how much distances and motions of each two markers differ where posture and proportions are one standard
+        deviation off in one way, and the standard deviations of what no way explains; pairs as above a diagonal.
     segments : ndarray of intp, shape (n_markers,)
         Number of the segment that carries each marker.
     markers : tuple of str, length n_markers
         What the set calls them.
-    halves : tuple of tuple of ndarray of intp and WornSet
-        Its markers on the lower and on the upper body, and how these look alone: many laboratories wear no others.
+    parts : tuple of ndarray of intp
+        Its markers on the lower and on the upper body: many laboratories wear no others.
     """
 
     name: str
     mean: Shape
     spread: Shape
+    ways: Floats
+    left: Floats
     segments: Ints
     markers: tuple[str, ...]
-    halves: tuple[tuple[Ints, WornSet], ...] = ()
+    parts: tuple[Ints, ...] = ()
+
+    @cached_property
+    def postures(self) -> Postures:
+        """What postures and proportions do to the distances of its markers."""
+        return Postures(self.mean.tables, square_of_pairs(self.ways), square_of_pairs(self.left))
+
+    @cached_property
+    def halves(self) -> tuple[tuple[Ints, WornSet], ...]:
+        """Markers on half a body, and the set that these are."""
+        return tuple((taken, self._of(taken)) for taken in self.parts)
+
+    def _of(self, taken: Ints) -> WornSet:
+        first, second = np.triu_indices(len(taken), 1)
+        number = square_of_pairs(np.arange(self.left.shape[1], dtype=np.float64))
+        pairs = number[taken[first], taken[second]].astype(np.intp)
+        mean, spread = (shape.of(taken) for shape in (self.mean, self.spread))
+        names = tuple(self.markers[marker] for marker in taken.tolist())
+        usual = Shape(mean.distances - np.nanmedian(mean.distances), mean.motions)
+        return WornSet(
+            self.name, usual, spread, self.ways[..., pairs], self.left[:, pairs], self.segments[taken], names
+        )
+
+
+def square_of_pairs(values: Floats) -> Floats:
+    """Return values of pairs as symmetric matrices, NaN on the diagonal, shape (..., n_markers, n_markers).
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., n_pairs)
+        In the order of the rows above the diagonal.
+    """
+    n_markers = (1 + math.isqrt(1 + 8 * values.shape[-1])) // 2
+    square = np.full((*values.shape[:-1], n_markers, n_markers), np.nan)
+    first, second = np.triu_indices(n_markers, 1)
+    square[..., first, second] = square[..., second, first] = values
+    return square
 
 
 def shape_of(positions: Floats) -> Shape:

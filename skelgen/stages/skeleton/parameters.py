@@ -82,8 +82,8 @@ class SkeletonParameters(StageParameters):
     known_build: bool = declare(
         True,
         "weigh joints of a person against where they lie to markers on people, where soft tissue misplaces them: those "
-        "of a marker set that is recognised by its shape, else inward of the outer side of arms and legs; never with "
-        "marker_set=none",
+        "of a marker set that is recognised by its shape, or at usual places, else inward of the outer side "
+        "of arms and legs; never with marker_set=none",
         acts_with="fit=whole-chain and take=unlabelled/labelled",
     )
     hinge_wobble: float = declare(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.simulation import simulate
+from skelgen.simulation.people import EVERY_PLACE, usual_person
 from skelgen.stages.limbs import worn_body, worn_neighbours
 from skelgen.stages.limbs.worn_places import believed_wear
 from skelgen.stages.limbs.worn_sets import HALVES
@@ -89,6 +90,18 @@ def test_places_say_less_of_neighbours_than_a_set_that_is_worn(walker, monkeypat
     monkeypatch.setitem(worn_neighbours.__globals__, "believed_wear", lambda *_: of_places)
     half = pytest.approx(np.abs(of_set).max() / 2)  # machines round logarithms differently
     assert np.abs(worn_neighbours(positions, limb)).max() == half
+
+
+def test_joints_are_known_from_usual_places_where_the_set_is_not(monkeypatch):
+    case = simulate("human", seed=5, motion="walk", marker_set="opencap", n_frames=100, soft_tissue="realistic")
+    unknown = case.take.positions, case.truth.limb_of_marker
+    of_set = worn_body(*unknown)
+    monkeypatch.setitem(worn_body.__globals__, "worn_set", lambda _: None)
+    of_places = worn_body(*unknown)
+    assert of_set.misplaced < of_places.misplaced
+    bodies = (of_set, case.truth.limb_names), (of_places, usual_person(EVERY_PLACE).limb_names)
+    gaps = [np.linalg.norm(np.diff(hips(body, list(names)), axis=0)) for body, names in bodies]
+    assert abs(gaps[0] - gaps[1]) < PROPORTIONS
 
 
 def test_animals_and_trees_have_no_known_build_nor_neighbours():

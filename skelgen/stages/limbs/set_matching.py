@@ -1,0 +1,205 @@
+"""Markers matched with those of a set, so that all distances fit best, in the posture that a person takes.
+
+A search begins with one marker that is taken for one of the set and goes on with the usual distances of the set. These
+are those of people in all postures, and one who holds both arms out is far from all of them at once; what posture and
+proportions do is fitted then, at first to the few markers that fit best, as a trimmed fit is (Chetverikov et al., Image
+and Vision Computing 23 (2005) 299-309): legs that are right say how arms are held, though arms were mistaken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen._kernels.distance_statistics import MOTION_WEIGHT, misfits_to_set
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.postures import own_misfits
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet
+
+OUTLINE_SPREAD = 0.15, 0.5
+"""Standard deviations of these, and of those of how much the distances vary."""
+
+START_WEIGHT = 2.0
+"""How much the distances to one pair of markers count beside the outlines, at the beginning of a search."""
+
+SEARCHES, ROUNDS = 6, 6
+"""Beginnings that are tried for each set, and rounds of each."""
+
+WITHOUT_PARTNER = 2.0
+"""Cost of a marker of the take, or of the set, that has no partner."""
+
+TRUSTED = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+"""Part of the markers, the best fitting ones, by which posture and assignment are found in each round."""
+
+LEAST_TRUSTED = 10
+"""Markers."""
+
+SURE = 0.8
+"""Misfit in a posture below which no other reading is looked for."""
+
+Beside = Callable[[Ints, Ints], Floats]
+"""What markers that are matched, and what they are taken for, say beside misfits: see `in_posture`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """Markers of a take as those of a set.
+
+    Attributes
+    ----------
+    markers, of_set : ndarray of intp, shape (n_matched,)
+        Markers of the take, and of the set.
+    misfits : ndarray, shape (n_matched,)
+        Mean square of how far the distances of each are off, in standard deviations.
+    misfit : float
+        Their mean, and what is left over.
+    """
+
+    markers: Ints
+    of_set: Ints
+    misfits: Floats
+    misfit: float
+
+
+def matches(shape: Shape, worn: WornSet) -> Iterator[Match]:
+    """Assign markers to those of a set so that their distances fit best; yield where each search ends that is new.
+
+    Each begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits the
+    last one.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    worn : WornSet
+        The set.
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    outlines, visited = _outline_misfits(shape, worn.mean), set()
+    for pair in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
+        marker, of_set = divmod(pair, outlines.shape[1])
+        start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
+        start[marker] = start[:, of_set] = start.max()
+        start[marker, of_set] = 0.0
+        markers, taken = linear_sum_assignment(start)
+        ways = []
+        for _ in range(ROUNDS):
+            matched = markers.tobytes() + taken.tobytes()
+            if matched in visited:  # another search went on from here, or this one stands still
+                break
+            visited.add(matched)
+            misfits = misfits_of(shape, worn, markers, taken)
+            ways.append(_match(markers, taken, misfits[markers, taken], sum(misfits.shape)))
+            markers, taken = linear_sum_assignment(misfits)
+        if ways:
+            yield min(ways, key=lambda one: one.misfit)
+
+
+def _match(markers: Ints, taken: Ints, misfits: Floats, n_both: int) -> Match:
+    """Markers as those of a set, with what the ones of both that are left over cost."""
+    left_over = WITHOUT_PARTNER * (1 - 2 * len(markers) / n_both)
+    return Match(markers, taken, misfits, float(misfits.mean()) + left_over)
+
+
+def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+    """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
+
+    Bodies are compared as if they were of one size.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    worn : WornSet
+        The set.
+    markers, of_set : ndarray of intp, shape (n_matched,)
+        Markers to which distances are compared, and what they are taken for.
+    """
+    differences = shape.distances[np.ix_(markers, markers)] - worn.mean.distances[np.ix_(of_set, of_set)]
+    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
+    size = float(np.median(known)) if len(known) else 0.0
+    taken = shape.tables - np.array([size, 0.0])[:, np.newaxis, np.newaxis]
+    return misfits_to_set(taken, worn.mean.tables, worn.spread.tables, markers, of_set)
+
+
+def in_posture(
+    shape: Shape, worn: WornSet, match: Match, without_partner: float, beside: Beside | None = None
+) -> tuple[Match, float]:
+    """Return the assignment that fits best in the posture in which the best fitting markers of another one are.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of the take.
+    worn : WornSet
+        The set.
+    match : Match
+        Where a search by usual distances ended.
+    without_partner : float
+        Cost of a marker of the take that is none of the set.
+    beside : callable, optional
+        Says of matched markers and what they are taken for what each marker of the set costs for each of the take
+        beside its misfit, shape (n_markers, n_of_set).
+
+    Returns
+    -------
+    match : Match
+        The assignment; the misfit counts markers of the take without a partner.
+    cost : float
+        The mean cost of a marker of the take.
+    """
+    n_markers, postures = len(shape.distances), worn.postures
+    markers, of_set, misfits = match.markers, match.of_set, match.misfits
+    best, least = (markers, of_set), np.inf
+    for part in TRUSTED:
+        trusted = np.argsort(misfits, kind="stable")[: max(LEAST_TRUSTED, round(part * len(misfits)))]
+        markers, of_set = markers[trusted], of_set[trusted]
+        mean = postures.assumed(shape.of(markers).tables, of_set)
+        costs = misfits_to_set(shape.tables, mean, postures.spread, markers, of_set)
+        costs = costs if beside is None else costs + beside(markers, of_set)
+        markers, of_set = _assigned(costs, without_partner if part == 1.0 else np.inf)
+        misfits = own_misfits(shape.of(markers).tables, mean, postures.spread, of_set)
+        besides = 0.0 if beside is None else float(beside(markers, of_set)[markers, of_set].sum())
+        cost = float(misfits.sum()) + besides + without_partner * (n_markers - len(markers))
+        if cost < least:
+            best, least = (markers, of_set), cost
+    markers, of_set = best
+    taken = shape.of(markers).tables
+    own = own_misfits(taken, postures.assumed(taken, of_set), postures.spread, of_set)
+    misfit = float(own.sum()) + without_partner * (n_markers - len(markers))
+    return Match(markers, of_set, own, misfit / n_markers), least / n_markers
+
+
+def _assigned(costs: Floats, without_partner: float) -> tuple[Ints, Ints]:
+    """The assignment of least cost, where markers of the take may have no partner at some cost."""
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    n_of_set = costs.shape[1]
+    if without_partner < np.inf:
+        costs = np.concatenate([costs, np.full((len(costs), len(costs)), without_partner)], axis=1)
+    markers, of_set = linear_sum_assignment(costs)
+    return markers[of_set < n_of_set], of_set[of_set < n_of_set]
+
+
+def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+    """Return what `misfits_of` does, in the posture that suits the matched markers best.
+
+    Parameters
+    ----------
+    shape, worn, markers, of_set
+        As for `misfits_of`.
+    """
+    mean = worn.postures.assumed(shape.of(markers).tables, of_set)
+    return misfits_to_set(shape.tables, mean, worn.postures.spread, markers, of_set)
+
+
+def _outline_misfits(one: Shape, other: Shape) -> Floats:
+    """Difference of the outlines of each marker of one shape and each of the other."""
+    total = np.zeros((len(one.distances), len(other.distances)))
+    pairs = zip(one.outlines, other.outlines, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True)
+    for values, means, spread, weight in pairs:
+        total += weight * ((values[:, np.newaxis] - means) ** 2).mean(axis=2) / spread**2
+    return total
