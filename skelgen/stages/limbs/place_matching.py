@@ -21,6 +21,9 @@ from skelgen.stages.limbs.set_matching import Match, in_posture, misfits_in_post
 from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
+TRUSTED = (0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+"""Part of the markers by which each round judges: a search begins where that of a set has ended."""
+
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
 
@@ -56,7 +59,8 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     found = []
     for match, worn in sets:
         start = replace(match, of_set=_places_of(worn)[match.of_set])
-        found.append(in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion)))
+        beside = partial(_beside_misfits, by_motion)
+        found.append(in_posture(shape, worn_places(), start, AT_NO_PLACE, beside, TRUSTED))
     best, _ = min(found, key=lambda one: one[1])
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()

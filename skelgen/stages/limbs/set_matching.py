@@ -8,7 +8,7 @@ and Vision Computing 23 (2005) 299-309): legs that are right say how arms are he
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +126,12 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floa
 
 
 def in_posture(
-    shape: Shape, worn: WornSet, match: Match, without_partner: float, beside: Beside | None = None
+    shape: Shape,
+    worn: WornSet,
+    match: Match,
+    without_partner: float,
+    beside: Beside | None = None,
+    parts: Sequence[float] = TRUSTED,
 ) -> tuple[Match, float]:
     """Return the assignment that fits best in the posture in which the best fitting markers of another one are.
 
@@ -143,6 +148,8 @@ def in_posture(
     beside : callable, optional
         Says of matched markers and what they are taken for what each marker of the set costs for each of the take
         beside its misfit, shape (n_markers, n_of_set).
+    parts : sequence of float
+        Part of the markers that are trusted in each round.
 
     Returns
     -------
@@ -154,7 +161,7 @@ def in_posture(
     n_markers, postures = len(shape.distances), worn.postures
     markers, of_set, misfits = match.markers, match.of_set, match.misfits
     best, least = (markers, of_set), np.inf
-    for part in TRUSTED:
+    for part in parts:
         trusted = np.argsort(misfits, kind="stable")[: max(LEAST_TRUSTED, round(part * len(misfits)))]
         markers, of_set = markers[trusted], of_set[trusted]
         mean = postures.assumed(shape.of(markers).tables, of_set)

@@ -33,7 +33,7 @@ from skelgen.stages.limbs.worn_sets import (
 )
 from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
 
-STARTS = 3
+STARTS = 2
 """Sets from which a search begins."""
 
 ENOUGH_MARKERS = 30
