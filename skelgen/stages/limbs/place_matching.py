@@ -56,11 +56,9 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb by what each pair does.
     """
-    found = []
-    for match, worn in sets:
-        start = replace(match, of_set=_places_of(worn)[match.of_set])
-        beside = partial(_beside_misfits, by_motion)
-        found.append(in_posture(shape, worn_places(), start, AT_NO_PLACE, beside, TRUSTED))
+    beside = partial(_beside_misfits, by_motion)
+    starts = [replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets]
+    found = [in_posture(shape, worn_places(), start, AT_NO_PLACE, beside, TRUSTED) for start in starts]
     best, _ = min(found, key=lambda one: one[1])
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()

@@ -32,27 +32,17 @@ class Postures:
 
     Attributes
     ----------
-    mean : ndarray, shape (n_markers, n_markers)
-        Logarithms of the usual distances, of no unit.
-    ways : ndarray, shape (n_ways, n_markers, n_markers)
+    mean : ndarray, shape (2, n_markers, n_markers)
+        Logarithms of the usual distances, of no unit, and of how much they vary.
+    ways : ndarray, shape (n_ways, 2, n_markers, n_markers)
         By how much these differ where a posture is one standard deviation off in one way.
-    spread : ndarray, shape (n_markers, n_markers)
+    spread : ndarray, shape (2, n_markers, n_markers)
         Standard deviations of what no posture explains.
     """
 
     mean: Floats
     ways: Floats
     spread: Floats
-
-    def of(self, taken: Ints) -> Postures:
-        """Return the same of some markers.
-
-        Parameters
-        ----------
-        taken : ndarray of intp
-            Which.
-        """
-        return Postures(*(values[..., taken, :][..., taken] for values in (self.mean, self.ways, self.spread)))
 
     def assumed(self, take: Floats, of_set: Ints) -> Floats:
         """Return the usual distances and motions in the posture and size that suit some best, shape of `mean`.

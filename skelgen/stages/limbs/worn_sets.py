@@ -173,10 +173,10 @@ def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet
         for part, matched in starts:
             if rank < len(matched):
                 every.add(part, matched[rank])
-        if every.least < SURE:
+        if any(match.misfit < SURE for match, _ in every.found.values()):
             break
-    if every.found:
-        every.add(*every.best)
+    for match, part in every.sorted()[:1]:  # the best may lead on
+        every.add(part, match)
     return tuple((replace(match, of_set=part.taken[match.of_set]), part.worn) for match, part in every.sorted())
 
 
@@ -194,17 +194,6 @@ class _Readings:
     def __init__(self, shape: Shape) -> None:
         self._shape = shape
         self.found: dict[tuple[str, bytes, bytes], tuple[Match, _Part]] = {}
-
-    @property
-    def least(self) -> float:
-        """The misfit of the best."""
-        return min((match.misfit for match, _ in self.found.values()), default=np.inf)
-
-    @property
-    def best(self) -> tuple[_Part, Match]:
-        """The best."""
-        match, part = self.sorted()[0]
-        return part, match
 
     def sorted(self) -> list[tuple[Match, _Part]]:
         """All, the best first."""
