@@ -26,6 +26,7 @@ from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, Mar
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import bending, pair_odds, revised, wears_set
 from skelgen.stages.limbs.votes import majority
+from skelgen.stages.limbs.worn_places import with_whole_people
 
 HALF_WEIGHT = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
@@ -177,6 +178,8 @@ def _bodies(
     body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies)
     if len(sure) < parameters.n_bodies:
         raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
+    if len(sure) > 1 and parameters.n_bodies == 0 and parameters.marker_set != "none":
+        body_of_marker[usable] = with_whole_people(positions[:, usable], body_of_marker[usable])
     for block in named.blocks:
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]

@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.simulation.people import EVERY_PLACE, usual_person
 from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
 from skelgen.stages.limbs.set_matching import Match
@@ -277,6 +277,38 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
     some = part_of((match.misfits < WELL).sum() / len(by_motion), SOME_FIT, NONE_FIT)
     single = float(some) if len(np.unique(places.segments[match.of_set])) >= ENOUGH_SEGMENTS else 0.0
     return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), single)
+
+
+def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
+    """Return the body of each marker, where bodies whose markers are all at places of one person are one.
+
+    Where a person lacks markers, those beyond a joint may stay near none of the others.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    body_of_marker : ndarray of intp, shape (n_markers,)
+        Bodies as they are told apart by distances, numbered without holes.
+    """
+    shown, joined = positions[spread_frames(len(positions), LOOKED_AT)], body_of_marker.copy()
+    from_smallest = np.argsort(np.bincount(body_of_marker), kind="stable").tolist()
+    for n_smaller, part in enumerate(from_smallest, start=1):
+        for other in reversed(from_smallest[n_smaller:]):
+            markers = np.flatnonzero(np.isin(joined, [part, other]))
+            if _are_of_one_person(shown[:, markers], joined[markers] == part):
+                joined[joined == part] = other
+                break
+    return joined
+
+
+def _are_of_one_person(positions: Floats, is_part: Bools) -> bool:
+    """Whether markers are at usual places, and each of some of them is."""
+    places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
+    if places is None or places.match.misfit >= AT_PLACES:
+        return False
+    at_place = places.match.markers[places.match.misfits < MARKER_FITS]
+    return bool(np.isin(np.flatnonzero(is_part), at_place).all())
 
 
 def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:

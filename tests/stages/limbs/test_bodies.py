@@ -10,6 +10,7 @@ from skelgen.simulation import simulate
 from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.bodies import find_bodies
+from skelgen.stages.limbs.worn_places import with_whole_people
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
 
@@ -65,3 +66,26 @@ def test_number_of_bodies_may_be_given(two_people):
     assert find_limbs(two_people.take, LimbParameters(n_bodies=1)).n_bodies == 1
     with pytest.raises(InputError, match="can be told apart"):
         find_limbs(dataclasses.replace(two_people.take), LimbParameters(n_bodies=40))
+
+
+BELOW_KNEE = ("SHN", "ANK", "HEE", "MT5", "TOE")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_leg_below_knee_without_its_knee_is_part_of_its_person(seed):
+    person = simulate("human", seed=seed, **OPTIONS).take
+    kept = np.array([name not in ("RKNE", "RTHI") for name in person.names])
+    names = [name for name in person.names if name not in ("RKNE", "RTHI")]
+    parted = np.array([int(name.startswith("R") and name.endswith(BELOW_KNEE)) for name in names], dtype=np.intp)
+    assert parted.sum() == len(BELOW_KNEE)
+    assert len(np.unique(with_whole_people(person.positions[:, kept], parted))) == 1
+
+
+@pytest.mark.parametrize("distance", [300.0, 1000.0])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_piece_of_another_person_is_no_part_of_a_person(seed, distance):
+    two = simulate("human", seed=seed, subjects=2, **(OPTIONS | {"apart": distance})).take
+    subject = subject_of(two.names)
+    kept = np.array([one == 0 or name.endswith(BELOW_KNEE) for one, name in zip(subject, two.names, strict=True)])
+    bodies = subject[kept]
+    assert np.array_equal(with_whole_people(two.positions[:, kept], bodies), bodies)
