@@ -3,13 +3,13 @@
 The 153 places are those of all sets together, and their usual distances to each other are learned as those of sets are
 (``tables/worn_places.npz``, made by tests/benchmarks/learn_sets.py), from people in any posture, whose markers miss
 their places as those of different examiners do (Della Croce et al., Gait & Posture 21 (2005) 226-237). A search begins
-with the sets that fit best. A place that is taken on one side is likely taken on the other, and markers on one segment
+with the sets that fit best and, where markers fit badly from there, with single markers at single places. A place that is taken on one side is likely taken on the other, and markers on one segment
 move as one limb.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +17,22 @@ import numpy as np
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.people import EVERY_PLACE, worn_markers
-from skelgen.stages.limbs.set_matching import Match, in_posture, misfits_in_posture
+from skelgen.stages.limbs.set_matching import Match, in_posture, matches, misfits_in_posture
 from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
 TRUSTED = (0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
+
+LED_ON = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+"""The same of a search that goes on from where another one has ended."""
+
+GOOD, USUAL = 0.8, 0.95
+"""Mean cost of a marker below which no other beginning is looked for, and below which another one is taken: of animals
+and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
+
+SEARCHES, TRIED, LEADS = 30, 6, 5
+"""Other beginnings, how many of them are tried in posture, and how often a search goes on from the best."""
 
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
@@ -56,12 +66,43 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb by what each pair does.
     """
-    beside = partial(_beside_misfits, by_motion)
-    starts = [replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets]
-    found = [in_posture(shape, worn_places(), start, AT_NO_PLACE, beside, TRUSTED) for start in starts]
+    found = [_search(shape, start, by_motion) for start in _beginnings(shape, tuple(sets))]
     best, _ = min(found, key=lambda one: one[1])
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
+
+
+def _search(shape: Shape, start: Match, by_motion: Floats, parts: Sequence[float] = TRUSTED) -> tuple[Match, float]:
+    """Markers at places, and their mean cost, that a search ends with which begins with others."""
+    return in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion), parts)
+
+
+@lru_cache(maxsize=4)
+def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[Match, ...]:
+    """Markers at places from which searches begin, found once for a take, whatever motion says.
+
+    Who lacks many markers, or wears what no set has, may be near no set.
+    """
+    starts = tuple(replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets)
+    silent = np.zeros(shape.distances.shape)
+    found = [_search(shape, start, silent) for start in starts]
+    if any(cost < GOOD for _, cost in found):
+        return starts
+    others = sorted(matches(shape, worn_places(), SEARCHES), key=lambda match: match.misfit)
+    found += [_search(shape, start, silent) for start in others[:TRIED]]
+    best, cost = _led_on(shape, min(found, key=lambda one: one[1]))
+    return (*starts, best) if cost < USUAL else starts
+
+
+def _led_on(shape: Shape, found: tuple[Match, float]) -> tuple[Match, float]:
+    """Where searches end that go on from where the last one has ended, as long as they find better ones."""
+    silent = np.zeros(shape.distances.shape)
+    for _ in range(LEADS):
+        after = _search(shape, found[0], silent, LED_ON)
+        if after[1] >= found[1]:
+            break
+        found = after
+    return found
 
 
 def _beside_misfits(by_motion: Floats, markers: Ints, taken: Ints) -> Floats:

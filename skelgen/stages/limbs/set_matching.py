@@ -63,7 +63,7 @@ class Match:
     misfit: float
 
 
-def matches(shape: Shape, worn: WornSet) -> Iterator[Match]:
+def matches(shape: Shape, worn: WornSet, n_searches: int = SEARCHES) -> Iterator[Match]:
     """Assign markers to those of a set so that their distances fit best; yield where each search ends that is new.
 
     Each begins with one marker that is taken for one of the set, and goes on as the assignment of all that suits the
@@ -75,11 +75,13 @@ def matches(shape: Shape, worn: WornSet) -> Iterator[Match]:
         Of the take.
     worn : WornSet
         The set.
+    n_searches : int, optional
+        Beginnings that are tried.
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
     outlines, visited = _outline_misfits(shape, worn.mean), set()
-    for pair in np.argsort(outlines, axis=None)[: SEARCHES * 2 : 2].tolist():
+    for pair in np.argsort(outlines, axis=None)[: n_searches * 2 : 2].tolist():
         marker, of_set = divmod(pair, outlines.shape[1])
         start = outlines + START_WEIGHT * misfits_of(shape, worn, np.array([marker]), np.array([of_set]))
         start[marker] = start[:, of_set] = start.max()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -135,6 +135,13 @@ def shape_of(positions: Floats) -> Shape:
         NaN where unseen.
     """
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    return _shape_of(shown.tobytes(), shown.shape)
+
+
+@lru_cache(maxsize=4)
+def _shape_of(seen: bytes, n: tuple[int, ...]) -> Shape:
+    """The same, found once for the frames that are looked at: sets, places and what these say all ask for it."""
+    shown = np.frombuffer(seen).reshape(n)
     gaps = np.sort(np.linalg.norm(shown[:, :, np.newaxis] - shown[:, np.newaxis], axis=3), axis=0)  # NaN last
     count = (~np.isnan(gaps)).sum(axis=0)
     middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
