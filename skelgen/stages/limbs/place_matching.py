@@ -3,8 +3,8 @@
 The 153 places are those of all sets together, and their usual distances to each other are learned as those of sets are
 (``tables/worn_places.npz``, made by tests/benchmarks/learn_sets.py), from people in any posture, whose markers miss
 their places as those of different examiners do (Della Croce et al., Gait & Posture 21 (2005) 226-237). A search begins
-with the sets that fit best and, where markers fit badly from there, with single markers at single places. A place that is taken on one side is likely taken on the other, and markers on one segment
-move as one limb.
+with the sets that fit best and, where markers fit badly from there, with single markers at single places. A place that
+is taken on one side is likely taken on the other, and markers on one segment move as one limb.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ import numpy as np
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.people import EVERY_PLACE, worn_markers
-from skelgen.stages.limbs.set_matching import Match, in_posture, matches, misfits_in_posture
+from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches, misfits_in_posture
 from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
-TRUSTED = (0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+TRUSTED = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
 
-LED_ON = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+LED_ON = Rounds((0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """The same of a search that goes on from where another one has ended."""
 
 GOOD, USUAL = 0.8, 0.95
@@ -72,9 +72,9 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
 
 
-def _search(shape: Shape, start: Match, by_motion: Floats, parts: Sequence[float] = TRUSTED) -> tuple[Match, float]:
+def _search(shape: Shape, start: Match, by_motion: Floats, rounds: Rounds = TRUSTED) -> tuple[Match, float]:
     """Markers at places, and their mean cost, that a search ends with which begins with others."""
-    return in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion), parts)
+    return in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion), rounds)
 
 
 @lru_cache(maxsize=4)

@@ -7,6 +7,7 @@ They do alike to many pairs of markers, so that few ways to vary (principal comp
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +22,10 @@ ROUNDS = 3
 
 NEAR = 2.0
 """Standard deviations at which a distance counts half."""
+
+INDEPENDENT = 0.1
+"""Part of the distances that are independent, where it counts how well a posture is known: one misplaced marker is off
+from all others."""
 
 SIZE_SPREAD = 1e3
 """Standard deviation of the logarithm of the size: anything is as likely."""
@@ -44,8 +49,8 @@ class Postures:
     ways: Floats
     spread: Floats
 
-    def assumed(self, take: Floats, of_set: Ints) -> Floats:
-        """Return the usual distances and motions in the posture and size that suit some best, shape of `mean`.
+    def assumed(self, take: Floats, of_set: Ints) -> Assumed:
+        """Return the usual distances and motions in the posture and size that suit some markers best.
 
         Parameters
         ----------
@@ -64,14 +69,47 @@ class Postures:
         size = np.repeat([1.0, 0.0], len(one))
         ways = np.concatenate([self.ways[:, :, one, other].reshape(len(self.ways), -1), size[np.newaxis]]) / spread
         prior = np.diag([1.0] * len(self.ways) + [SIZE_SPREAD**-2])
-        posture = np.zeros(len(ways))
+        posture, information = np.zeros(len(ways)), np.zeros_like(prior)
         posture[-1] = np.median((off * spread)[: len(one)]) if len(one) else 0.0
         for _ in range(ROUNDS):
             weighted = ways / (1.0 + ((off - posture @ ways) / NEAR) ** 2)
-            posture = np.asarray(np.linalg.solve(weighted @ ways.T + prior, weighted @ off), dtype=np.float64)
+            information = weighted @ ways.T
+            posture = np.asarray(np.linalg.solve(information + prior, weighted @ off), dtype=np.float64)
         found = self.mean + np.tensordot(posture[:-1], self.ways, 1)
         found[0] += posture[-1]
-        return np.asarray(found)
+        covariance = np.linalg.inv(INDEPENDENT * information + prior)[:-1, :-1]
+        return Assumed(found, self, np.asarray(covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class Assumed:
+    """Distances of a set's markers in the posture that some of them show.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (2, n_markers, n_markers)
+        Logarithms of the distances, and of how much they vary.
+    of : Postures
+        All postures.
+    covariance : ndarray, shape (n_ways, n_ways)
+        Of the ways in which postures differ: arms may be anywhere where only legs are known.
+    """
+
+    mean: Floats
+    of: Postures
+    covariance: Floats
+
+    @cached_property
+    def spread(self) -> Floats:
+        """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers)."""
+        ways = np.tensordot(np.linalg.cholesky(self.covariance).T, self.of.ways, 1)
+        return np.asarray(np.sqrt(self.of.spread**2 + (ways**2).sum(axis=0)))
+
+    @cached_property
+    def widening(self) -> Floats:
+        """Cost of each pair of markers for being less known, as of normal variables, shape (n_markers, n_markers)."""
+        of_distances, of_motions = 2.0 * np.log(self.spread / self.of.spread)
+        return np.asarray(np.nan_to_num(of_distances + MOTION_WEIGHT * of_motions))
 
 
 def own_misfits(take: Floats, mean: Floats, spread: Floats, of_set: Ints) -> Floats:

@@ -8,7 +8,7 @@ and Vision Computing 23 (2005) 299-309): legs that are right say how arms are he
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +30,27 @@ SEARCHES, ROUNDS = 6, 6
 WITHOUT_PARTNER = 2.0
 """Cost of a marker of the take, or of the set, that has no partner."""
 
+
+@dataclass(frozen=True)
+class Rounds:
+    """Rounds of a search for a posture.
+
+    Attributes
+    ----------
+    parts : tuple of float
+        Part of the markers, the best fitting ones, by which posture and assignment are found in each round.
+    is_careful : bool
+        Whether it counts, too, how well these know the posture of the others: then arms are told by their own
+        distances as long as only legs are trusted. Other searches reach the same sooner, or nothing.
+    """
+
+    parts: tuple[float, ...]
+    is_careful: bool = False
+
+
 TRUSTED = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
-"""Part of the markers, the best fitting ones, by which posture and assignment are found in each round."""
+PLAIN, CAREFUL = Rounds(TRUSTED), Rounds(TRUSTED, is_careful=True)
+"""Searches that begin with what a search by usual distances has ended with."""
 
 LEAST_TRUSTED = 10
 """Markers."""
@@ -133,7 +152,7 @@ def in_posture(
     match: Match,
     without_partner: float,
     beside: Beside | None = None,
-    parts: Sequence[float] = TRUSTED,
+    rounds: Rounds = PLAIN,
 ) -> tuple[Match, float]:
     """Return the assignment that fits best in the posture in which the best fitting markers of another one are.
 
@@ -150,8 +169,8 @@ def in_posture(
     beside : callable, optional
         Says of matched markers and what they are taken for what each marker of the set costs for each of the take
         beside its misfit, shape (n_markers, n_of_set).
-    parts : sequence of float
-        Part of the markers that are trusted in each round.
+    rounds : Rounds
+        Which markers are trusted in each.
 
     Returns
     -------
@@ -163,23 +182,33 @@ def in_posture(
     n_markers, postures = len(shape.distances), worn.postures
     markers, of_set, misfits = match.markers, match.of_set, match.misfits
     best, least = (markers, of_set), np.inf
-    for part in parts:
+    for part in rounds.parts:
         trusted = np.argsort(misfits, kind="stable")[: max(LEAST_TRUSTED, round(part * len(misfits)))]
         markers, of_set = markers[trusted], of_set[trusted]
-        mean = postures.assumed(shape.of(markers).tables, of_set)
-        costs = misfits_to_set(shape.tables, mean, postures.spread, markers, of_set)
+        assumed, is_careful = postures.assumed(shape.of(markers).tables, of_set), rounds.is_careful and part < 1.0
+        spread = assumed.spread if is_careful else postures.spread
+        costs = misfits_to_set(shape.tables, assumed.mean, spread, markers, of_set)
+        costs = costs + _mean_cost(assumed.widening, of_set) if is_careful else costs
         costs = costs if beside is None else costs + beside(markers, of_set)
         markers, of_set = _assigned(costs, without_partner if part == 1.0 else np.inf)
-        misfits = own_misfits(shape.of(markers).tables, mean, postures.spread, of_set)
+        taken = shape.of(markers).tables
+        misfits = own_misfits(taken, assumed.mean, postures.spread, of_set)
         besides = 0.0 if beside is None else float(beside(markers, of_set)[markers, of_set].sum())
         cost = float(misfits.sum()) + besides + without_partner * (n_markers - len(markers))
         if cost < least:
             best, least = (markers, of_set), cost
+        if is_careful:
+            misfits = own_misfits(taken, assumed.mean, spread, of_set) + _mean_cost(assumed.widening, of_set)[of_set]
     markers, of_set = best
     taken = shape.of(markers).tables
-    own = own_misfits(taken, postures.assumed(taken, of_set), postures.spread, of_set)
+    own = own_misfits(taken, postures.assumed(taken, of_set).mean, postures.spread, of_set)
     misfit = float(own.sum()) + without_partner * (n_markers - len(markers))
     return Match(markers, of_set, own, misfit / n_markers), least / n_markers
+
+
+def _mean_cost(of_pairs: Floats, of_set: Ints) -> Floats:
+    """The mean of the costs of the pairs of each marker of a set and those that are matched, shape (n_of_set,)."""
+    return np.asarray(of_pairs[of_set].sum(axis=0) / max(len(of_set) - 1, 1))
 
 
 def _assigned(costs: Floats, without_partner: float) -> tuple[Ints, Ints]:
@@ -201,7 +230,7 @@ def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints)
     shape, worn, markers, of_set
         As for `misfits_of`.
     """
-    mean = worn.postures.assumed(shape.of(markers).tables, of_set)
+    mean = worn.postures.assumed(shape.of(markers).tables, of_set).mean
     return misfits_to_set(shape.tables, mean, worn.postures.spread, markers, of_set)
 
 

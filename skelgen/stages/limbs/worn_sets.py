@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints, spread_frames
-from skelgen.stages.limbs.set_matching import SURE, Match, in_posture, matches
+from skelgen.stages.limbs.set_matching import CAREFUL, PLAIN, SURE, Match, Rounds, in_posture, matches
 from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of, square_of_pairs
 
 SIZES = (0.75, 1.33)
@@ -35,6 +35,16 @@ that fit nearly best in the end are behind by .45 at most by then, and by .28 an
 
 STARTS, STARTING = 3, 0.45
 """Readings of each set by its usual distances from which postures are looked for, and how much worse than the best."""
+
+STRAINED, HOPELESS = 1.25, 1.9
+"""Misfits of the best between which its set is searched for with more care: below it is right, and what is no person
+has more."""
+
+CAREFUL_SEARCHES, TRIED, LEADS, LEADING = 30, 8, 4, 3
+"""Beginnings of these, how many are tried in posture, and how often a search goes on from how many of the best."""
+
+MUCH = 0.05
+"""By how much smaller a misfit they must find: others are the same but for markers that are easily mistaken."""
 
 OF_NO_SET, MISSING = 3.0, 1.5
 """Costs of a marker of the take that is none of the set, and of one of the set that the take lacks."""
@@ -177,6 +187,9 @@ def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet
             break
     for match, part in every.sorted()[:1]:  # the best may lead on
         every.add(part, match)
+    for match, part in every.sorted()[:1]:
+        if STRAINED < match.misfit < HOPELESS:
+            every.look_carefully(part)
     return tuple((replace(match, of_set=part.taken[match.of_set]), part.worn) for match, part in every.sorted())
 
 
@@ -199,9 +212,24 @@ class _Readings:
         """All, the best first."""
         return sorted(self.found.values(), key=lambda one: one[0].misfit)
 
-    def add(self, part: _Part, start: Match) -> None:
+    def look_carefully(self, part: _Part) -> None:
+        """Add those of a set that careful searches find, from many more beginnings, if one fits much better."""
+        before, least = dict(self.found), self.sorted()[0][0].misfit
+        starts = sorted(matches(self._shape, part.part, CAREFUL_SEARCHES), key=lambda match: match.misfit)
+        for start in starts[:TRIED]:
+            self.add(part, start, CAREFUL)
+        for _ in range(LEADS):
+            n_found = len(self.found)
+            for match, best in self.sorted()[:LEADING]:
+                self.add(best, match, CAREFUL)
+            if len(self.found) == n_found:
+                break
+        if self.sorted()[0][0].misfit > least - MUCH:
+            self.found = before
+
+    def add(self, part: _Part, start: Match, rounds: Rounds = PLAIN) -> None:
         """Add the one that is found from a start."""
-        match, _ = in_posture(self._shape, part.part, start, OF_NO_SET)
+        match, _ = in_posture(self._shape, part.part, start, OF_NO_SET, None, rounds)
         missing = MISSING * (1.0 - len(match.markers) / len(part.taken))
         key = part.worn.name, match.markers.tobytes(), part.taken[match.of_set].tobytes()
         self.found[key] = replace(match, misfit=match.misfit + missing), part

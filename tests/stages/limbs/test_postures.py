@@ -24,14 +24,25 @@ def test_the_posture_of_most_distances_is_found(worn):
     seen = meant + (taken | taken.T) * 1.5
     seen[:, 3, 5] = seen[:, 5, 3] = np.nan  # never together
     every = np.arange(meant.shape[1])
-    off = np.abs(postures.assumed(seen, every) - meant) / postures.spread
+    off = np.abs(postures.assumed(seen, every).mean - meant) / postures.spread
     usual = np.abs(postures.mean - meant + np.nanmedian(meant[0] - postures.mean[0])) / postures.spread
     assert np.nanmean(off[0]) < 0.25 * np.nanmean(usual[0])
 
 
 def test_no_distance_leaves_the_usual_posture(worn):
     nothing = np.full((2, 4, 4), np.nan)
-    np.testing.assert_allclose(worn.postures.assumed(nothing, np.arange(4)), worn.postures.mean)
+    np.testing.assert_allclose(worn.postures.assumed(nothing, np.arange(4)).mean, worn.postures.mean)
+
+
+def test_what_only_legs_show_leaves_arms_unknown(worn):
+    postures, legs = worn.postures, worn.parts[0]
+    every = np.arange(len(worn.segments))
+    by_legs, by_all = (postures.assumed(postures.mean[:, one][..., one], one).spread for one in (legs, every))
+    arms = np.setdiff1d(every, legs)
+    beside = by_legs[0][np.ix_(arms, legs)] / by_all[0][np.ix_(arms, legs)]
+    within = by_legs[0][np.ix_(legs, legs)] / by_all[0][np.ix_(legs, legs)]
+    assert np.nanmedian(beside) > np.nanmedian(within) + 0.03
+    assert np.nanmin(by_all / postures.spread) >= 1.0
 
 
 def test_misfits_are_as_defined():
