@@ -36,6 +36,9 @@ LOOKED_AT = 200
 STEPS = (1.0, -2.0, 1.0)
 """Weights of three frames in a second difference."""
 
+POSED, RIGID = 3, 2.0
+"""Markers that give a limb a pose, and how much larger than white noise the variance of distances on plates may be."""
+
 MEDIAN_OF_SQUARE = 0.455
 """Of a normal variable, beside its variance."""
 
@@ -84,6 +87,30 @@ def bending(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, 
     unlike = float(np.std(np.log(np.maximum(variance, TINY)) / 2))
     beyond_noise = float(np.median(variance)) - _white_noise(groups, whole)
     return beyond_noise > SOFT**2 * sums.neighbour_motion(), unlike > ALIKE
+
+
+def are_plates(positions: Floats, limb_of_marker: Ints) -> bool:
+    """Return whether all limbs have poses and are rigid as far as white noise can tell: then these say all there is.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb of each marker; -1 for those on none.
+    """
+    on_limb = limb_of_marker >= 0
+    whole, groups = positions[:, on_limb], limb_of_marker[on_limb]
+    if not len(groups) or np.bincount(groups).min() < POSED:
+        return False
+    shown = whole[spread_frames(len(whole), LOOKED_AT)]
+    first, second = np.nonzero(np.triu(groups[:, np.newaxis] == groups, 1))
+    gaps = np.linalg.norm(shown[:, first] - shown[:, second], axis=2)
+    gaps = gaps[:, np.isfinite(gaps).sum(axis=0) >= len(STEPS)]
+    if not gaps.size:
+        return False
+    variance = float(np.median(np.nanvar(gaps, axis=0))) / 2
+    return variance <= RIGID * _white_noise(groups, whole) + TINY
 
 
 def _white_noise(groups: Ints, whole: Floats) -> float:

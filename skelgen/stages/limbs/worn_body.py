@@ -6,6 +6,7 @@ from skelgen.kinematics.calibration.known_body import MISPLACED, KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
+from skelgen.stages.limbs.revision import are_plates
 from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_places import Believed, believed_wear, sure_places, worn_set
 from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, belief_in_set, part_of
@@ -98,6 +99,8 @@ def _on_limbs(found: tuple[Match, WornSet] | None, limb_of_marker: Ints) -> tupl
 def markers_of_set(positions: Floats, limb_of_marker: Ints) -> tuple[str, tuple[str, ...], bool] | None:
     """Return the set that markers have the shape of, and which of its markers each is, or None if there is none.
 
+    Rigid plates are worn by machines rather than by people, and no set is looked for.
+
     Parameters
     ----------
     positions, limb_of_marker
@@ -112,7 +115,7 @@ def markers_of_set(positions: Floats, limb_of_marker: Ints) -> tuple[str, tuple[
     is_whole : bool
         Whether all markers of the set are there and no others.
     """
-    found = _on_limbs(worn_set(positions), limb_of_marker)
+    found = None if are_plates(positions, limb_of_marker) else _on_limbs(worn_set(positions), limb_of_marker)
     if found is None:
         return None
     match, worn, _ = found
@@ -126,7 +129,8 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     """Return the log odds that limbs are neighbours by what is worn, shape (n_limbs, n_limbs).
 
     Limbs on one segment of a person are neighbours, and those on segments that a joint connects; others are not. They
-    are 0 where it is not known which segment a limb is, and where nothing that is known is worn.
+    are 0 where it is not known which segment a limb is, where nothing that is known is worn, and on rigid plates, whose
+    motion says all there is.
 
     Parameters
     ----------
@@ -136,6 +140,8 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
         The limb of each, numbered without holes; -1 for those on none.
     """
     odds = np.zeros((limb_of_marker.max() + 1,) * 2)
+    if are_plates(positions, limb_of_marker):
+        return odds
     on_limb, own = limb_of_marker >= 0, limb_of_marker[:, np.newaxis] == limb_of_marker
     by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
     np.fill_diagonal(by_limbs, 0.0)

@@ -231,8 +231,11 @@ def worn_set(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _worn(shown.tobytes(), shown.shape)[0]
+    best = nearest_set(positions)
+    if best is None or best[0].misfit > WORN:
+        return None
+    places = _places(positions)
+    return best if places is None or _doubt(best[0], places.match) < 1.0 else None
 
 
 def sure_places(positions: Floats) -> tuple[Match, WornSet] | None:
@@ -243,19 +246,20 @@ def sure_places(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
+    places = _places(positions) if positions.shape[1] >= ENOUGH_MARKERS else None
+    return (places.match, places.worn) if places is not None and places.match.misfit < SURE_PLACES else None
+
+
+def _places(positions: Floats) -> Believed | None:
+    """The places by distances alone, found once for the frames that are looked at: names and joints ask for them."""
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _worn(shown.tobytes(), shown.shape)[1]
+    return _places_of(shown.tobytes(), shown.shape)
 
 
 @lru_cache(maxsize=4)
-def _worn(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet] | None, tuple[Match, WornSet] | None]:
-    """The set and the places, found once for the frames that are looked at: names and joints both ask for them."""
+def _places_of(shown: bytes, n: tuple[int, ...]) -> Believed | None:
     positions = np.frombuffer(shown).reshape(n)
-    best, places = nearest_set(positions), believed_places(positions, np.zeros((positions.shape[1],) * 2))
-    is_doubted = best is not None and places is not None and _doubt(best[0], places.match) == 1.0
-    is_set = best is not None and best[0].misfit <= WORN and not is_doubted
-    are_sure = places is not None and n[1] >= ENOUGH_MARKERS and places.match.misfit < SURE_PLACES
-    return best if is_set else None, (places.match, places.worn) if places is not None and are_sure else None
+    return believed_places(positions, np.zeros((n[1], n[1])))
 
 
 def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:

@@ -11,7 +11,7 @@ from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import LimbConstraints, find_limbs
 from skelgen.stages.limbs.distances import distance_deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.revision import bending
+from skelgen.stages.limbs.revision import are_plates, bending
 
 PEOPLE = {
     "landing.trc": 0.8,
@@ -134,3 +134,14 @@ def test_revision_obeys_what_the_user_states(simulated):
     limb = find_limbs(take, constraints=stated).limb_of_marker
     assert limb[0] == limb[-1]
     assert limb[0] != limb[1]
+
+
+def test_rigid_limbs_with_poses_are_plates_and_others_are_not() -> None:
+    rigid, soft = (simulate("human", n_frames=200, soft_tissue=tissue, noise=0.3) for tissue in (0.0, 3.0))
+    limb = np.asarray(rigid.truth.limb_of_marker)
+    positions = np.array(rigid.take.positions)
+    assert are_plates(positions, limb) and not are_plates(np.asarray(soft.take.positions), limb)
+    assert not are_plates(positions, np.where(np.arange(len(limb)) < 2, limb.max() + 1, limb))  # a limb without poses
+    positions[::2, 0] = positions[1::2, 1] = np.nan  # never together, and the white noise of neighbours in time unknown
+    assert are_plates(positions, limb)
+    assert not are_plates(positions, np.full(len(limb), -1))
