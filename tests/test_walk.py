@@ -24,7 +24,8 @@ FOLLOW = """
         if event == "call" and frame.f_code.co_name != "<module>":
             called.add(frame.f_code.co_filename)
 
-    cloud = skelgen.simulate("human", n_frames=300, noise=0.3, dropouts=0.05, labelled=False).take
+    faults = {"soft_tissue": "realistic", "noise": 0.3, "dropouts": 0.05}
+    cloud = skelgen.simulate("human", n_frames=300, **faults, labelled=False).take
     skelgen.write(cloud, "walk.mfml")
     skelgen.write(skelgen.reconstruct(cloud), "walk.bvh")  # importing modules calls the bodies of their classes
     threading.setprofile(watch)
