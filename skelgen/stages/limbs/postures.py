@@ -77,8 +77,7 @@ class Postures:
             posture = np.asarray(np.linalg.solve(information + prior, weighted @ off), dtype=np.float64)
         found = self.mean + np.tensordot(posture[:-1], self.ways, 1)
         found[0] += posture[-1]
-        covariance = np.linalg.inv(INDEPENDENT * information + prior)[:-1, :-1]
-        return Assumed(found, self, np.asarray(covariance))
+        return Assumed(found, self, np.asarray(INDEPENDENT * information + prior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +90,20 @@ class Assumed:
         Logarithms of the distances, and of how much they vary.
     of : Postures
         All postures.
-    covariance : ndarray, shape (n_ways, n_ways)
-        Of the ways in which postures differ: arms may be anywhere where only legs are known.
+    precision : ndarray, shape (n_ways + 1, n_ways + 1)
+        Inverse covariance of the ways in which postures differ, and of the size: arms may be anywhere where only legs
+        are known.
     """
 
     mean: Floats
     of: Postures
-    covariance: Floats
+    precision: Floats
 
     @cached_property
     def spread(self) -> Floats:
         """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers)."""
-        ways = np.tensordot(np.linalg.cholesky(self.covariance).T, self.of.ways, 1)
+        covariance = np.linalg.inv(self.precision)[:-1, :-1]
+        ways = np.tensordot(np.linalg.cholesky(covariance).T, self.of.ways, 1)
         return np.asarray(np.sqrt(self.of.spread**2 + (ways**2).sum(axis=0)))
 
     @cached_property

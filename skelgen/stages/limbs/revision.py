@@ -99,30 +99,35 @@ def are_plates(positions: Floats, limb_of_marker: Ints) -> bool:
     limb_of_marker : ndarray of intp, shape (n_markers,)
         Limb of each marker; -1 for those on none.
     """
-    on_limb = limb_of_marker >= 0
-    whole, groups = positions[:, on_limb], limb_of_marker[on_limb]
-    if not len(groups) or np.bincount(groups).min() < POSED:
+    _, sizes = np.unique(limb_of_marker[limb_of_marker >= 0], return_counts=True)
+    if not len(sizes) or sizes.min() < POSED:
         return False
-    shown = whole[spread_frames(len(whole), LOOKED_AT)]
-    first, second = np.nonzero(np.triu(groups[:, np.newaxis] == groups, 1))
+    shown = positions[spread_frames(len(positions), LOOKED_AT)]
+    first, second = _pairs_within(limb_of_marker)
     gaps = np.linalg.norm(shown[:, first] - shown[:, second], axis=2)
     gaps = gaps[:, np.isfinite(gaps).sum(axis=0) >= len(STEPS)]
     if not gaps.size:
         return False
     variance = float(np.median(np.nanvar(gaps, axis=0))) / 2
-    return variance <= RIGID * _white_noise(groups, whole) + TINY
+    return variance <= RIGID * _white_noise(limb_of_marker, positions) + TINY
 
 
 def _white_noise(groups: Ints, whole: Floats) -> float:
     """Variance [mm^2] of a coordinate by second differences of distances within limbs, of which soft tissue has few."""
     if len(whole) < len(STEPS):
         return 0.0
-    first, second = np.nonzero(np.triu(groups[:, np.newaxis] == groups, 1))
+    first, second = _pairs_within(groups)
     frames = spread_frames(len(whole) - 2, LOOKED_AT)
     shown = [whole[frames + step] for step in range(len(STEPS))]
     gaps = (np.linalg.norm(one[:, first] - one[:, second], axis=2) for one in shown)
     squares = sum(step * gap for step, gap in zip(STEPS, gaps, strict=True)) ** 2 / np.dot(STEPS, STEPS)
     return float(np.nanmedian(squares)) / MEDIAN_OF_SQUARE / 2 if np.isfinite(squares).any() else 0.0
+
+
+def _pairs_within(groups: Ints) -> tuple[Ints, Ints]:
+    """Both markers of each pair in one group; markers in none (-1) are in no pair."""
+    first, second = np.nonzero(np.triu((groups[:, np.newaxis] == groups) & (groups >= 0), 1))
+    return first, second
 
 
 def pair_odds(positions: Floats) -> Floats:

@@ -187,9 +187,7 @@ def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet
             break
     for match, part in every.sorted()[:1]:  # the best may lead on
         every.add(part, match)
-    for match, part in every.sorted()[:1]:
-        if STRAINED < match.misfit < HOPELESS:
-            every.look_carefully(part)
+        every.look_carefully()
     return tuple((replace(match, of_set=part.taken[match.of_set]), part.worn) for match, part in every.sorted())
 
 
@@ -212,9 +210,11 @@ class _Readings:
         """All, the best first."""
         return sorted(self.found.values(), key=lambda one: one[0].misfit)
 
-    def look_carefully(self, part: _Part) -> None:
-        """Add those of a set that careful searches find, from many more beginnings, if one fits much better."""
-        before, least = dict(self.found), self.sorted()[0][0].misfit
+    def look_carefully(self) -> None:
+        """Where the best is strained, add those of its set that careful searches find, if one fits much better."""
+        before, (least, part) = dict(self.found), self.sorted()[0]
+        if not STRAINED < least.misfit < HOPELESS:
+            return
         starts = sorted(matches(self._shape, part.part, CAREFUL_SEARCHES), key=lambda match: match.misfit)
         for start in starts[:TRIED]:
             self.add(part, start, CAREFUL)
@@ -224,7 +224,7 @@ class _Readings:
                 self.add(best, match, CAREFUL)
             if len(self.found) == n_found:
                 break
-        if self.sorted()[0][0].misfit > least - MUCH:
+        if self.sorted()[0][0].misfit > least.misfit - MUCH:
             self.found = before
 
     def add(self, part: _Part, start: Match, rounds: Rounds = PLAIN) -> None:

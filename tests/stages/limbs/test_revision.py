@@ -141,6 +141,7 @@ def test_rigid_limbs_with_poses_are_plates_and_others_are_not() -> None:
     limb = np.asarray(rigid.truth.limb_of_marker)
     positions = np.array(rigid.take.positions)
     assert are_plates(positions, limb) and not are_plates(np.asarray(soft.take.positions), limb)
+    assert are_plates(positions, limb + 3)  # of a second body, whose limbs do not begin with the first
     assert not are_plates(positions, np.where(np.arange(len(limb)) < 2, limb.max() + 1, limb))  # a limb without poses
     positions[::2, 0] = positions[1::2, 1] = np.nan  # never together, and the white noise of neighbours in time unknown
     assert are_plates(positions, limb)
