@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Floats, spread_frames
 
 _MOST_FRAMES, _FEWEST_FRAMES, _SHARED_OUT = 300, 30, 20_000  # frames with distances: fewer of many points
@@ -119,13 +120,12 @@ def distance_table(positions: Floats, tails: float = 0.25) -> tuple[Floats, Floa
     sample = positions[spread_frames(len(positions), most)]
     lengths, ranges = np.full((n_points, n_points), np.nan), np.full((n_points, n_points), np.nan)
     for point in range(n_points):
-        ordered = np.sort(np.linalg.norm(sample - sample[:, [point]], axis=2), axis=0)  # NaN comes last
-        count = (~np.isnan(ordered)).sum(axis=0)
-        low, middle, high = (
-            np.take_along_axis(ordered, (part * np.maximum(count - 1, 0)).astype(np.intp)[np.newaxis], axis=0)[0]
-            for part in (tails, 0.5, 1.0 - tails)
-        )
-        lengths[point], ranges[point] = middle, high - low
+        others = np.arange(point, n_points)
+        ordered = np.sort(pair_lengths(sample, np.full(len(others), point), others), axis=1)  # NaN comes last
+        rows, last = others - point, np.maximum((~np.isnan(ordered)).sum(axis=1) - 1, 0)
+        low, middle, high = (ordered[rows, (part * last).astype(np.intp)] for part in (tails, 0.5, 1.0 - tails))
+        lengths[point, point:] = lengths[point:, point] = middle
+        ranges[point, point:] = ranges[point:, point] = high - low
     return lengths, ranges
 
 

@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs.postures import Postures
 
@@ -142,7 +143,7 @@ def shape_of(positions: Floats) -> Shape:
 def _shape_of(seen: bytes, n: tuple[int, ...]) -> Shape:
     """The same, found once for the frames that are looked at: sets, places and what these say all ask for it."""
     shown = np.frombuffer(seen).reshape(n)
-    gaps = np.sort(np.linalg.norm(shown[:, :, np.newaxis] - shown[:, np.newaxis], axis=3), axis=0)  # NaN last
+    gaps = np.sort(lengths_of(shown[:, :, np.newaxis] - shown[:, np.newaxis]), axis=0)  # NaN last
     count = (~np.isnan(gaps)).sum(axis=0)
     middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
     mean = np.nansum(gaps, axis=0) / np.maximum(count, 1)

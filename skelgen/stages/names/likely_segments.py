@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.names.moving_tree import MovingTree
 
@@ -86,9 +87,13 @@ def pair_features(centres: Floats) -> Floats:
     centres : ndarray, shape (n_frames, n_limbs, 3), mm
         Middles of the limbs' markers.
     """
-    distances = np.linalg.norm(centres[:, :, np.newaxis] - centres[:, np.newaxis], axis=-1)
-    low, middle, high = np.percentile(distances, [5.0, 50.0, 95.0], axis=0)
-    return np.asarray(np.log(np.stack([np.maximum(middle, 1.0), (high - low) / 2 + NOISE], axis=-1)))
+    n_limbs = centres.shape[1]
+    one, other = np.triu_indices(n_limbs)
+    low, middle, high = np.percentile(pair_lengths(centres, one, other), [5.0, 50.0, 95.0], axis=1)
+    features = np.empty((n_limbs, n_limbs, 2))
+    features[one, other] = np.log(np.stack([np.maximum(middle, 1.0), (high - low) / 2 + NOISE], axis=-1))
+    features[other, one] = features[one, other]
+    return features
 
 
 def size_of(markers: Floats) -> float:
@@ -140,12 +145,11 @@ def likely_segments(tree: MovingTree, worn: Mapping[int, OfSet] | None = None, t
     of_set = np.array([[_odds_by_set(label, (worn or {}).get(limb)) for label in LABELS] for limb in tree.limbs])
     one, other = np.triu_indices(n_limbs, 1)
     pairs = np.zeros((n_limbs, n_limbs, len(LABELS), len(LABELS)))
-    alike = _PIECE * np.eye(len(LABELS))
 
     def searched(size: int, width: int) -> tuple[float, Ints]:
         tall = stature * _STATURES[size]
-        pairs[one, other] = tables.pairs(features[one, other] - np.log(tall), joined[one, other]) - alike
-        pairs[other, one] = pairs[one, other].swapaxes(1, 2)
+        pairs[one, other] = tables.pairs(features[one, other] - np.log(tall), joined[one, other])
+        pairs[other, one] = pairs[one, other]  # which limb is which label of a pair makes no difference
         of_limbs = tables.limbs(sizes, tall) + of_set
         return max((_search(pairs, of_limbs, order, width) for order in orders), key=itemgetter(0))
 
@@ -174,11 +178,9 @@ def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[floa
     """The best labels of all limbs, shape (n_limbs,), and their log odds, by a beam search limb by limb."""
     states, scores = np.zeros((1, 0), dtype=np.intp), np.zeros(1)
     for done, limb in enumerate(order):
-        gain = np.repeat(limbs[limb][np.newaxis], len(states), axis=0)
-        for index in range(done):
-            gain += pairs[order[index], limb][states[:, index]]
+        gain = limbs[limb] + pairs[order[:done], limb][np.arange(done), states].sum(axis=1)
         total = (scores[:, np.newaxis] + gain).ravel()
-        kept = np.argsort(-total, kind="stable")[:width]
+        kept = _largest(total, width)
         states = np.column_stack([states[kept // len(LABELS)], kept % len(LABELS)])
         scores = total[kept]
     scores = scores - _odd(states)
@@ -186,6 +188,14 @@ def _search(pairs: Floats, limbs: Floats, order: Ints, width: int) -> tuple[floa
     labels = np.empty(len(order), dtype=np.intp)
     labels[order] = states[best]
     return float(scores[best]), labels
+
+
+def _largest(values: Floats, n_wanted: int) -> Ints:
+    """Indices of the largest values, falling; the first of equal ones."""
+    if len(values) > n_wanted:
+        enough = np.flatnonzero(values >= np.partition(values, -n_wanted)[-n_wanted])
+        return np.asarray(enough[np.argsort(-values[enough], kind="stable")[:n_wanted]])
+    return np.argsort(-values, kind="stable")
 
 
 def _odd(states: Ints) -> Floats:
@@ -206,12 +216,34 @@ def _odd(states: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """Means and precisions of pairs of labels, shapes (n_labels, n_labels, ...), and what limbs of labels are like."""
+    """What pairs of limbs of each relation, and limbs of each label, are like.
 
+    Attributes
+    ----------
+    relation_of_pair : ndarray of intp, shape (n_labels, n_labels)
+        Relation of each pair of labels, see `relation`; the same in either order.
+    means : ndarray, shape (n_relations, 2)
+        Of the features of a pair.
+    precisions : ndarray, shape (n_relations, 2, 2)
+        Inverse covariances.
+    log_volumes : ndarray, shape (n_relations,)
+        Logarithms of the roots of the determinants of the covariances.
+    joined : ndarray, shape (n_relations,)
+        How often two limbs are joined.
+    alike : ndarray, shape (n_relations,)
+        Log odds against two limbs of one label.
+    any_pair : ndarray, shape (2, 2)
+        Means and deviations of the features of any pair.
+    of_segments : ndarray, shape (n_labels, 3)
+        Mean and deviation of the size, logarithm of how many limbs are one.
+    """
+
+    relation_of_pair: Ints
     means: Floats
     precisions: Floats
     log_volumes: Floats
     joined: Floats
+    alike: Floats
     any_pair: Floats
     of_segments: Floats
 
@@ -225,14 +257,14 @@ class Tables:
         joined : ndarray of bool, shape (n_pairs,)
             Whether there is a joint between both limbs.
         """
-        far, ranges = np.moveaxis(features[:, np.newaxis, np.newaxis] - self.means, -1, 0)
-        squares = self.precisions[..., 0, 0] * far**2 + self.precisions[..., 1, 1] * ranges**2
-        squares += 2.0 * self.precisions[..., 0, 1] * far * ranges
+        far, ranges = np.moveaxis(features[:, np.newaxis] - self.means, -1, 0)
+        squares = self.precisions[:, 0, 0] * far**2 + self.precisions[:, 1, 1] * ranges**2
+        squares += 2.0 * self.precisions[:, 0, 1] * far * ranges
         of_any = -0.5 * (((features - self.any_pair[0]) / self.any_pair[1]) ** 2).sum(axis=-1)
-        of_any = (of_any - np.log(self.any_pair[1]).sum())[:, np.newaxis, np.newaxis]
+        of_any = (of_any - np.log(self.any_pair[1]).sum())[:, np.newaxis]
         odds = np.logaddexp(-0.5 * squares - self.log_volumes, of_any + np.log(_OUTLIERS)) - of_any
-        at_joint = np.where(joined[:, np.newaxis, np.newaxis], np.log(self.joined), np.log(1.0 - self.joined))
-        return np.asarray(odds + at_joint)
+        odds += np.where(joined[:, np.newaxis], np.log(self.joined), np.log(1.0 - self.joined))
+        return np.asarray((odds - self.alike)[:, self.relation_of_pair])
 
     def limbs(self, sizes: Sequence[float], stature: float) -> Floats:
         """Return the log likelihood of each limb by its size and by how often there is one, shape (n_limbs, n_labels).
@@ -267,15 +299,18 @@ def tables_of(rows: Mapping[str, Mapping[str, Sequence[float]]]) -> Tables:
         For each relation the means of both features, their variances and their covariance; for each segment the mean
         and the deviation of its size, and the logarithm of how many limbs are one; for any pair means and deviations.
     """
-    n_labels = len(LABELS)
-    found = [[rows["pairs"][relation(one, other)] for other in range(n_labels)] for one in range(n_labels)]
-    values = np.array(found, dtype=np.float64)
-    covariances = values[..., [2, 4, 4, 3]].reshape(n_labels, n_labels, 2, 2)
+    numbers = range(len(LABELS))
+    relations = sorted({relation(one, other) for one in numbers for other in numbers})
+    same = {relation(one, one) for one in numbers}
+    values = np.array([rows["pairs"][pair] for pair in relations], dtype=np.float64)
+    covariances = values[:, [2, 4, 4, 3]].reshape(-1, 2, 2)
     return Tables(
-        values[..., :2],
+        np.array([[relations.index(relation(one, other)) for other in numbers] for one in numbers]),
+        values[:, :2],
         np.asarray(np.linalg.inv(covariances)),
         0.5 * np.log(np.linalg.det(covariances)),
-        np.array([[_joined(relation(one, other)) for other in range(n_labels)] for one in range(n_labels)]),
+        np.array([_joined(pair) for pair in relations]),
+        np.array([_PIECE if pair in same else 0.0 for pair in relations]),
         np.array([rows["any"]["mean"], rows["any"]["deviation"]]),
         np.array([rows["segments"][segment] for segment, _ in LABELS]),
     )

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +114,7 @@ def marker_names(name: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one.replace("@", letter) for one in found for letter in "LR"))
 
 
+@lru_cache(maxsize=1000)
 def plain_name(name: str) -> str:
     """Return a marker's name without its subject, in small letters, letters and digits only."""
     return re.sub(r"[\W_]", "", name.rpartition(":")[2]).lower()
