@@ -16,12 +16,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
+from skelgen._kernels import contiguous
+from skelgen._kernels import relative_motion as kernels
+from skelgen._kernels.relative_motion import GroupFrames
 from skelgen.geometry.orientation import rotation_by_quaternion
-from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 
 TEST_FRAMES = 150
@@ -115,8 +118,7 @@ class Movements:
     """
 
     def __init__(self, positions: Floats, frames: Ints) -> None:
-        self._all = positions
-        self._sampled = positions[frames]
+        self._all, self._sampled = contiguous(positions, positions[frames])
         self._sampled_seen: Bools = ~np.isnan(self._sampled[:, :, 0])
         self._known: dict[_Asked, Spread | None] = {}
 
@@ -195,20 +197,23 @@ class Movements:
 
     def _spreads(self, asked: list[_Asked]) -> Iterator[tuple[Ints, Spread]]:
         """Measure what is asked for; yields spreads of equal size together, with the indices of what they answer."""
-        alike: dict[tuple[int, int, int, bool], list[tuple[int, Ints]]] = {}
+        alike: dict[tuple[int, int, bool], list[tuple[int, Ints]]] = {}
         for index, one in enumerate(asked):
             frames, are_sampled = self._frames_of(one.markers)
             if len(frames) >= LEAST_FRAMES:
-                key = (len(one.markers), one.n_first, len(frames), are_sampled)
-                alike.setdefault(key, []).append((index, frames))
-        for (n_markers, n_first, n_frames, are_sampled), members in alike.items():
-            most = max(1, AT_ONCE // (3 * n_markers * n_frames))
+                alike.setdefault((len(one.markers), one.n_first, are_sampled), []).append((index, frames))
+        for (n_markers, n_first, are_sampled), members in alike.items():
+            most = max(1, AT_ONCE // (3 * n_markers * max(len(frames) for _, frames in members)))
             for start in range(0, len(members), most):
-                indices = np.array([index for index, _ in members[start : start + most]], dtype=np.intp)
-                frames = np.stack([frames for _, frames in members[start : start + most]])
-                markers = np.array([asked[index].markers for index in indices.tolist()], dtype=np.intp)
-                points, seen = self._shown(markers, frames, are_sampled)
-                for places, spread in _spreads_of(points, seen, markers, n_first):
+                some = members[start : start + most]
+                indices = np.array([index for index, _ in some], dtype=np.intp)
+                groups = GroupFrames(
+                    self._sampled if are_sampled else self._all,
+                    np.array([asked[index].markers for index in indices.tolist()], dtype=np.intp),
+                    np.concatenate([frames for _, frames in some]),
+                    _spans([len(frames) for _, frames in some]),
+                )
+                for places, spread in _spreads_of(groups, n_first):
                     yield indices[places], spread
 
     def _frames_of(self, markers: Group) -> tuple[Ints, bool]:
@@ -244,13 +249,6 @@ class Movements:
         needed = max(min(3, len(markers)), int(np.ceil(SEEN_PART * len(markers))))
         return np.flatnonzero(seen[list(markers)].sum(axis=0, dtype=np.int16) >= needed)
 
-    def _shown(self, markers: Ints, frames: Ints, are_sampled: bool) -> tuple[Floats, Bools]:
-        """Positions (0 where unseen) and visibility of the markers of many groups in frames of their own."""
-        where = frames[:, :, np.newaxis], markers[:, np.newaxis]
-        points = (self._sampled if are_sampled else self._all)[where]
-        seen: Bools = ~np.isnan(points[..., 0])
-        return np.where(seen[..., np.newaxis], points, 0.0), seen
-
 
 @cache
 def _test_places(n_frames: int) -> Ints:
@@ -258,75 +256,47 @@ def _test_places(n_frames: int) -> Ints:
     return np.linspace(0, n_frames - 1, TEST_FRAMES).astype(np.intp)
 
 
-def _spreads_of(points: Floats, seen: Bools, markers: Ints, n_first: int) -> Iterator[tuple[Ints, Spread]]:
+def _spreads_of(groups: GroupFrames, n_first: int) -> Iterator[tuple[Ints, Spread]]:
     """Spreads of many groups; yields those with as many coordinates together, and the indices of their groups.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n_groups, n_frames, n_markers, 3), mm
-        0 where unseen.
-    seen : ndarray of bool, shape (n_groups, n_frames, n_markers)
-        Which are seen.
-    markers : ndarray of intp, shape (n_groups, n_markers)
-        The markers.
-    n_first : int
-        Markers of the first of two parts; 0 for inner coordinates.
-    """
-    residuals, shapes = _aligned(points, seen)
-    rows = residuals.reshape(*residuals.shape[:2], -1)
-    radii = np.sqrt(((shapes - shapes.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
-    for places, basis in _relative_bases(shapes, n_first) if n_first else _inner_bases(shapes):
-        size = ((rows[places] @ basis) ** 2).sum(axis=2)
-        n_kept = max(LEAST_FRAMES, round(KEPT_PART * size.shape[1]))
-        kept = places[:, np.newaxis], np.argsort(size, axis=1, kind="stable")[:, :n_kept]
-        used, shown = rows[kept], seen[kept].astype(np.float64)
-        common = np.repeat(np.repeat(np.maximum(shown.swapaxes(1, 2) @ shown, 1), 3, axis=1), 3, axis=2)
-        yield (
-            places,
-            Spread(
-                basis.swapaxes(1, 2) @ (used.swapaxes(1, 2) @ used / common) @ basis,
-                basis,
-                markers[places],
-                radii[places],
-            ),
-        )
-
-
-def _aligned(points: Floats, seen: Bools) -> tuple[Floats, Floats]:
-    """Residuals from the mean shape of each group, in its frame (0 where unseen), and the shapes.
 
     Frames are aligned to the fullest one. Its noise rotates all frames alike, and small rotations are no part of
     the coordinates: aligning again to the mean changes nothing that matters.
+
+    Parameters
+    ----------
+    groups : GroupFrames
+        The groups with their frames.
+    n_first : int
+        Markers of the first of two parts; 0 for inner coordinates.
     """
-    weights = seen.astype(np.float64)
-    counts = weights.sum(axis=1)
-    start = np.arange(len(points)), np.argmax(weights.sum(axis=2), axis=1)
-    shape = points[start]
-    both = weights * weights[start][:, np.newaxis]
-    both /= both.sum(axis=2, keepdims=True)
-    centred = points - (both[:, :, np.newaxis] @ points)
-    middle = (both @ shape)[:, :, np.newaxis]
-    turns = rotation_by_quaternion((centred * both[..., np.newaxis]).swapaxes(2, 3) @ (shape[:, np.newaxis] - middle))
-    moved = centred @ turns + middle
-    mean = (moved * weights[..., np.newaxis]).sum(axis=1) / np.maximum(counts, 1)[..., np.newaxis]
-    return (moved - mean[:, np.newaxis]) * weights[..., np.newaxis], mean
+    moments, centres = kernels.moments_of_groups(groups)
+    residuals, shapes = kernels.residuals_of_groups(groups, rotation_by_quaternion(moments), centres)
+    displacements, radii = kernels.displacements_of(shapes)
+    for places, bases in _relative_bases(shapes, displacements, n_first) if n_first else _inner_bases(displacements):
+        covariances = kernels.covariances_along(residuals, groups.spans[places], bases)
+        yield places, Spread(covariances, bases, groups.markers[places], radii[places])
 
 
-def _inner_bases(shapes: Floats) -> Iterator[tuple[Ints, Floats]]:
+def _spans(n_frames: list[int]) -> Ints:
+    """Where the frames of each group begin and end if they follow one another, and how many of them count."""
+    ends = list(accumulate(n_frames))
+    kept = [max(LEAST_FRAMES, round(KEPT_PART * number)) for number in n_frames]
+    return np.array([*zip([0, *ends[:-1]], ends, kept, strict=True)], dtype=np.intp)
+
+
+def _inner_bases(displacements: Floats) -> Iterator[tuple[Ints, Floats]]:
     """Orthonormal coordinates that no rigid displacement changes, shape (n_groups, 3 n, k), of groups of each k."""
-    left, sizes, _ = np.linalg.svd(_displacements(shapes), full_matrices=True)
+    left, sizes, _ = np.linalg.svd(displacements, full_matrices=True)
     ranks = _ranks(sizes)
-    for rank in np.unique(ranks).tolist():
+    for rank in sorted(set(ranks.tolist())):
         places = np.flatnonzero(ranks == rank)
         yield places, left[places, :, rank:]
 
 
-def _relative_bases(shapes: Floats, n_first: int) -> Iterator[tuple[Ints, Floats]]:
+def _relative_bases(shapes: Floats, displacements: Floats, n_first: int) -> Iterator[tuple[Ints, Floats]]:
     """Orthonormal displacements of two parts as rigid bodies that are none of the whole, as `_inner_bases`."""
-    found = [
-        np.linalg.svd(_displacements(part), full_matrices=False)[:2]
-        for part in (shapes[:, :n_first], shapes[:, n_first:], shapes)
-    ]
+    of_parts = [kernels.displacements_of(part)[0] for part in (shapes[:, :n_first], shapes[:, n_first:])]
+    found = [np.linalg.svd(columns, full_matrices=False)[:2] for columns in (*of_parts, displacements)]
     ranks = np.stack([_ranks(sizes) for _, sizes in found], axis=1)
     for kinds in sorted(set(map(tuple, ranks.tolist()))):
         places = np.flatnonzero((ranks == kinds).all(axis=1))
@@ -341,14 +311,3 @@ def _relative_bases(shapes: Floats, n_first: int) -> Iterator[tuple[Ints, Floats
 def _ranks(sizes: Floats) -> Ints:
     """Number of singular values that count, of each group."""
     return np.asarray((sizes > RANK_TOLERANCE * sizes[:, :1]).sum(axis=1))
-
-
-def _displacements(shapes: Floats) -> Floats:
-    """Three translations and three small rotations of points, of like size, shape (n_groups, 3 n, 6)."""
-    from_middle = shapes - shapes.mean(axis=1, keepdims=True)
-    sizes = np.sqrt((from_middle**2).sum(axis=2).mean(axis=1))
-    units = from_middle / np.where(sizes > 0, sizes, 1.0)[:, np.newaxis, np.newaxis]
-    columns = np.empty((*shapes.shape, 6))
-    columns[..., :3] = np.eye(3)
-    columns[..., 3:] = -cross_matrix(units)  # its columns are v x e
-    return columns.reshape(len(shapes), -1, 6)

@@ -227,6 +227,8 @@ def _split(groups: Ints, odds: Floats) -> Ints | None:
         members = np.flatnonzero(groups == limb)
         distances = STATED - odds[np.ix_(members, members)]
         np.fill_diagonal(distances, 0.0)
+        if STATED - float(distances.max()) >= max(SPLIT, SPLIT_ONE):
+            continue  # no two markers of it are likely of two limbs, hence no two parts
         is_second = fcluster(linkage(squareform(distances, checks=False), "average"), 2, "maxclust") == 2
         one, other = members[~is_second], members[is_second]
         if not len(other):

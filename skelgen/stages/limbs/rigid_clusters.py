@@ -199,21 +199,18 @@ class _Search:
 
     def _ways_to_split(self, markers: Group) -> Iterator[list[Group]]:
         blocks = sorted({self._block_of[marker] for marker in markers})
+        wide = [pair for pair in combinations(markers, 2) if self._ratio[pair] > MERGED]
         for size in range(len(blocks) - 1):
             for added in combinations(blocks[1:], size):
                 one: Group = tuple(sorted(blocks[0] + tuple(marker for block in added for marker in block)))
-                other = _without(markers, one)
-                if max(self._widest(one), self._widest(other)) <= MERGED:
-                    yield [one, other]
+                if not any((first in one) == (second in one) for first, second in wide):
+                    yield [one, _without(markers, one)]
 
     def _labels(self) -> Ints:
         labels = np.empty(len(self._ratio), dtype=np.intp)
         for index, cluster in enumerate(self.clusters):
             labels[list(cluster)] = index
         return labels
-
-    def _widest(self, group: Group) -> float:
-        return float(self._ratio[np.ix_(group, group)].max())
 
     def _weigh(self, groups: list[Group]) -> None:
         """Find the costs of groups that have none yet."""

@@ -1,0 +1,281 @@
+"""Groups of markers in frames of their own: aligned to one shape, and how they vary along given coordinates.
+
+Frames of all groups stand one after the other, in rows of which each group has a span.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen._kernels import contiguous, kernel, kernel_part
+from skelgen.model.arrays import Floats, Ints
+
+
+class GroupFrames(NamedTuple):
+    """Groups of as many markers each, and frames that show them.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_all_frames, n_all_markers, 3), mm
+        The take, NaN where unseen.
+    markers : ndarray of intp, shape (n_groups, n_markers)
+        The groups.
+    frames : ndarray of intp, shape (n_rows,)
+        Frames of all groups.
+    spans : ndarray of intp, shape (n_groups, 3)
+        Where the rows of each group begin and end, and how many of them count when it is asked how it varies.
+    """
+
+    positions: Floats
+    markers: Ints
+    frames: Ints
+    spans: Ints
+
+
+def moments_of_groups(groups: GroupFrames) -> tuple[Floats, Floats]:
+    """Return the moments of each frame with that frame of its group that shows most markers.
+
+    Parameters
+    ----------
+    groups : GroupFrames
+        Which; every frame shows some markers that the fullest one shows.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_rows, 3, 3) and (n_rows, 2, 3), mm
+        M = sum of (point of the frame) (point of the fullest)^T about their centres, and both centres.
+    """
+    n_rows = len(groups.frames)
+    moments, centres = np.zeros((n_rows, 3, 3)), np.zeros((n_rows, 2, 3))
+    _add_moments(groups, moments, centres)
+    return moments, centres
+
+
+@kernel
+def _add_moments(groups: GroupFrames, moments: Floats, centres: Floats) -> None:
+    positions, markers, frames, spans = groups
+    for group in range(len(markers)):
+        fullest = frames[_fullest(groups, group)]
+        for row in range(spans[group, 0], spans[group, 1]):
+            frame, count = frames[row], 0.0
+            for place in range(markers.shape[1]):
+                marker = markers[group, place]
+                if _is_seen(positions, frame, marker) and _is_seen(positions, fullest, marker):
+                    count += 1.0
+                    for i in range(3):
+                        centres[row, 0, i] += positions[frame, marker, i]
+                        centres[row, 1, i] += positions[fullest, marker, i]
+            for i in range(3):
+                centres[row, 0, i] /= count
+                centres[row, 1, i] /= count
+            for place in range(markers.shape[1]):
+                marker = markers[group, place]
+                if _is_seen(positions, frame, marker) and _is_seen(positions, fullest, marker):
+                    for i in range(3):
+                        away = (positions[frame, marker, i] - centres[row, 0, i]) / count
+                        for j in range(3):
+                            moments[row, i, j] += away * (positions[fullest, marker, j] - centres[row, 1, j])
+
+
+@kernel_part
+def _fullest(groups: GroupFrames, group: int) -> int:
+    """The first of a group's rows that shows as many markers as any."""
+    positions, markers, frames, spans = groups
+    best, most = spans[group, 0], -1
+    for row in range(spans[group, 0], spans[group, 1]):
+        count = 0
+        for place in range(markers.shape[1]):
+            if _is_seen(positions, frames[row], markers[group, place]):
+                count += 1
+        if count > most:
+            best, most = row, count
+    return int(best)
+
+
+@kernel_part
+def _is_seen(positions: Floats, frame: int, marker: int) -> bool:
+    return bool(positions[frame, marker, 0] == positions[frame, marker, 0])
+
+
+def residuals_of_groups(groups: GroupFrames, turns: Floats, centres: Floats) -> tuple[Floats, Floats]:
+    """Return how markers deviate from the mean shape of their group, in its frame, and the shapes.
+
+    Parameters
+    ----------
+    groups : GroupFrames
+        Which.
+    turns : ndarray, shape (n_rows, 3, 3)
+        Rotations of the fullest frames into the others.
+    centres : ndarray, shape (n_rows, 2, 3), mm
+        From `moments_of_groups`.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_rows, n_markers, 3) and (n_groups, n_markers, 3), mm
+        Residuals, NaN where unseen, and shapes.
+    """
+    n_groups, n_markers = groups.markers.shape
+    residuals = np.full((len(groups.frames), n_markers, 3), np.nan)
+    shapes = np.zeros((n_groups, n_markers, 3))
+    (turns,) = contiguous(turns)
+    _write_residuals(groups, turns, centres, residuals, shapes)
+    return residuals, shapes
+
+
+@kernel
+def _write_residuals(groups: GroupFrames, turns: Floats, centres: Floats, residuals: Floats, shapes: Floats) -> None:
+    positions, markers, frames, spans = groups
+    for group in range(len(markers)):
+        for place in range(markers.shape[1]):
+            marker, count = markers[group, place], 0.0
+            for row in range(spans[group, 0], spans[group, 1]):
+                if _is_seen(positions, frames[row], marker):
+                    count += 1.0
+                    for i in range(3):
+                        moved = centres[row, 1, i]
+                        for j in range(3):
+                            moved += (positions[frames[row], marker, j] - centres[row, 0, j]) * turns[row, j, i]
+                        residuals[row, place, i] = moved
+                        shapes[group, place, i] += moved
+            for i in range(3):
+                shapes[group, place, i] /= max(count, 1.0)
+                for row in range(spans[group, 0], spans[group, 1]):
+                    residuals[row, place, i] -= shapes[group, place, i]
+
+
+def displacements_of(shapes: Floats) -> tuple[Floats, Floats]:
+    """Return three translations and three small rotations of points, all of like size, and how far the points reach.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (n_groups, n_points, 3), mm
+        The points.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_groups, 3 n_points, 6) and (n_groups,)
+        Displacements in columns, and root mean square distances of the points from their middle [mm].
+    """
+    n_groups, n_points, _ = shapes.shape
+    columns, radii = np.zeros((n_groups, 3 * n_points, 6)), np.zeros(n_groups)
+    (shapes,) = contiguous(shapes)
+    _write_displacements(shapes, columns, radii)
+    return columns, radii
+
+
+@kernel
+def _write_displacements(shapes: Floats, columns: Floats, radii: Floats) -> None:
+    n_points = shapes.shape[1]
+    for group in range(len(shapes)):
+        for i in range(3):
+            middle = 0.0
+            for point in range(n_points):
+                middle += shapes[group, point, i]
+                columns[group, 3 * point + i, i] = 1.0
+            middle /= n_points
+            one, other = (i + 1) % 3, (i + 2) % 3
+            for point in range(n_points):
+                away = shapes[group, point, i] - middle
+                radii[group] += away * away
+                columns[group, 3 * point + one, 3 + other] = away
+                columns[group, 3 * point + other, 3 + one] = -away
+        radii[group] = math.sqrt(radii[group] / n_points)
+        for row in range(3 * n_points):
+            for k in range(3, 6):
+                columns[group, row, k] /= radii[group] if radii[group] > 0.0 else 1.0
+
+
+def covariances_along(residuals: Floats, spans: Ints, bases: Floats) -> Floats:
+    """Return the covariances of some coordinates of groups over the frames in which these are smallest.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n_rows, n_markers, 3), mm
+        From `residuals_of_groups`.
+    spans : ndarray of intp, shape (n_groups, 3)
+        Where the rows of each group begin and end, and how many of them count.
+    bases : ndarray, shape (n_groups, 3 n_markers, k)
+        Coordinates of each.
+
+    Returns
+    -------
+    ndarray, shape (n_groups, k, k), mm^2
+    """
+    (bases,) = contiguous(bases)
+    _, width, size = bases.shape
+    found = np.zeros((len(bases), size, size))
+    longest = int((spans[:, 1] - spans[:, 0]).max(initial=0))
+    room = np.empty((width, width)), np.empty((width, size)), np.empty(longest)
+    _add_covariances(residuals, spans, bases, room, found)
+    return found
+
+
+@kernel
+def _add_covariances(
+    residuals: Floats, spans: Ints, bases: Floats, room: tuple[Floats, Floats, Floats], found: Floats
+) -> None:
+    products, turned, sizes = room
+    for group in range(len(bases)):
+        basis, first, last = bases[group], spans[group, 0], spans[group, 1]
+        _write_sizes(residuals, first, last, basis, sizes)
+        for _ in range(last - first - spans[group, 2]):
+            _drop_largest(sizes, last - first)
+        _write_products(residuals, first, last, sizes, products)
+        for i in range(len(basis)):
+            for k in range(basis.shape[1]):
+                turned[i, k] = 0.0
+                for j in range(len(basis)):
+                    turned[i, k] += products[i, j] * basis[j, k]
+        for k in range(basis.shape[1]):
+            for other in range(basis.shape[1]):
+                for i in range(len(basis)):
+                    found[group, k, other] += basis[i, k] * turned[i, other]
+
+
+@kernel_part
+def _write_sizes(residuals: Floats, first: int, last: int, basis: Floats, sizes: Floats) -> None:
+    """Write the squared length of the coordinates in each frame."""
+    for row in range(first, last):
+        sizes[row - first] = 0.0
+        for k in range(basis.shape[1]):
+            along = 0.0
+            for place in range(residuals.shape[1]):
+                if _is_seen(residuals, row, place):
+                    for i in range(3):
+                        along += residuals[row, place, i] * basis[3 * place + i, k]
+            sizes[row - first] += along * along
+
+
+@kernel_part
+def _drop_largest(sizes: Floats, n_rows: int) -> None:
+    """Make the largest size, the last of equal ones, negative: its frame does not count."""
+    worst = 0
+    for row in range(n_rows):
+        if sizes[row] >= sizes[worst]:
+            worst = row
+    sizes[worst] = -1.0
+
+
+@kernel_part
+def _write_products(residuals: Floats, first: int, last: int, sizes: Floats, products: Floats) -> None:
+    """Write the mean products of all coordinates of the markers over the frames that count and show both."""
+    for one in range(residuals.shape[1]):
+        for other in range(one, residuals.shape[1]):
+            count = 0.0
+            for i in range(3):
+                for j in range(3):
+                    products[3 * one + i, 3 * other + j] = 0.0
+            for row in range(first, last):
+                if sizes[row - first] >= 0.0 and _is_seen(residuals, row, one) and _is_seen(residuals, row, other):
+                    count += 1.0
+                    for i in range(3):
+                        for j in range(3):
+                            products[3 * one + i, 3 * other + j] += residuals[row, one, i] * residuals[row, other, j]
+            for i in range(3):
+                for j in range(3):
+                    products[3 * one + i, 3 * other + j] /= max(count, 1.0)
+                    if other > one:
+                        products[3 * other + j, 3 * one + i] = products[3 * one + i, 3 * other + j]
