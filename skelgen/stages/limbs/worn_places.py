@@ -7,7 +7,7 @@ do that fit well, where neither a set nor all places are believed.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from skelgen.stages.limbs.worn_sets import (
     part_of,
     readings,
 )
-from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of
+from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, once_for_frames, shape_of
 
 STARTS = 2
 """Sets from which a search begins."""
@@ -250,16 +250,10 @@ def sure_places(positions: Floats) -> tuple[Match, WornSet] | None:
     return (places.match, places.worn) if places is not None and places.match.misfit < SURE_PLACES else None
 
 
+@once_for_frames
 def _places(positions: Floats) -> Believed | None:
-    """The places by distances alone, found once for the frames that are looked at: names and joints ask for them."""
-    shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _places_of(shown.tobytes(), shown.shape)
-
-
-@lru_cache(maxsize=4)
-def _places_of(shown: bytes, n: tuple[int, ...]) -> Believed | None:
-    positions = np.frombuffer(shown).reshape(n)
-    return believed_places(positions, np.zeros((n[1], n[1])))
+    """The places by distances alone: names and joints ask for them."""
+    return believed_places(positions, np.zeros((positions.shape[1], positions.shape[1])))
 
 
 def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:

@@ -12,16 +12,16 @@ pair itself says. Where several ways to read the markers fit about as well, each
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.set_matching import CAREFUL, PLAIN, SURE, Match, Rounds, in_posture, matches
-from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, shape_of, square_of_pairs
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet, once_for_frames, shape_of, square_of_pairs
 
 SIZES = (0.75, 1.33)
 """Of the number of a set's markers: a take with fewer or more does not wear it."""
@@ -168,16 +168,13 @@ def readings(positions: Floats) -> list[tuple[float, Match, WornSet]]:
     return [(weight, *one) for weight, one in zip((weights / weights.sum()).tolist(), near, strict=True)]
 
 
+@once_for_frames
 def _all_readings(positions: Floats) -> tuple[tuple[Match, WornSet], ...]:
-    """All matches with sets of about as many markers that searches end with, the best first."""
-    shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _readings_of(shown.tobytes(), shown.shape)
+    """All matches with sets of about as many markers that searches end with, the best first.
 
-
-@lru_cache(maxsize=4)
-def _readings_of(shown: bytes, n: tuple[int, ...]) -> tuple[tuple[Match, WornSet], ...]:
-    """The same, found once for the frames that are looked at: limbs, joints and names all ask for it."""
-    shape = shape_of(np.frombuffer(shown).reshape(n))
+    Limbs, joints and names all ask for them.
+    """
+    shape = shape_of(positions)
     starts, every = _starts(shape), _Readings(shape)
     for rank in range(STARTS):
         for part, matched in starts:

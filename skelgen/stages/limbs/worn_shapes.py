@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
+from typing import TypeVar
 
 import numpy as np
 
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs.postures import Postures
+
+_Found = TypeVar("_Found")
 
 LOOKED_AT = 60
 """Frames."""
@@ -127,28 +131,36 @@ def square_of_pairs(values: Floats) -> Floats:
     return square
 
 
+def once_for_frames(find: Callable[[Floats], _Found]) -> Callable[[Floats], _Found]:
+    """Return a function that asks another for the frames of a take that are looked at, once for all who ask."""
+
+    @lru_cache(maxsize=4)
+    def of_frames(shown: bytes, n: tuple[int, ...]) -> _Found:
+        return find(np.frombuffer(shown).reshape(n))
+
+    @wraps(find)
+    def found(positions: Floats) -> _Found:
+        shown = positions[spread_frames(len(positions), LOOKED_AT)]
+        return of_frames(shown.tobytes(), shown.shape)
+
+    return found
+
+
+@once_for_frames
 def shape_of(positions: Floats) -> Shape:
-    """Return usual distances of markers and how much they vary.
+    """Return usual distances of markers and how much they vary: sets, places and what these say all ask for it.
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    return _shape_of(shown.tobytes(), shown.shape)
-
-
-@lru_cache(maxsize=4)
-def _shape_of(seen: bytes, n: tuple[int, ...]) -> Shape:
-    """The same, found once for the frames that are looked at: sets, places and what these say all ask for it."""
-    shown = np.frombuffer(seen).reshape(n)
-    gaps = np.sort(lengths_of(shown[:, :, np.newaxis] - shown[:, np.newaxis]), axis=0)  # NaN last
+    gaps = np.sort(lengths_of(positions[:, :, np.newaxis] - positions[:, np.newaxis]), axis=0)  # NaN last
     count = (~np.isnan(gaps)).sum(axis=0)
     middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
     mean = np.nansum(gaps, axis=0) / np.maximum(count, 1)
     deviation = np.sqrt(np.nansum((gaps - mean) ** 2, axis=0) / np.maximum(count, 1))
-    known = (count >= min(LEAST_COMMON, len(shown))) & ~np.eye(len(count), dtype=np.bool_)
+    known = (count >= min(LEAST_COMMON, len(positions))) & ~np.eye(len(count), dtype=np.bool_)
     distances = np.where(known, np.log(np.maximum(middle, SHORTEST)), np.nan)
     motions = np.log(np.maximum(deviation, LEAST_MOTION)) - distances
     return Shape(distances - (np.nanmedian(distances) if known.any() else 0.0), motions)
