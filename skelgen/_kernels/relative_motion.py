@@ -205,48 +205,72 @@ def covariances_along(residuals: Floats, spans: Ints, bases: Floats) -> Floats:
     ndarray, shape (n_groups, k, k), mm^2
     """
     (bases,) = contiguous(bases)
-    _, width, size = bases.shape
-    found = np.zeros((len(bases), size, size))
-    longest = int((spans[:, 1] - spans[:, 0]).max(initial=0))
-    room = np.empty((width, width)), np.empty((width, size)), np.empty(longest)
-    _add_covariances(residuals, spans, bases, room, found)
-    return found
+    n_groups, width, size = bases.shape
+    longest, n_markers = int((spans[:, 1] - spans[:, 0]).max(initial=0)), residuals.shape[1]
+    room = _Room(np.empty(longest), np.empty(width), np.empty(size), np.empty((n_markers, n_markers)))
+    products = np.zeros((n_groups, width, width))
+    _write_products(residuals, spans, bases, room, products)
+    return np.asarray(bases.swapaxes(1, 2) @ products @ bases)
+
+
+class _Room(NamedTuple):
+    """Where products are made.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (n_frames,), mm^2
+        Squared lengths of the coordinates in each frame, negative where they do not count.
+    row : ndarray, shape (3 n_markers,), mm
+        Residuals of one frame, 0 where unseen.
+    along : ndarray, shape (k,), mm
+        Coordinates of one frame.
+    counts : ndarray, shape (n_markers, n_markers)
+        Frames that count and show both.
+    """
+
+    sizes: Floats
+    row: Floats
+    along: Floats
+    counts: Floats
 
 
 @kernel
-def _add_covariances(
-    residuals: Floats, spans: Ints, bases: Floats, room: tuple[Floats, Floats, Floats], found: Floats
-) -> None:
-    products, turned, sizes = room
+def _write_products(residuals: Floats, spans: Ints, bases: Floats, room: _Room, products: Floats) -> None:
+    """Write the mean products of residuals over the frames with the smallest coordinates that show both markers."""
     for group in range(len(bases)):
-        basis, first, last = bases[group], spans[group, 0], spans[group, 1]
-        _write_sizes(residuals, first, last, basis, sizes)
+        first, last = spans[group, 0], spans[group, 1]
+        _write_sizes(residuals, first, last, bases[group], room)
         for _ in range(last - first - spans[group, 2]):
-            _drop_largest(sizes, last - first)
-        _write_products(residuals, first, last, sizes, products)
-        for i in range(len(basis)):
-            for k in range(basis.shape[1]):
-                turned[i, k] = 0.0
-                for j in range(len(basis)):
-                    turned[i, k] += products[i, j] * basis[j, k]
-        for k in range(basis.shape[1]):
-            for other in range(basis.shape[1]):
-                for i in range(len(basis)):
-                    found[group, k, other] += basis[i, k] * turned[i, other]
+            _drop_largest(room.sizes, last - first)
+        _add_products(residuals, first, last, room, products[group])
 
 
 @kernel_part
-def _write_sizes(residuals: Floats, first: int, last: int, basis: Floats, sizes: Floats) -> None:
+def _add_multiple(factor: float, values: Floats, total: Floats) -> None:
+    for place in range(len(total)):
+        total[place] += factor * values[place]
+
+
+@kernel_part
+def _read_row(residuals: Floats, row: int, values: Floats) -> None:
+    """Write the residuals of a row, 0 where unseen."""
+    for marker in range(residuals.shape[1]):
+        for i in range(3):
+            values[3 * marker + i] = residuals[row, marker, i] if _is_seen(residuals, row, marker) else 0.0
+
+
+@kernel_part
+def _write_sizes(residuals: Floats, first: int, last: int, basis: Floats, room: _Room) -> None:
     """Write the squared length of the coordinates in each frame."""
     for row in range(first, last):
-        sizes[row - first] = 0.0
+        _read_row(residuals, row, room.row)
+        room.along[:] = 0.0
+        for i in range(len(basis)):
+            _add_multiple(room.row[i], basis[i], room.along)
+        size = 0.0
         for k in range(basis.shape[1]):
-            along = 0.0
-            for place in range(residuals.shape[1]):
-                if _is_seen(residuals, row, place):
-                    for i in range(3):
-                        along += residuals[row, place, i] * basis[3 * place + i, k]
-            sizes[row - first] += along * along
+            size += room.along[k] * room.along[k]
+        room.sizes[row - first] = size
 
 
 @kernel_part
@@ -260,22 +284,19 @@ def _drop_largest(sizes: Floats, n_rows: int) -> None:
 
 
 @kernel_part
-def _write_products(residuals: Floats, first: int, last: int, sizes: Floats, products: Floats) -> None:
-    """Write the mean products of all coordinates of the markers over the frames that count and show both."""
-    for one in range(residuals.shape[1]):
-        for other in range(one, residuals.shape[1]):
-            count = 0.0
-            for i in range(3):
-                for j in range(3):
-                    products[3 * one + i, 3 * other + j] = 0.0
-            for row in range(first, last):
-                if sizes[row - first] >= 0.0 and _is_seen(residuals, row, one) and _is_seen(residuals, row, other):
-                    count += 1.0
-                    for i in range(3):
-                        for j in range(3):
-                            products[3 * one + i, 3 * other + j] += residuals[row, one, i] * residuals[row, other, j]
-            for i in range(3):
-                for j in range(3):
-                    products[3 * one + i, 3 * other + j] /= max(count, 1.0)
-                    if other > one:
-                        products[3 * other + j, 3 * one + i] = products[3 * one + i, 3 * other + j]
+def _add_products(residuals: Floats, first: int, last: int, room: _Room, products: Floats) -> None:
+    """Add up the products of the frames that count, and divide them by how many show both markers."""
+    n_markers = residuals.shape[1]
+    room.counts[:] = 0.0
+    for row in range(first, last):
+        if room.sizes[row - first] >= 0.0:
+            _read_row(residuals, row, room.row)
+            for i in range(len(products)):
+                _add_multiple(room.row[i], room.row, products[i])
+            for one in range(n_markers):
+                for other in range(n_markers):
+                    if _is_seen(residuals, row, one) and _is_seen(residuals, row, other):
+                        room.counts[one, other] += 1.0
+    for i in range(len(products)):
+        for j in range(len(products)):
+            products[i, j] /= max(room.counts[i // 3, j // 3], 1.0)
