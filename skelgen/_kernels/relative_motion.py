@@ -14,136 +14,53 @@ from skelgen._kernels import contiguous, kernel, kernel_part
 from skelgen.model.arrays import Floats, Ints
 
 
-class GroupFrames(NamedTuple):
-    """Groups of as many markers each, and frames that show them.
+@kernel_part
+def _is_seen(positions: Floats, row: int, marker: int) -> bool:
+    return bool(positions[row, marker, 0] == positions[row, marker, 0])
 
-    Attributes
+
+def residuals_of_groups(places: Floats, poses: Floats, spans: Ints) -> tuple[Floats, Floats]:
+    """Return how markers deviate from the mean shape of their group, in the frame of the group, and the shapes.
+
+    Parameters
     ----------
-    positions : ndarray, shape (n_all_frames, n_all_markers, 3), mm
-        The take, NaN where unseen.
-    markers : ndarray of intp, shape (n_groups, n_markers)
-        The groups.
-    frames : ndarray of intp, shape (n_rows,)
-        Frames of all groups.
+    places : ndarray, shape (n_rows, n_markers, 3), mm
+        The markers of each row's group in the world, NaN where unseen.
+    poses : ndarray, shape (n_rows, 4, 4)
+        world_from_group.
     spans : ndarray of intp, shape (n_groups, 3)
-        Where the rows of each group begin and end, and how many of them count when it is asked how it varies.
-    """
-
-    positions: Floats
-    markers: Ints
-    frames: Ints
-    spans: Ints
-
-
-def moments_of_groups(groups: GroupFrames) -> tuple[Floats, Floats]:
-    """Return the moments of each frame with that frame of its group that shows most markers.
-
-    Parameters
-    ----------
-    groups : GroupFrames
-        Which; every frame shows some markers that the fullest one shows.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (n_rows, 3, 3) and (n_rows, 2, 3), mm
-        M = sum of (point of the frame) (point of the fullest)^T about their centres, and both centres.
-    """
-    n_rows = len(groups.frames)
-    moments, centres = np.zeros((n_rows, 3, 3)), np.zeros((n_rows, 2, 3))
-    _add_moments(groups, moments, centres)
-    return moments, centres
-
-
-@kernel
-def _add_moments(groups: GroupFrames, moments: Floats, centres: Floats) -> None:
-    positions, markers, frames, spans = groups
-    for group in range(len(markers)):
-        fullest = frames[_fullest(groups, group)]
-        for row in range(spans[group, 0], spans[group, 1]):
-            frame, count = frames[row], 0.0
-            for place in range(markers.shape[1]):
-                marker = markers[group, place]
-                if _is_seen(positions, frame, marker) and _is_seen(positions, fullest, marker):
-                    count += 1.0
-                    for i in range(3):
-                        centres[row, 0, i] += positions[frame, marker, i]
-                        centres[row, 1, i] += positions[fullest, marker, i]
-            for i in range(3):
-                centres[row, 0, i] /= count
-                centres[row, 1, i] /= count
-            for place in range(markers.shape[1]):
-                marker = markers[group, place]
-                if _is_seen(positions, frame, marker) and _is_seen(positions, fullest, marker):
-                    for i in range(3):
-                        away = (positions[frame, marker, i] - centres[row, 0, i]) / count
-                        for j in range(3):
-                            moments[row, i, j] += away * (positions[fullest, marker, j] - centres[row, 1, j])
-
-
-@kernel_part
-def _fullest(groups: GroupFrames, group: int) -> int:
-    """The first of a group's rows that shows as many markers as any."""
-    positions, markers, frames, spans = groups
-    best, most = spans[group, 0], -1
-    for row in range(spans[group, 0], spans[group, 1]):
-        count = 0
-        for place in range(markers.shape[1]):
-            if _is_seen(positions, frames[row], markers[group, place]):
-                count += 1
-        if count > most:
-            best, most = row, count
-    return int(best)
-
-
-@kernel_part
-def _is_seen(positions: Floats, frame: int, marker: int) -> bool:
-    return bool(positions[frame, marker, 0] == positions[frame, marker, 0])
-
-
-def residuals_of_groups(groups: GroupFrames, turns: Floats, centres: Floats) -> tuple[Floats, Floats]:
-    """Return how markers deviate from the mean shape of their group, in its frame, and the shapes.
-
-    Parameters
-    ----------
-    groups : GroupFrames
-        Which.
-    turns : ndarray, shape (n_rows, 3, 3)
-        Rotations of the fullest frames into the others.
-    centres : ndarray, shape (n_rows, 2, 3), mm
-        From `moments_of_groups`.
+        Where the rows of each group begin and end, and how many of them count (here all do).
 
     Returns
     -------
     tuple of ndarray, shapes (n_rows, n_markers, 3) and (n_groups, n_markers, 3), mm
         Residuals, NaN where unseen, and shapes.
     """
-    n_groups, n_markers = groups.markers.shape
-    residuals = np.full((len(groups.frames), n_markers, 3), np.nan)
-    shapes = np.zeros((n_groups, n_markers, 3))
-    (turns,) = contiguous(turns)
-    _write_residuals(groups, turns, centres, residuals, shapes)
+    residuals, shapes = np.full(places.shape, np.nan), np.zeros((len(spans), *places.shape[1:]))
+    places, poses = contiguous(places, poses)
+    _write_residuals(places, poses, spans, residuals, shapes)
     return residuals, shapes
 
 
 @kernel
-def _write_residuals(groups: GroupFrames, turns: Floats, centres: Floats, residuals: Floats, shapes: Floats) -> None:
-    positions, markers, frames, spans = groups
-    for group in range(len(markers)):
-        for place in range(markers.shape[1]):
-            marker, count = markers[group, place], 0.0
-            for row in range(spans[group, 0], spans[group, 1]):
-                if _is_seen(positions, frames[row], marker):
+def _write_residuals(places: Floats, poses: Floats, spans: Ints, residuals: Floats, shapes: Floats) -> None:
+    for group in range(len(spans)):
+        first, last = spans[group, 0], spans[group, 1]
+        for marker in range(places.shape[1]):
+            count = 0.0
+            for row in range(first, last):
+                if _is_seen(places, row, marker):
                     count += 1.0
                     for i in range(3):
-                        moved = centres[row, 1, i]
+                        moved = 0.0
                         for j in range(3):
-                            moved += (positions[frames[row], marker, j] - centres[row, 0, j]) * turns[row, j, i]
-                        residuals[row, place, i] = moved
-                        shapes[group, place, i] += moved
+                            moved += (places[row, marker, j] - poses[row, j, 3]) * poses[row, j, i]
+                        residuals[row, marker, i] = moved
+                        shapes[group, marker, i] += moved
             for i in range(3):
-                shapes[group, place, i] /= max(count, 1.0)
-                for row in range(spans[group, 0], spans[group, 1]):
-                    residuals[row, place, i] -= shapes[group, place, i]
+                shapes[group, marker, i] /= max(count, 1.0)
+                for row in range(first, last):
+                    residuals[row, marker, i] -= shapes[group, marker, i]
 
 
 def displacements_of(shapes: Floats) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skelgen.geometry.statistics import pair_lengths
+from skelgen.geometry.statistics import sorted_pair_lengths
 from skelgen.model.arrays import Floats, spread_frames
 
 _MOST_FRAMES, _FEWEST_FRAMES, _SHARED_OUT = 300, 30, 20_000  # frames with distances: fewer of many points
@@ -119,13 +119,13 @@ def distance_table(positions: Floats, tails: float = 0.25) -> tuple[Floats, Floa
     most = int(np.clip(_SHARED_OUT // max(n_points, 1), _FEWEST_FRAMES, _MOST_FRAMES))
     sample = positions[spread_frames(len(positions), most)]
     lengths, ranges = np.full((n_points, n_points), np.nan), np.full((n_points, n_points), np.nan)
-    for point in range(n_points):
-        others = np.arange(point, n_points)
-        ordered = np.sort(pair_lengths(sample, np.full(len(others), point), others), axis=1)  # NaN comes last
-        rows, last = others - point, np.maximum((~np.isnan(ordered)).sum(axis=1) - 1, 0)
-        low, middle, high = (ordered[rows, (part * last).astype(np.intp)] for part in (tails, 0.5, 1.0 - tails))
-        lengths[point, point:] = lengths[point:, point] = middle
-        ranges[point, point:] = ranges[point:, point] = high - low
+    first, second = np.triu_indices(n_points)
+    for part, ordered in sorted_pair_lengths(sample, first, second):
+        pairs, last = np.arange(ordered.shape[1]), np.maximum((~np.isnan(ordered)).sum(axis=0) - 1, 0)
+        low, middle, high = (ordered[(share * last).astype(np.intp), pairs] for share in (tails, 0.5, 1.0 - tails))
+        one, other = first[part], second[part]
+        lengths[one, other] = lengths[other, one] = middle
+        ranges[one, other] = ranges[other, one] = high - low
     return lengths, ranges
 
 

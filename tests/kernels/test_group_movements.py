@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skelgen._kernels.relative_motion import (
-    GroupFrames,
-    covariances_along,
-    displacements_of,
-    moments_of_groups,
-    residuals_of_groups,
-)
-from skelgen.geometry.orientation import rotation_by_quaternion
+from skelgen._kernels.relative_motion import covariances_along, displacements_of, residuals_of_groups
+from skelgen.geometry.orientation import fit_transform
 
 SHAPE = np.array([[0.0, 0, 0], [90, 0, 0], [0, 70, 0], [20, 30, 60]])
 N_FRAMES = 60
@@ -25,17 +19,18 @@ def moved(rng, noise=0.0):
     return positions + rng.normal(0, noise, positions.shape)
 
 
-def groups_of(positions, *markers, n_kept=N_FRAMES):
-    """Groups that all frames show."""
-    first = N_FRAMES * np.arange(len(markers))
-    spans = np.stack([first, first + N_FRAMES, np.full(len(markers), n_kept)], axis=1)
-    return GroupFrames(positions, np.array(markers), np.tile(np.arange(N_FRAMES), len(markers)), spans)
+def spans_of(n_groups, n_kept=N_FRAMES):
+    """Spans of groups that all frames show."""
+    first = N_FRAMES * np.arange(n_groups)
+    return np.stack([first, first + N_FRAMES, np.full(n_groups, n_kept)], axis=1)
 
 
-def aligned(groups):
-    """Residuals and shapes."""
-    moments, centres = moments_of_groups(groups)
-    return residuals_of_groups(groups, rotation_by_quaternion(moments), centres)
+def aligned(positions, *groups):
+    """Residuals of groups, one after the other, and shapes; the first frame shows all markers."""
+    places = np.concatenate([positions[:, group] for group in groups])
+    first = np.repeat(places[::N_FRAMES], N_FRAMES, axis=0)
+    poses = fit_transform(first, places, ~np.isnan(places[:, :, 0]))
+    return residuals_of_groups(places, poses, spans_of(len(groups)))
 
 
 def inner_bases(shapes):
@@ -44,8 +39,7 @@ def inner_bases(shapes):
 
 
 def test_a_rigid_body_has_no_residuals_and_keeps_its_shape():
-    groups = groups_of(moved(np.random.default_rng(0)), (0, 1, 2, 3), (1, 0, 2, 3))
-    residuals, shapes = aligned(groups)
+    residuals, shapes = aligned(moved(np.random.default_rng(0)), (0, 1, 2, 3), (1, 0, 2, 3))
     assert np.abs(residuals).max() < 1e-9
     distances = np.linalg.norm(shapes[:, :, np.newaxis] - shapes[:, np.newaxis], axis=3)
     truth = np.linalg.norm(SHAPE[:, np.newaxis] - SHAPE, axis=2)
@@ -56,7 +50,7 @@ def test_a_rigid_body_has_no_residuals_and_keeps_its_shape():
 def test_unseen_markers_have_no_residuals_and_the_others_keep_theirs():
     positions = moved(np.random.default_rng(1))
     positions[5:20, 2] = np.nan
-    residuals, _ = aligned(groups_of(positions, (0, 1, 2, 3)))
+    residuals, _ = aligned(positions, (0, 1, 2, 3))
     assert np.isnan(residuals[5:20, 2]).all()
     assert np.nanmax(np.abs(residuals)) < 1e-9
 
@@ -73,9 +67,8 @@ def test_displacements_are_those_of_a_rigid_body():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_covariances_are_those_of_the_noise(seed):
-    groups = groups_of(moved(np.random.default_rng(seed), noise=0.5), (0, 1, 2, 3))
-    residuals, shapes = aligned(groups)
-    found = covariances_along(residuals, groups.spans, inner_bases(shapes))
+    residuals, shapes = aligned(moved(np.random.default_rng(seed), noise=0.5), (0, 1, 2, 3))
+    found = covariances_along(residuals, spans_of(1), inner_bases(shapes))
     rows = residuals.reshape(N_FRAMES, -1) @ inner_bases(shapes)[0]
     np.testing.assert_allclose(found[0], rows.T @ rows / N_FRAMES, rtol=1e-9)
     assert np.trace(found[0]) / 6 == pytest.approx(0.25, rel=0.5)
@@ -84,12 +77,10 @@ def test_covariances_are_those_of_the_noise(seed):
 def test_frames_with_the_largest_residuals_do_not_count():
     positions = moved(np.random.default_rng(4), noise=0.1)
     positions[[7, 30], 1] += 40.0
-    groups = groups_of(positions, (0, 1, 2, 3), n_kept=N_FRAMES - 3)
-    residuals, shapes = aligned(groups)
+    residuals, shapes = aligned(positions, (0, 1, 2, 3))
     bases = inner_bases(shapes)
-    assert np.trace(covariances_along(residuals, groups.spans, bases)[0]) < 10
-    everything = np.array([[0, N_FRAMES, N_FRAMES]])
-    assert np.trace(covariances_along(residuals, everything, bases)[0]) > 20
+    assert np.trace(covariances_along(residuals, spans_of(1, n_kept=N_FRAMES - 3), bases)[0]) < 10
+    assert np.trace(covariances_along(residuals, spans_of(1), bases)[0]) > 20
 
 
 def test_products_are_means_over_the_frames_that_show_both_markers():

@@ -232,7 +232,7 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
 
 
 def _images(first: Segment, second: Segment, fit: FixedPoint) -> tuple[Floats, Floats]:
-    """Where a joint is in the world, and the square of its gap [mm^2]; see `plain_ball.both_images`."""
+    """Where a joint is in the world, and the square of its gap [mm^2]; see `ball_joint.both_images`."""
     poses = first.shape.world_from_limb, second.shape.world_from_limb
     found: tuple[Floats, Floats] = both_images(*contiguous(*poses, fit.in_first, fit.in_second))
     return found

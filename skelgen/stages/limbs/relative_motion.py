@@ -21,10 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import contiguous
 from skelgen._kernels import relative_motion as kernels
-from skelgen._kernels.relative_motion import GroupFrames
-from skelgen.geometry.orientation import rotation_by_quaternion
+from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Bools, Floats, Ints
 
 TEST_FRAMES = 150
@@ -118,7 +116,8 @@ class Movements:
     """
 
     def __init__(self, positions: Floats, frames: Ints) -> None:
-        self._all, self._sampled = contiguous(positions, positions[frames])
+        self._all = positions
+        self._sampled = positions[frames]
         self._sampled_seen: Bools = ~np.isnan(self._sampled[:, :, 0])
         self._known: dict[_Asked, Spread | None] = {}
 
@@ -207,14 +206,12 @@ class Movements:
             for start in range(0, len(members), most):
                 some = members[start : start + most]
                 indices = np.array([index for index, _ in some], dtype=np.intp)
-                groups = GroupFrames(
-                    self._sampled if are_sampled else self._all,
-                    np.array([asked[index].markers for index in indices.tolist()], dtype=np.intp),
-                    np.concatenate([frames for _, frames in some]),
-                    _spans([len(frames) for _, frames in some]),
-                )
-                for places, spread in _spreads_of(groups, n_first):
-                    yield indices[places], spread
+                markers = np.array([asked[index].markers for index in indices.tolist()], dtype=np.intp)
+                n_frames, frames = [len(frames) for _, frames in some], np.concatenate([frames for _, frames in some])
+                where = frames[:, np.newaxis], np.repeat(markers, n_frames, axis=0)
+                places = (self._sampled if are_sampled else self._all)[where]
+                for chosen, spread in _spreads_of(places, _spans(n_frames), markers, n_first):
+                    yield indices[chosen], spread
 
     def _frames_of(self, markers: Group) -> tuple[Ints, bool]:
         """Frames that show most of some markers, and whether these are indices into the sampled frames or into all."""
@@ -256,25 +253,38 @@ def _test_places(n_frames: int) -> Ints:
     return np.linspace(0, n_frames - 1, TEST_FRAMES).astype(np.intp)
 
 
-def _spreads_of(groups: GroupFrames, n_first: int) -> Iterator[tuple[Ints, Spread]]:
+def _spreads_of(places: Floats, spans: Ints, markers: Ints, n_first: int) -> Iterator[tuple[Ints, Spread]]:
     """Spreads of many groups; yields those with as many coordinates together, and the indices of their groups.
-
-    Frames are aligned to the fullest one. Its noise rotates all frames alike, and small rotations are no part of
-    the coordinates: aligning again to the mean changes nothing that matters.
 
     Parameters
     ----------
-    groups : GroupFrames
-        The groups with their frames.
+    places : ndarray, shape (n_rows, n_markers, 3), mm
+        The markers of each group in frames of its own, one group after the other; NaN where unseen.
+    spans : ndarray of intp, shape (n_groups, 3)
+        See `_spans`.
+    markers : ndarray of intp, shape (n_groups, n_markers)
+        The markers.
     n_first : int
         Markers of the first of two parts; 0 for inner coordinates.
     """
-    moments, centres = kernels.moments_of_groups(groups)
-    residuals, shapes = kernels.residuals_of_groups(groups, rotation_by_quaternion(moments), centres)
+    residuals, shapes = kernels.residuals_of_groups(places, _aligned(places, spans), spans)
     displacements, radii = kernels.displacements_of(shapes)
-    for places, bases in _relative_bases(shapes, displacements, n_first) if n_first else _inner_bases(displacements):
-        covariances = kernels.covariances_along(residuals, groups.spans[places], bases)
-        yield places, Spread(covariances, bases, groups.markers[places], radii[places])
+    for chosen, bases in _relative_bases(shapes, displacements, n_first) if n_first else _inner_bases(displacements):
+        covariances = kernels.covariances_along(residuals, spans[chosen], bases)
+        yield chosen, Spread(covariances, bases, markers[chosen], radii[chosen])
+
+
+def _aligned(places: Floats, spans: Ints) -> Floats:
+    """Poses that bring the fullest row of each group onto its others, shape (n_rows, 4, 4).
+
+    Its noise rotates all rows alike, and small rotations are no part of the coordinates: aligning again to the mean
+    changes nothing that matters.
+    """
+    seen = ~np.isnan(places[:, :, 0])
+    count = seen.sum(axis=1)
+    fullest = [first + int(count[first:end].argmax()) for first, end, _ in spans.tolist()]
+    shown = np.repeat(fullest, spans[:, 1] - spans[:, 0])
+    return fit_transform(places[shown], places, seen & seen[shown])
 
 
 def _spans(n_frames: list[int]) -> Ints:
