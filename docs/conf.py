@@ -39,6 +39,7 @@ autodoc_default_options = {"members": True, "show-inheritance": True}
 autodoc_typehints = "none"  # numpydoc sections state types with shapes and units
 numpydoc_show_class_members = False
 
+toc_object_entries = False  # thousands of entries beside each page, and twice the time
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_favicon = html_logo = str(ROOT / "gui" / "skelgen_gui" / "skelgen.svg")
