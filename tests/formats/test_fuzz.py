@@ -38,7 +38,7 @@ NUMBERS = (
 )
 WORDS = (b"\x00\x00", b"\xff\xff", b"\xff\x7f", b"\x00\x80", struct.pack("<I", 2**32 - 1), struct.pack("<Q", 10**10))
 FUZZ = settings(
-    max_examples=60,  # `.ci/run` goes on with other seeds
+    max_examples=120,
     derandomize=True,
     deadline=None,
     database=None,
