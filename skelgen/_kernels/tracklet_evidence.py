@@ -149,19 +149,36 @@ def _add_evidence(
 @kernel_part
 def _find_witnesses(one: int, other: int, partners: Ints, tables: DistanceTables, room: tuple[Floats, Ints]) -> int:
     """Write the tracklets that tell most of both, of equal ones the first, and return how many they are."""
-    rank, best = room
     count = 0
     for partner in partners:
         value = tables.witness[one, partner] * tables.witness[other, partner]
-        place = count
-        while place > 0 and rank[place - 1] < value:
-            place -= 1
-        if value <= 0.0 or place == len(best):
-            continue
-        count = min(count + 1, len(best))
-        for later in range(count - 1, place, -1):
-            rank[later], best[later] = rank[later - 1], best[later - 1]
-        rank[place], best[place] = value, partner
+        if value > 0.0:
+            count = ranked(room[0], room[1], count, value, partner)
+    return count
+
+
+@kernel_part
+def ranked(rank: Floats, best: Ints, count: int, value: float, item: int) -> int:
+    """Put an item among the best ones if there is room or its value is larger, of equal ones last; return their count.
+
+    Parameters
+    ----------
+    rank, best : ndarray, shape (n_most,)
+        Values, falling, and whose they are; the first `count` of them are set.
+    count : int
+        How many they are.
+    value, item : float, int
+        The item's value, and the item.
+    """
+    place = count
+    while place > 0 and rank[place - 1] < value:
+        place -= 1
+    if place == len(best):
+        return count
+    count = min(count + 1, len(best))
+    for later in range(count - 1, place, -1):
+        rank[later], best[later] = rank[later - 1], best[later - 1]
+    rank[place], best[place] = value, item
     return count
 
 

@@ -24,13 +24,13 @@ import itertools
 
 import numpy as np
 
+from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
 from skelgen._kernels.tracklet_evidence import WITNESSES
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.likelihood import (
     EVIDENCE,
-    LEAST_DEVIATION,
     LEAST_WITNESSES,
     SEEN_ENOUGH,
 )

@@ -23,6 +23,7 @@ rigid distances are needed. All distances count only for the pairs that are stil
 
 import numpy as np
 
+from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE, explained
 from skelgen._kernels.tracklet_evidence import (
     WITNESSES,
     DistanceTables,
@@ -46,15 +47,6 @@ LEAST_WITNESSES = 3
 
 SEEN_ENOUGH = 4
 """Samples of a distance from which its deviation is known."""
-
-EXACT = 1e-6
-"""mm; keeps the deviation of exact takes above zero."""
-
-EXISTENCE = 8.0
-"""nats that a marker more costs."""
-
-LEAST_DEVIATION = 0.02
-"""Deviation of a distance on a limb that is expected beforehand, in spacings."""
 
 PAIRS_AT_ONCE = 500_000
 """Distances that are held at once: some 30 MB."""
@@ -220,28 +212,6 @@ def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
     chosen = np.argsort(gain, axis=1)[:, -WITNESSES:]
     evidence, n_distances = (float(np.take_along_axis(table, chosen, axis=1).sum()) for table in (gain, sums[0]))
     return evidence - EXISTENCE * len(gain), float(np.sqrt(n_distances))
-
-
-def explained(sums: Floats, spacing: float) -> Floats:
-    """How well distances are explained by two markers that keep them [nats], shape as the tables; 0 for a marker alone.
-
-    Parameters
-    ----------
-    sums : ndarray, shape (3, ..., n_markers)
-        Number, sum [mm] and sum of squares [mm^2] of distances.
-    spacing : float, mm
-        How far apart markers are.
-    """
-    count, total, squares = sums
-    scatter = np.maximum(squares - total**2 / np.maximum(count, 1.0), 0.0)
-    variance = (2.0 * (LEAST_DEVIATION * spacing) ** 2 + scatter) / (2.0 + np.maximum(count - 1.0, 0.0))
-    gain = count * np.maximum(0.5 * np.log(spacing**2 / np.maximum(variance, EXACT**2)), 0.0)
-    return np.asarray(np.where(total > 0.0, gain, 0.0))
-
-
-def of_witnesses(gain: Floats) -> Floats:
-    """Sum of what the best witnesses of each marker tell [nats], from `explained`, shape (..., n_markers)."""
-    return np.asarray(np.sort(gain, axis=-1)[..., -WITNESSES:].sum(axis=-1))
 
 
 def merge_likely(record: DistanceRecord) -> Ints:

@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import contiguous
+from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE
 from skelgen._kernels.tracklet_labels import FREEDOM, LabelLaw, LimbTracklets, most_probable_labels, sum_pair_distances
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.tracklets import TrackletPoints
-from skelgen.stages.labels.merging.likelihood import EXACT, EXISTENCE, SAMPLE_SECONDS
+from skelgen.stages.labels.merging.likelihood import SAMPLE_SECONDS
 from skelgen.stages.labels.merging.windows import continuity_evidence
 
 LEAST_TOGETHER = 8
