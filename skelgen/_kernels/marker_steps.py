@@ -185,19 +185,17 @@ def _write_relative_steps(steps: Floats, marker: int, others: Ints, values: Floa
 
 @kernel_part
 def _lower_median(values: Floats) -> float:
-    """Median of few known values, the lower one of two; NaN if none is known."""
+    """Median of few known values, the lower one of two; NaN if none is known. The values are left in another order."""
     n_known = 0
-    for index in range(len(values)):
-        n_known += not math.isnan(values[index])
-    wanted = (n_known - 1) // 2
-    for index in range(len(values)):
-        n_below, n_like = 0, 0
-        for other in range(len(values)):
-            n_below += values[other] < values[index]
-            n_like += values[other] == values[index]
-        if n_below <= wanted < n_below + n_like:
-            return float(values[index])
-    return math.nan
+    for value in values:
+        if not math.isnan(value):
+            place = n_known
+            while place > 0 and values[place - 1] > value:
+                values[place] = values[place - 1]
+                place -= 1
+            values[place] = value
+            n_known += 1
+    return float(values[(n_known - 1) // 2]) if n_known else math.nan
 
 
 def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: float) -> tuple[Floats, Floats]:

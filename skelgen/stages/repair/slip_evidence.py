@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen._kernels import marker_steps as kernels
 from skelgen._kernels.marker_steps import LINE_FRAMES
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, quantile_of
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, lengths_of, median_of_known, quantile_of
 from skelgen.model.arrays import Floats, Ints
 
 N_MATES = 5
@@ -103,7 +103,7 @@ class PlaceOnLimb:
         across the plane of few mates only the step in space does.
         """
         weights = 1.0 / _spread(self.sudden) ** 2
-        direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
+        direct = 1.0 / float(_spread(lengths_of(seen)[:, np.newaxis])[0]) ** 2
         weights = np.append(weights, direct)
         steps: Floats = kernels.fitted_steps(self._positions, self._marker, self.mates, self.sudden, weights, seen)
         return steps
@@ -113,7 +113,7 @@ class PlaceOnLimb:
         away = self._positions[frame, self._marker] - self._positions[frame, self.mates]
         with np.errstate(invalid="ignore"):  # markers in one place have no direction
             along = away @ self.step[frame] / self.lengths[frame]
-        return np.asarray(np.nan_to_num(along) / self.spread**2)
+        return np.where(np.isnan(along), 0.0, along) / self.spread**2
 
     def gains(self, frame: int, weights: Floats) -> Floats:
         """Changes of distances as parts of what the step demands: of the lines, of the frame, and of later means.
@@ -153,7 +153,7 @@ def jump_frames(own: Floats, factor: float) -> list[int]:
     factor : float
         By how many times its usual step it must jump.
     """
-    size = np.linalg.norm(own, axis=1)
+    size = lengths_of(own)
     known = size[size > 0]
     if not len(known):
         return []
@@ -221,7 +221,7 @@ def leaps(steps: Floats, paces: Callable[[], Floats], least: float, window: int)
     window : int, frames
         How long a slip lasts at least.
     """
-    size = np.linalg.norm(steps, axis=1)
+    size = lengths_of(steps)
     peaks = np.flatnonzero((size > least) & (size == _highest(size))).tolist() if (size > least).any() else []
     if not peaks:
         return []

@@ -190,11 +190,10 @@ def indistinguishable_pairs(trajectories: Trajectories, *, limbs: Limbs | None =
 
 def _one_round(trajectories: Trajectories, model: RigidModel, least_evidence: float) -> list[Swap]:
     """The clearest exchanges that do not touch each other."""
-    positions, rate = trajectories.positions, trajectories.rate
+    [positions], rate = contiguous(trajectories.positions), trajectories.rate
     neighbours = neighbours_of(positions)
     # Pairs of labels whose distances to their limbs are off in the same frames
-    [held] = contiguous(positions)
-    doubted = np.stack([_is_off(held, marker, model) for marker in range(positions.shape[1])], axis=1)
+    doubted = np.stack([_is_off(positions, marker, model) for marker in range(positions.shape[1])], axis=1)
     markers = np.flatnonzero(doubted.sum(axis=0) >= LEAST_FRAMES)
     together = doubted[:, markers].T.astype(np.float64) @ doubted[:, markers].astype(np.float64)
     pairs = [(i, j) for i, j in combinations(range(len(markers)), 2) if together[i, j] >= LEAST_FRAMES]
