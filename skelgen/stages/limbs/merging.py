@@ -394,5 +394,6 @@ class _Exchange:
         if inner is None:
             return np.inf
         size = len(inner.covariance)
-        variance = (NOISE_WEIGHT + np.trace(inner.covariance) / self._noise) / (NOISE_WEIGHT + size)
+        total = max(float(np.trace(inner.covariance)), 0.0)  # below where pairs are seen in frames of their own
+        variance = (NOISE_WEIGHT + total / self._noise) / (NOISE_WEIGHT + size)
         return float(size * np.log(variance) / 2)
