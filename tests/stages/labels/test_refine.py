@@ -163,10 +163,16 @@ def test_points_that_gain_a_marker_do_not_change_the_core() -> None:
     assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])).tolist() == [0, 1, 2]
 
 
-def test_markers_that_exchange_points_are_another_core() -> None:
+def test_markers_that_exchange_many_points_are_another_core() -> None:
     after = BEFORE.copy()
-    after[380:420] = after[380:420][::-1]
+    after[300:500] = after[300:500][::-1]
     assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])) is None
+
+
+def test_markers_that_exchange_few_points_are_the_same_core() -> None:
+    after = BEFORE.copy()
+    after[390:410] = after[390:410][::-1]
+    assert same_core(BEFORE, np.array([0, 1, 2]), after, np.array([0, 1, 2])).tolist() == [0, 1, 2]
 
 
 def test_a_core_of_which_a_marker_became_part_of_another_is_the_same_but_for_that_marker() -> None:
