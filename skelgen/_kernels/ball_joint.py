@@ -155,6 +155,36 @@ def _add_distances(
 
 
 @kernel
+def spread_of_directions(body: Floats, points: Floats, centre: Floats) -> float:
+    """Return how far directions from a centre to points turn: one minus the square of their mean, over all points.
+
+    Parameters
+    ----------
+    body : ndarray, shape (n_frames, 4, 4)
+        world_from_body; NaN where unknown.
+    points : ndarray, shape (n_frames, n_points, 3), mm
+        World positions, NaN where unseen; each point is seen with the body.
+    centre : ndarray, shape (3,), mm
+        In the body's frame.
+    """
+    spread, n_points = 0.0, points.shape[1]
+    for point in range(n_points):
+        x, y, z, count = 0.0, 0.0, 0.0, 0.0
+        for frame in range(len(body)):
+            pose, place = body[frame], points[frame, point]
+            if math.isnan(pose[0, 0]) or math.isnan(place[0]):
+                continue
+            a, b, c = place[0] - pose[0, 3], place[1] - pose[1, 3], place[2] - pose[2, 3]
+            p = pose[0, 0] * a + pose[1, 0] * b + pose[2, 0] * c - centre[0]
+            q = pose[0, 1] * a + pose[1, 1] * b + pose[2, 1] * c - centre[1]
+            r = pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c - centre[2]
+            length = max(math.sqrt(p * p + q * q + r * r), LEAST_RADIUS)
+            x, y, z, count = x + p / length, y + q / length, z + r / length, count + 1.0
+        spread += (1.0 - (x * x + y * y + z * z) / (count * count)) / n_points
+    return spread
+
+
+@kernel
 def move_to_centre(points: Floats, ends: Ints, centre: Floats, rows: Floats, most_steps: int) -> int:
     """Move a point to the common centre of spheres by Gauss-Newton steps on the distances; return how many there were.
 

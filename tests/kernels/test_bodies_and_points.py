@@ -12,6 +12,7 @@ from skelgen._kernels.ball_joint import (
     mean_distances,
     move_to_centre,
     multilaterated,
+    spread_of_directions,
 )
 from skelgen._kernels.distance_statistics import pair_sums
 from skelgen.geometry.orientation import rotation_by_svd
@@ -185,3 +186,14 @@ def test_a_point_moves_to_the_common_centre_of_spheres():
     assert n_steps < 10
     again = found.copy()
     assert move_to_centre(centre + around, np.array([8, 20]), again, rows, 20) == 1
+
+
+def test_directions_spread_by_what_the_square_of_their_mean_lacks_of_one(bodies):
+    first, _ = bodies
+    random = np.random.default_rng(8)
+    points, centre = random.normal(scale=300.0, size=(len(first), 3, 3)), np.array([10.0, -20.0, 5.0])
+    points[2, 1] = np.nan
+    local = np.einsum("fji,fnj->fni", first[:, :3, :3], points - first[:, np.newaxis, :3, 3]) - centre
+    means = np.nanmean(local / np.linalg.norm(local, axis=2, keepdims=True), axis=0)
+    wanted = np.mean(1 - (means**2).sum(axis=1))
+    assert spread_of_directions(first, points, centre) == pytest.approx(wanted, rel=1e-12)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.ball_joint import both_images, mean_distances
+from skelgen._kernels.ball_joint import both_images, mean_distances, spread_of_directions
 from skelgen.geometry.statistics import quantile_of
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Bools, Floats
@@ -281,11 +281,8 @@ def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | 
 
 def _turn(body: Segment, points: Floats, centre: Floats) -> float:
     """How far the directions from a joint to points turn in the body's frame [rad], each axis."""
-    poses = body.shape.world_from_limb
-    local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3]) - centre
-    units = local / np.maximum(np.linalg.norm(local, axis=2, keepdims=True), np.finfo(float).tiny)
-    means = np.nanmean(units, axis=0)
-    return float(np.sqrt(max(np.mean(1 - (means**2).sum(axis=1)) / 2, 0.0)))  # below 0 by rounding
+    spread = spread_of_directions(*contiguous(body.shape.world_from_limb, points, centre))
+    return float(np.sqrt(max(spread / 2, 0.0)))  # below 0 by rounding
 
 
 def _centroid(points: Floats) -> Floats:
