@@ -44,7 +44,7 @@ PRIOR_SCORE = 0.3
 FREE_MARKER_SHARE = 0.1
 """Of all frames in which a marker that no limb carries must be seen."""
 
-SAME_CORE = 0.05
+SAME_CORE = 0.012
 """Part of the core's points that may have changed their marker for limbs and tree to be taken over; those of markers
 that became parts of others do not count."""
 
