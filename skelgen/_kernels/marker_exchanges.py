@@ -83,6 +83,7 @@ class _Room(NamedTuple):
     frames: Ints  # (n_moments + 1,) and its end
     kept: Ints  # (n_moments + 1,) moments between which spans are
     suits: Floats  # (n_moments + 1,) nats gained by exchanging two markers before a moment
+    sides: Floats  # (n_moments + 1,) those of them that the sides of both gain
     rank: Floats  # (MOST_PAUSES,)
     best: Ints  # (MOST_PAUSES,)
     is_tried: Bools  # (MOST_PAUSES + 2, MOST_PAUSES + 2)
@@ -119,7 +120,7 @@ def of_witnesses(gains: Floats) -> Floats:
     return told
 
 
-def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses) -> tuple[Floats, Ints]:
+def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses, sides: Floats) -> tuple[Floats, Ints]:
     """Find where exchanging two markers gains most.
 
     Parameters
@@ -130,11 +131,13 @@ def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses) -> 
         What is known.
     pauses : Pauses
         When markers pause: only between common pauses, or from one on, are two exchanged.
+    sides : ndarray, shape (n_pairs, n_moments), nats
+        What an exchange gains by the sides on which both lie, by `handedness.evidence_of_sides`.
 
     Returns
     -------
     gain : ndarray, shape (n_pairs,), nats
-        How much the evidence of the take grows; -inf where nothing speaks for an exchange.
+        How much the evidence of the take grows, by distances and sides; -inf where nothing speaks for an exchange.
     spans : ndarray of intp, shape (n_pairs, 4)
         First moment, moment behind the last one, first frame, and frame behind the last one.
     """
@@ -145,6 +148,7 @@ def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses) -> 
         np.empty(n_ends, dtype=np.intp),
         np.empty(n_ends, dtype=np.intp),
         np.empty(n_ends),
+        np.empty(n_ends),
         np.empty(MOST_PAUSES),
         np.empty(MOST_PAUSES, dtype=np.intp),
         np.empty((MOST_PAUSES + 2, MOST_PAUSES + 2), dtype=np.bool_),
@@ -152,9 +156,9 @@ def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses) -> 
         np.empty((most, 2, n_markers)),
         np.empty(WITNESSES),
     )
-    gain, spans = np.empty(len(pairs)), np.zeros((len(pairs), 4), dtype=np.intp)
-    _weigh(pairs, distances, pauses, room, gain, spans)
-    return gain, spans
+    found = np.empty(len(pairs)), np.zeros((len(pairs), 4), dtype=np.intp)
+    _weigh(pairs, distances, pauses, sides, room, found)
+    return found
 
 
 @kernel
@@ -171,13 +175,16 @@ def _write_witnessed(gains: Floats, witnesses: Floats, told: Floats) -> None:
 
 
 @kernel
-def _weigh(pairs: Ints, distances: MarkerDistances, pauses: Pauses, room: _Room, gain: Floats, spans: Ints) -> None:
+def _weigh(
+    pairs: Ints, distances: MarkerDistances, pauses: Pauses, sides: Floats, room: _Room, found: tuple[Floats, Ints]
+) -> None:
     """Write what `weigh_exchanges` returns."""
+    gain, spans = found
     for row in range(len(pairs)):
         one, other = pairs[row, 0], pairs[row, 1]
         gain[row] = -math.inf
         is_near = _is_near(one, other, distances)
-        if not _suits(one, other, distances.misfits, room.suits) and not is_near:
+        if not _suits(one, other, distances.misfits, sides[row], room) and not is_near:
             continue
         n_common = _find_common_pauses(one, other, pauses, room)
         n_spans = _find_spans(n_common, is_near, room)
@@ -231,13 +238,14 @@ def _is_near(one: int, other: int, distances: MarkerDistances) -> bool:
 
 
 @kernel_part
-def _suits(one: int, other: int, misfits: Floats, suits: Floats) -> bool:
+def _suits(one: int, other: int, misfits: Floats, of_sides: Floats, room: _Room) -> bool:
     """Write how much better points of both suit the other before each moment; whether they do for long enough."""
-    run, longest = 0.0, 0.0
-    suits[0] = 0.0
+    run, longest, suits, sides = 0.0, 0.0, room.suits, room.sides
+    suits[0] = sides[0] = 0.0
     for moment in range(len(suits) - 1):
         gain = misfits[one, one, moment] - misfits[one, other, moment]
-        gain += misfits[other, other, moment] - misfits[other, one, moment]
+        gain += misfits[other, other, moment] - misfits[other, one, moment] + of_sides[moment]
+        sides[moment + 1] = sides[moment] + of_sides[moment]
         suits[moment + 1] = suits[moment] + gain
         run = max(run + gain, 0.0)
         longest = max(longest, run)
@@ -323,7 +331,9 @@ def _best_span(one: int, other: int, n_spans: int, distances: MarkerDistances, r
     _write_rows(one, other, n_spans, distances, room)
     best, most = 0, -math.inf
     for span in range(n_spans):
-        told = EXISTENCE * _n_fewer(one, other, room.spans[span], distances.before)
+        first, end = room.spans[span, 0], room.spans[span, 1]
+        inside = room.sides[end] - room.sides[first]
+        told = max(inside, room.sides[-1] - inside) + EXISTENCE * _n_fewer(one, other, (first, end), distances.before)
         for side in range(2):
             told += _told_by_best(room.rows[span, side], room.witnesses)
         if told > most:
@@ -378,9 +388,9 @@ def _explained_if_exchanged(
 
 
 @kernel_part
-def _n_fewer(one: int, other: int, span: Ints, before: Floats) -> int:
+def _n_fewer(one: int, other: int, span: tuple[int, int], before: Floats) -> int:
     """How many markers fewer are seen if two are exchanged in a span; negative for more."""
-    first, end = span[0], span[1]
+    first, end = span
     mine, others = before[one, one, 0], before[other, other, 0]
     moved = (others[end] - others[first]) - (mine[end] - mine[first])
     n_before = int(mine[-1] > 0.0) + int(others[-1] > 0.0)

@@ -69,7 +69,8 @@ def test_the_gain_is_how_much_the_evidence_of_the_take_grows(case):
     places, misfits = case
     common = [(75, 80), (120, 130), (155, 160)]
     pairs = np.stack(np.triu_indices(N_MARKERS, 1), axis=1)
-    gain, spans = weigh_exchanges(pairs, distances_of(places, misfits), pauses_of([common] * N_MARKERS, 24))
+    pauses = pauses_of([common] * N_MARKERS, 24)
+    gain, spans = weigh_exchanges(pairs, distances_of(places, misfits), pauses, np.zeros((len(pairs), 24)))
     assert np.isfinite(gain).sum() > 5
     for row in np.flatnonzero(np.isfinite(gain)):
         first, end, begin, behind = spans[row]
@@ -86,10 +87,25 @@ def test_markers_that_were_exchanged_are_found_between_their_pauses(case):
     for marker in (1, 4):
         misfits[marker, marker, 8:16] = 5.0
     pauses = pauses_of([[(79, 80), (159, 160)] if marker in (1, 4) else [] for marker in range(N_MARKERS)], 24)
-    gain, spans = weigh_exchanges(np.array([[1, 4], [1, 5]]), distances_of(places, misfits), pauses)
+    gain, spans = weigh_exchanges(np.array([[1, 4], [1, 5]]), distances_of(places, misfits), pauses, np.zeros((2, 24)))
     np.testing.assert_array_equal(spans[0], (8, 16, 80, 160))
     assert gain[0] > 50.0
     assert gain[1] == -np.inf
+
+
+@pytest.mark.parametrize("most", [0, 1], ids=["inside", "outside"])
+def test_sides_that_speak_for_an_exchange_add_what_they_tell(case, most):
+    """Where most of the take is exchanged, what lies outside is what changes."""
+    places, misfits = case
+    misfits[:] = 0.0
+    pauses = pauses_of([[(79, 80), (159, 160)] for _ in range(N_MARKERS)], 24)
+    inside = (np.arange(24) // 8 == 1) != most
+    sides = np.where(inside, 5.0, -5.0)[np.newaxis]
+    pair, distances = np.array([[1, 4]]), distances_of(places, misfits)
+    gain, spans = weigh_exchanges(pair, distances, pauses, sides)
+    surer, _ = weigh_exchanges(pair, distances, pauses, 3.0 * sides)
+    np.testing.assert_array_equal(spans[0], (8, 16, 80, 160))
+    assert surer[0] - gain[0] == pytest.approx(2.0 * sides[:, inside].sum())
 
 
 def test_a_marker_that_takes_up_where_another_one_ends_is_one_fewer():
@@ -99,7 +115,7 @@ def test_a_marker_that_takes_up_where_another_one_ends_is_one_fewer():
     misfits = np.zeros((6, 6, 24))
     misfits[5, 5] = 10.0
     pauses = pauses_of([[(95, 240)], [], [], [], [], [(-1, 100)]], 24)
-    gain, spans = weigh_exchanges(np.array([[0, 5]]), distances_of(places, misfits), pauses)
+    gain, spans = weigh_exchanges(np.array([[0, 5]]), distances_of(places, misfits), pauses, np.zeros((1, 24)))
     np.testing.assert_array_equal(spans[0], (10, 24, 100, 240))
     assert gain[0] > EXISTENCE
 
@@ -112,9 +128,8 @@ def test_of_more_pauses_the_longest_ones_count():
     places[half:, [0, 1]] = places[half:, [1, 0]]
     frames = np.arange(1, n_moments) * STEP
     common = [(frame - 2 - 5 * (frame == half * STEP), frame) for frame in frames.tolist()]
-    gain, spans = weigh_exchanges(
-        np.array([[0, 1]]), distances_of(places, np.zeros((4, 4, n_moments))), pauses_of([common] * 4, n_moments)
-    )
+    distances, pauses = distances_of(places, np.zeros((4, 4, n_moments))), pauses_of([common] * 4, n_moments)
+    gain, spans = weigh_exchanges(np.array([[0, 1]]), distances, pauses, np.zeros((1, n_moments)))
     assert spans[0, 0] == half
     assert gain[0] > 50.0
 

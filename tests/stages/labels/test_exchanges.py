@@ -96,3 +96,17 @@ def test_of_thousands_of_common_pauses_the_longest_are_looked_at() -> None:
     tracemalloc.stop()
     np.testing.assert_array_equal(found, marker)
     assert peak < 60e6, f"{peak / 1e6:.0f} MB"  # bytes; all spans between two pauses would take twice as many
+
+
+def test_toes_that_are_as_far_from_all_others_are_exchanged_by_their_sides(turning_limb) -> None:
+    """Distances cannot tell which is which: the limb would be its mirror image."""
+    places = np.array([[35, 0, 0], [-35, 0, 0], [0, -150, 0], [0, -120, 80], [0, -60, 50], [0, -30, 60]], dtype=float)
+    positions = turning_limb(places, N_FRAMES)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    seen[PAUSE, :2] = seen[SECOND, :2] = False
+    frame, marker = np.nonzero(seen)
+    cloud = PointCloud(positions[seen], np.concatenate([[0], np.cumsum(seen.sum(axis=1))]), np.arange(N_FRAMES) / RATE)
+    track = marker + len(places) * np.where(marker < 2, (frame >= PAUSE.stop).astype(int) + (frame >= SECOND.stop), 0)
+    for is_wrong in ((frame >= SECOND.stop), (frame >= PAUSE.stop) & (frame < SECOND.stop)):
+        wrong = np.where((marker < 2) & is_wrong, 1 - marker, marker)
+        np.testing.assert_array_equal(exchange_markers(cloud, track, wrong, RATE, SPACING, no(marker)), marker)

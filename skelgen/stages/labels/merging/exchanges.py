@@ -16,6 +16,7 @@ import numpy as np
 from skelgen._kernels.marker_exchanges import (
     LEAST_DEVIATION,
     LEAST_GAIN,
+    NEAR,
     MarkerDistances,
     Pauses,
     explained,
@@ -25,8 +26,9 @@ from skelgen._kernels.marker_exchanges import (
 from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.handedness import evidence_of_sides
 from skelgen.stages.labels.merging.likelihood import sample_frames
 
 MOST_DISTANCES = 1_000_000
@@ -124,7 +126,17 @@ class _Search:
         starts = np.concatenate([[0], np.cumsum([len(pauses[0]) for pauses in self._pauses])])
         one, other = pairs.T
         pauses = Pauses(starts, last, following, self._moments)
-        self.gain[one, other], self._spans[one, other] = weigh_exchanges(pairs, distances, pauses)
+        sides = self._sides(pairs)
+        self.gain[one, other], self._spans[one, other] = weigh_exchanges(pairs, distances, pauses, sides)
+
+    def _sides(self, pairs: Ints) -> Floats:
+        """What exchanging two near markers gains by their sides at each moment [nats], shape (n_pairs, n_moments)."""
+        one, other = pairs.T
+        count, total = self._before[one, other, 0, -1], self._before[one, other, 1, -1]
+        near = np.flatnonzero((count > 0.0) & (total <= NEAR * self._spacing * count))
+        sides = np.zeros((len(pairs), len(self._moments)))
+        sides[near] = evidence_of_sides(pairs[near], self._places, self._gains, self._spacing)
+        return sides
 
     def exchange(self, one: int, other: int) -> None:
         """Exchange two markers where that gains most."""
