@@ -297,6 +297,8 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
         if more <= evidence + chance:
             break
         found, evidence = other, more
+    sums = sampled_distances(task.cloud, found, task.rate)
+    found = label_leftovers(task.cloud, tracks, found, sums, task.spacing, MOST_AGAINST, shortest=1)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
@@ -317,13 +319,17 @@ def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
     Tracks that are left over are compared again: markers may have their own distances now.
     """
     cloud, rate, spacing = task.cloud, task.rate, task.spacing
-    right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
-    sums = sampled_distances(cloud, right, rate)
-    right = move_pieces(cloud, tracks, right, sums, spacing, task.is_stated)
-    if right is not found:
-        merged = merge_again(cloud, tracks, right, rate, spacing)
-        right = join_duplicates(cloud, merged, rate, spacing)
+    while True:
+        right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
         sums = sampled_distances(cloud, right, rate)
+        right = move_pieces(cloud, tracks, right, sums, spacing, task.is_stated)
+        if right is found:
+            break
+        merged = merge_again(cloud, tracks, right, rate, spacing)
+        found = join_duplicates(cloud, merged, rate, spacing)
+        if found is right:
+            break
+        sums = sampled_distances(cloud, found, rate)
     return label_leftovers(cloud, tracks, right, sums, spacing, MOST_AGAINST)
 
 

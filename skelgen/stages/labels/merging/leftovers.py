@@ -53,6 +53,7 @@ def label_leftovers(
     sums: Floats,
     spacing: float,
     most_against: float = 0.0,
+    shortest: int = LEAST_POINTS,
 ) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
@@ -69,6 +70,8 @@ def label_leftovers(
     most_against : float, nats
         Most that speaks against one marker more (`markers.existence`): so unlikely is it that what lasts too long for a
         false point is none of those known.
+    shortest : int
+        Frames that tracks last at least; from 1 on, points of no track count as such, too.
 
     Returns
     -------
@@ -76,7 +79,7 @@ def label_leftovers(
         Marker of each point, -1 for none; the given array if nothing is added.
     """
     n_markers = sums.shape[1]
-    points, track = _lasting(track_of_point, marker_of_point)
+    points, track = _lasting(track_of_point, marker_of_point, shortest)
     if not len(points) or n_markers <= LEAST_WITNESSES:
         return marker_of_point
     frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
@@ -92,11 +95,14 @@ def label_leftovers(
     return result if (result != marker_of_point).any() else marker_of_point
 
 
-def _lasting(track_of_point: Ints, marker_of_point: Ints) -> tuple[Ints, Ints]:
+def _lasting(track_of_point: Ints, marker_of_point: Ints, shortest: int) -> tuple[Ints, Ints]:
     """Points without a marker whose tracks last, track by track, and their tracks numbered from 0."""
-    free = np.flatnonzero((marker_of_point < 0) & (track_of_point >= 0))
-    _, place, counts = np.unique(track_of_point[free], return_inverse=True, return_counts=True)
-    lasts = counts >= LEAST_POINTS
+    free = np.flatnonzero((marker_of_point < 0) & ((track_of_point >= 0) | (shortest <= 1)))
+    tracks = track_of_point[free].astype(np.intp)
+    alone = tracks < 0
+    tracks[alone] = tracks.max(initial=-1) + 1 + np.arange(int(alone.sum()))
+    _, place, counts = np.unique(tracks, return_inverse=True, return_counts=True)
+    lasts = counts >= shortest
     number = np.where(lasts, np.cumsum(lasts) - 1, -1)[place]
     order = np.argsort(number, kind="stable")
     order = order[number[order] >= 0]
