@@ -134,14 +134,27 @@ def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints, n_
         Number of markers; as many as points have, if it is not given.
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1 if n_markers is None else n_markers
-    starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
-    row = np.repeat(np.arange(len(frames)), counts)
-    point = np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+    row, point = points_in_frames(cloud, frames)
     marker = marker_of_point[point]
     owned = marker >= 0
     positions = np.full((len(frames), n_markers, 3), np.nan)
     positions[row[owned], marker[owned]] = cloud.points[point[owned]]
     return positions
+
+
+def points_in_frames(cloud: PointCloud, frames: Ints) -> tuple[Ints, Ints]:
+    """Return the points of some frames: the index in `frames`, and the index in the cloud, of each.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    frames : ndarray of intp
+        Rising frames.
+    """
+    starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
+    row = np.repeat(np.arange(len(frames)), counts)
+    return row, np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
 
 
 def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:

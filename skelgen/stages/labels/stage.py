@@ -27,8 +27,9 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
+from skelgen.stages.labels.merging.chains import push_pieces
 from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.leftovers import label_leftovers, move_pieces
+from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest, move_pieces
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import (
@@ -298,7 +299,7 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
             break
         found, evidence = other, more
     sums = sampled_distances(task.cloud, found, task.rate)
-    found = label_leftovers(task.cloud, tracks, found, sums, task.spacing, MOST_AGAINST, shortest=1)
+    found = label_rest(task.cloud, tracks, found, sums, task.spacing)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
@@ -323,6 +324,7 @@ def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
         right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
         sums = sampled_distances(cloud, right, rate)
         right = move_pieces(cloud, tracks, right, sums, spacing, task.is_stated)
+        right = push_pieces(cloud, tracks, right, rate, spacing, task.is_stated)
         if right is found:
             break
         merged = merge_again(cloud, tracks, right, rate, spacing)

@@ -14,7 +14,6 @@ short exchange does not change.
 import numpy as np
 
 from skelgen._kernels.marker_exchanges import (
-    LEAST_DEVIATION,
     LEAST_GAIN,
     NEAR,
     MarkerDistances,
@@ -24,12 +23,12 @@ from skelgen._kernels.marker_exchanges import (
     weigh_exchanges,
 )
 from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known, pair_lengths
+from skelgen.geometry.statistics import pair_lengths
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
-from skelgen.stages.labels.merging.likelihood import sample_frames
+from skelgen.stages.labels.merging.likelihood import robust_laws, sample_frames
 
 MOST_DISTANCES = 1_000_000
 """Distances that are held at once: of long takes, fewer moments are looked at."""
@@ -64,8 +63,7 @@ def exchange_markers(
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     if not n_markers or n_markers > MOST_MARKERS:
         return marker_of_point
-    moments = sample_frames(rate, 0, cloud.n_frames)
-    moments = moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
+    moments = moments_of(cloud, rate, n_markers)
     is_held = np.bincount(marker_of_point[fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
     search = _Search(cloud, track_of_point, marker_of_point, moments, spacing)
     free = np.flatnonzero(~is_held)
@@ -80,6 +78,22 @@ def exchange_markers(
         return marker_of_point
     counts = np.bincount(search.marker_of_point[search.marker_of_point >= 0], minlength=1)
     return point_labels.renumbered(search.marker_of_point, counts > 0)
+
+
+def moments_of(cloud: PointCloud, rate: float, n_markers: int) -> Ints:
+    """Return the frames in which markers are compared: independent ones, at most `MOST_DISTANCES` distances.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    rate : float, Hz
+        Frame rate.
+    n_markers : int
+        Number of markers.
+    """
+    moments = sample_frames(rate, 0, cloud.n_frames)
+    return moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
 
 
 def _pairs_with(pair: Ints, free: Ints) -> Ints:
@@ -176,9 +190,7 @@ class _Search:
         gains = explained(np.moveaxis(self._before[changed, ..., -1], 2, 0), self._spacing)
         self._gains[changed], self._gains[:, changed] = gains, gains.T
         self._witnessed = of_witnesses(self._gains)
-        usual = median_of_known(lengths.T)
-        spread = median_of_known(np.abs(lengths - usual[:, np.newaxis]).T)
-        deviation = np.maximum(SIGMA_OF_MEDIAN * spread, LEAST_DEVIATION * self._spacing)
+        usual, deviation = robust_laws(lengths, self._spacing)
         for table, values in ((self._usual, usual), (self._deviation, deviation)):
             table[first, second] = table[second, first] = values
         self._judge(changed)

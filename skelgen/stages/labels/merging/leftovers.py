@@ -53,7 +53,6 @@ def label_leftovers(
     sums: Floats,
     spacing: float,
     most_against: float = 0.0,
-    shortest: int = LEAST_POINTS,
 ) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
@@ -70,17 +69,45 @@ def label_leftovers(
     most_against : float, nats
         Most that speaks against one marker more (`markers.existence`): so unlikely is it that what lasts too long for a
         false point is none of those known.
-    shortest : int
-        Frames that tracks last at least; from 1 on, points of no track count as such, too.
 
     Returns
     -------
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    n_markers = sums.shape[1]
-    points, track = _lasting(track_of_point, marker_of_point, shortest)
-    if not len(points) or n_markers <= LEAST_WITNESSES:
+    pieces = _lasting(track_of_point, marker_of_point, LEAST_POINTS)
+    return _with_pieces(cloud, marker_of_point, pieces, sums, spacing, most_against)
+
+
+def label_rest(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float) -> Ints:
+    """Give all that is left without a marker, single points too, to the markers whose distances they keep.
+
+    This is for the end: so short a piece that is given wrongly keeps parts of markers from being joined.
+
+    Parameters
+    ----------
+    cloud, track_of_point, marker_of_point, sums, spacing
+        As in `label_leftovers`.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; the given array if nothing is added.
+    """
+    return _with_pieces(cloud, marker_of_point, _lasting(track_of_point, marker_of_point, 1), sums, spacing, 0.0)
+
+
+def _with_pieces(
+    cloud: PointCloud,
+    marker_of_point: Ints,
+    pieces: tuple[Ints, Ints],
+    sums: Floats,
+    spacing: float,
+    most_against: float,
+) -> Ints:
+    """Marker of each point when pieces have got theirs: points, piece by piece, and the number of each one's piece."""
+    points, track = pieces
+    if not len(points) or sums.shape[1] <= LEAST_WITNESSES:
         return marker_of_point
     frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
     laws, another = usual_distances(sums, spacing), 0.0
@@ -90,13 +117,16 @@ def label_leftovers(
     starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
     for begin, end in itertools.pairwise(starts):
         part = slice(begin, end)
-        pieces = points[part], track[part] - track[begin], frame[part]
-        result[points[part]] = _given(cloud, result, pieces, laws, spacing, another)
+        some = points[part], track[part] - track[begin], frame[part]
+        result[points[part]] = _given(cloud, result, some, laws, spacing, another)
     return result if (result != marker_of_point).any() else marker_of_point
 
 
 def _lasting(track_of_point: Ints, marker_of_point: Ints, shortest: int) -> tuple[Ints, Ints]:
-    """Points without a marker whose tracks last, track by track, and their tracks numbered from 0."""
+    """Points without a marker whose tracks last, track by track, and their tracks numbered from 0.
+
+    If one point is enough, those of no track count as tracks of their own.
+    """
     free = np.flatnonzero((marker_of_point < 0) & ((track_of_point >= 0) | (shortest <= 1)))
     tracks = track_of_point[free].astype(np.intp)
     alone = tracks < 0
@@ -143,6 +173,7 @@ def _given(
     distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
     starts = np.searchsorted(track, np.arange(n_tracks))
     evidence = evidence_of_pieces(distance, starts, laws, spacing)
+    evidence[np.logical_or.reduceat(~np.isnan(distance), starts)] = -np.inf
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     ends = np.append(starts[1:], len(track))
     none = np.where(ends - starts < LASTING, 0.0, -another)
@@ -160,7 +191,7 @@ def _given(
 def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Floats], spacing: float) -> Floats:
     """Return the evidence [nats] that each piece of a track is each marker, shape (n_pieces, n_markers).
 
-    It is -inf for markers that are seen meanwhile, and where too little is known.
+    It is -inf where too little is known.
 
     Parameters
     ----------
@@ -188,7 +219,6 @@ def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Float
         gain = gain + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
         enough = valid.sum(axis=1) >= LEAST_WITNESSES
         evidence[enough, marker] = np.where(valid, gain, 0.0).sum(axis=1)[enough]
-    evidence[count > 0] = -np.inf
     return evidence
 
 
@@ -226,7 +256,7 @@ def move_pieces(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes; the given array if nothing is moved.
     """
-    moments = _moments_of_pieces(track_of_point, marker_of_point, len(sums[0]), fixed)
+    moments = moments_of_pieces(track_of_point, marker_of_point, range(len(sums[0])), fixed)
     frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
     laws, result = usual_distances(sums, spacing), marker_of_point.copy()
     moves: list[tuple[float, int, int]] = []
@@ -246,10 +276,20 @@ def move_pieces(
     return point_labels.renumbered(result, np.bincount(result[result >= 0], minlength=len(sums[0])) > 0)
 
 
-def _moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, n_markers: int, fixed: Bools) -> Ints:
-    """Evenly spread points of each piece that lasts, its first point first, shape (n_pieces, MOMENTS)."""
+def moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, markers: range, fixed: Bools) -> Ints:
+    """Return evenly spread points of each piece that lasts, its first point first, shape (n_pieces, MOMENTS).
+
+    Parameters
+    ----------
+    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
+        Track and marker of each point, -1 for none.
+    markers : range
+        Markers whose pieces are looked at; -1 stands for points without one.
+    fixed : ndarray of bool, shape (n_points,)
+        Points that keep their marker: no piece has any.
+    """
     found = [np.zeros((0, MOMENTS), dtype=np.intp)]
-    for marker in range(n_markers):
+    for marker in markers:
         points = np.flatnonzero((marker_of_point == marker) & (track_of_point >= 0))
         if not len(points):
             continue
@@ -278,6 +318,7 @@ def _best_others(
     distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
     distance[np.arange(len(points)), np.repeat(own, MOMENTS)] = np.nan
     evidence = evidence_of_pieces(distance, every * MOMENTS, laws, spacing)
+    evidence[np.logical_or.reduceat(~np.isnan(distance), every * MOMENTS)] = -np.inf
     kept = evidence[every, own]
     evidence[every, own] = -np.inf
     other = evidence.argmax(axis=1)

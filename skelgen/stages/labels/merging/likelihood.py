@@ -23,7 +23,7 @@ rigid distances are needed. All distances count only for the pairs that are stil
 
 import numpy as np
 
-from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE, explained
+from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE, LEAST_DEVIATION, explained
 from skelgen._kernels.tracklet_evidence import (
     WITNESSES,
     DistanceTables,
@@ -31,6 +31,7 @@ from skelgen._kernels.tracklet_evidence import (
     evidence_of_one,
     witness_weights,
 )
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model.arrays import Bools, Floats, Ints
 
 STALE = 0.5
@@ -212,6 +213,21 @@ def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
     chosen = np.argsort(gain, axis=1)[:, -WITNESSES:]
     evidence, n_distances = (float(np.take_along_axis(table, chosen, axis=1).sum()) for table in (gain, sums[0]))
     return evidence - EXISTENCE * len(gain), float(np.sqrt(n_distances))
+
+
+def robust_laws(lengths: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Return usual distances and their deviations, which a short exchange of markers does not change [mm].
+
+    Parameters
+    ----------
+    lengths : ndarray, shape (n_pairs, n_moments), mm
+        Distances, NaN where unseen; those of pairs that are never seen together have no usual value (NaN).
+    spacing : float, mm
+        How far apart markers are.
+    """
+    usual = median_of_known(lengths.T)
+    spread = median_of_known(np.abs(lengths - usual[:, np.newaxis]).T)
+    return usual, np.maximum(SIGMA_OF_MEDIAN * spread, LEAST_DEVIATION * spacing)
 
 
 def merge_likely(record: DistanceRecord) -> Ints:
