@@ -27,18 +27,11 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
-from skelgen.stages.labels.merging.chains import push_pieces
-from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest, move_pieces
+from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import (
-    MOST_EXISTENCE,
-    join_duplicates,
-    merge_again,
-    sampled_distances,
-    seen_at_once,
-)
+from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, sampled_distances, seen_at_once
+from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -56,9 +49,6 @@ MOST_PIECES = 2000
 
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
-
-MOST_AGAINST = 12.0
-"""nats at most that speak against a lasting track that is no known marker's: reflections last, too."""
 
 
 def label_markers(
@@ -286,14 +276,14 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
         by_limbs = _on_limbs(task, pieces, np.full(len(tracks), -1))
         is_better = _evidence(task, by_limbs)[0] > _evidence(task, start)[0]
         start = by_limbs if is_better and by_limbs.max() <= start.max() else start
-    found = _put_right(task, tracks, _refined(task, tracks, start, monitor))
+    found = _improved(task, tracks, start, monitor)
     evidence, chance = _evidence(task, found)
     while found.max(initial=-1) >= at_once and _is_doubtful(task, tracks, found):
         pieces = pieces or _pieces(task, tracks)
         if pieces is None:
             break
         other = _filled(task, _on_limbs(task, pieces, found), found)
-        other = _put_right(task, tracks, _refined(task, tracks, other, monitor))
+        other = _improved(task, tracks, other, monitor)
         more, _ = _evidence(task, other)
         if more <= evidence + chance:
             break
@@ -312,27 +302,6 @@ def _is_doubtful(task: LabelTask, tracks: Ints, found: Ints) -> bool:
     if left.max() >= PIECE_SECONDS * task.rate:
         return True
     return not bool(seen_at_once(task.cloud, found, int(found.max(initial=-1)) + 1).all())
-
-
-def _put_right(task: LabelTask, tracks: Ints, found: Ints) -> Ints:
-    """Put right markers that go on as each other for a while, but for what the user states; then more may be one.
-
-    Tracks that are left over are compared again: markers may have their own distances now.
-    """
-    cloud, rate, spacing = task.cloud, task.rate, task.spacing
-    while True:
-        right = exchange_markers(cloud, tracks, found, rate, spacing, task.is_stated)
-        sums = sampled_distances(cloud, right, rate)
-        right = move_pieces(cloud, tracks, right, sums, spacing, task.is_stated)
-        right = push_pieces(cloud, tracks, right, rate, spacing, task.is_stated)
-        if right is found:
-            break
-        merged = merge_again(cloud, tracks, right, rate, spacing)
-        found = join_duplicates(cloud, merged, rate, spacing)
-        if found is right:
-            break
-        sums = sampled_distances(cloud, found, rate)
-    return label_leftovers(cloud, tracks, right, sums, spacing, MOST_AGAINST)
 
 
 def _on_limbs(task: LabelTask, pieces: PairTables, found: Ints) -> Ints:
@@ -359,6 +328,12 @@ def _grouped(task: LabelTask, tracklets: TrackletPoints, group: Ints) -> Ints:
     """Marker of each point from groups of tracklets."""
     found = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(task.cloud.n_points)]
     return _most_seen(found, MOST_KEPT * max(1, int(np.median(task.cloud.points_per_frame))))
+
+
+def _improved(task: LabelTask, tracks: Ints, start: Ints, monitor: Monitor) -> Ints:
+    """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so."""
+    refined = _refined(task, tracks, start, monitor)
+    return put_right(task.cloud, tracks, refined, task.rate, task.spacing, task.is_stated)
 
 
 def _refined(task: LabelTask, tracks: Ints, start: Ints, monitor: Monitor) -> Ints:

@@ -21,7 +21,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.exchanges import MOST_MARKERS, moments_of
 from skelgen.stages.labels.merging.leftovers import MOMENTS, evidence_of_pieces, moments_of_pieces
-from skelgen.stages.labels.merging.likelihood import LEAST_WITNESSES, distance_sums, evidence_of_labels, robust_laws
+from skelgen.stages.labels.merging.likelihood import LEAST_WITNESSES, evidence_of_places, robust_laws
 
 SUITS = 6.0
 """nats that must speak for the marker to which a chain's first piece is moved."""
@@ -120,7 +120,7 @@ class _Pieces:
         places = point_labels.sampled_positions(take.cloud, take.marker_of_point, take.moments, self._n_markers)
         self._state = _State(places, self._find_rows(), self._own.copy())
         self._suits = self._evidence_of_samples(samples)
-        self._evidence = _evidence(places, take.spacing)
+        self._evidence = evidence_of_places(places, take.spacing)
 
     def _find_rows(self) -> Ints:
         """Find the moments in which each piece is seen, and where; return who holds each marker's place."""
@@ -183,7 +183,7 @@ class _Pieces:
                 there = self._goal_of(state, other, moved, len(moved) < DEPTH)
                 if there >= 0:
                     waiting.append((other, there))
-        evidence = _evidence(state.places, self._take.spacing)
+        evidence = evidence_of_places(state.places, self._take.spacing)
         if evidence < self._evidence + LEAST_GAIN:
             return False
         self._state, self._evidence = state, evidence
@@ -244,9 +244,3 @@ def _laws(places: Floats, spacing: float) -> tuple[Floats, Floats]:
     for one, other in ((first[known], second[known]), (second[known], first[known])):
         mean[one, other], variance[one, other] = usual[known], deviation[known] ** 2
     return mean, variance
-
-
-def _evidence(places: Floats, spacing: float) -> float:
-    """How well markers explain the take [nats]; those that are not seen do not count."""
-    seen = ~np.isnan(places[..., 0]).all(axis=0)
-    return evidence_of_labels(np.stack(distance_sums(places[:, seen])), spacing)[0]

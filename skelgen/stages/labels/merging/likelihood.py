@@ -215,6 +215,20 @@ def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
     return evidence - EXISTENCE * len(gain), float(np.sqrt(n_distances))
 
 
+def evidence_of_places(places: Floats, spacing: float) -> float:
+    """How well markers explain the points [nats], by where they are; those that are never seen do not count.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n_moments, n_markers, 3), mm
+        Markers at independent moments, NaN where unseen.
+    spacing : float, mm
+        How far apart markers are.
+    """
+    seen = ~np.isnan(places[..., 0]).all(axis=0)
+    return evidence_of_labels(np.stack(distance_sums(places[:, seen])), spacing)[0]
+
+
 def robust_laws(lengths: Floats, spacing: float) -> tuple[Floats, Floats]:
     """Return usual distances and their deviations, which a short exchange of markers does not change [mm].
 

@@ -1,0 +1,274 @@
+r"""Markers that were hidden at once, matched anew as a group with what came back.
+
+When an arm is hidden for a while, all its markers come back as new tracks, and distances to the rest of the body, which
+is not rigid with it, tell little of which is which. Matched one by one, a first wrong match draws the next ones on, as
+the pieces' distances to each other are then compared with others' distances; and with all of the arm permuted, no
+single exchange explains the take better.
+
+Here the take is cut at a frame in which several markers are hidden. Those of one side, and the lasting tracks of that
+side that have no marker, are matched with the markers of the other side together. With the sums of distances on either
+side, what two of a side's markers i, j gain when they are a and b of the other side is the evidence of the distance
+(a, b) with those samples added, less that of both apart (`_kernels.marker_exchanges.explained`); so it is for their
+distances to what is not hidden. Only the steadiest distances of each count. The best matching of the whole group is
+found by a beam over its members, those seen longest first, and kept if it explains the take better by `LEAST_GAIN`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen._kernels.marker_exchanges import EXISTENCE, LEAST_GAIN, explained
+from skelgen.geometry.statistics import pair_lengths
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.exchanges import MOST_MARKERS, moments_of
+from skelgen.stages.labels.merging.likelihood import evidence_of_places
+from skelgen.stages.labels.merging.markers import with_leftovers
+
+LEFTOVERS = 24
+"""Lasting tracks without a marker that are looked at, the longest."""
+
+LEFTOVERS_AT_ONCE = 8
+"""Of these, at one cut."""
+
+LEAST_MOMENTS = 2
+"""Moments in which such a track must be seen."""
+
+LEAST_HIDDEN = 3
+"""Members and goals together: one of each is what it is."""
+
+MOST_HIDDEN = 26
+"""Larger groups are not matched: time grows with the fourth power."""
+
+STEADIEST = 8
+"""Distances of each marker that count on either side of a cut."""
+
+BEAM = 60
+"""Matchings that are kept."""
+
+LEAST_SCORE = 6.0
+"""nats that a matching must gain by these distances to be weighed by all."""
+
+UNMATCHED = 1000.0
+"""nats against a marker of both sides that stays without one: more than any distances tell."""
+
+
+def match_hidden(
+    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float, fixed: Bools
+) -> Ints:
+    """Match groups of hidden markers anew while the take is explained better.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
+        Track and marker of each point, -1 for none.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    fixed : ndarray of bool, shape (n_points,)
+        Points that keep their marker.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none, numbered without holes; the given array if nothing changes.
+    """
+    while True:
+        n_markers = int(marker_of_point.max(initial=-1)) + 1
+        if not 2 < n_markers <= MOST_MARKERS:
+            return marker_of_point
+        better = _Cuts(cloud, track_of_point, marker_of_point, rate, spacing, fixed).matched()
+        if better is None:
+            return marker_of_point
+        counts = np.bincount(better[better >= 0], minlength=1)
+        marker_of_point = point_labels.renumbered(better, counts > 0)
+
+
+class _Group(NamedTuple):
+    """What is matched at a cut: members with goals, by sums of distances (3, n, n) on their side and on the other."""
+
+    members: Ints
+    goals: Ints
+    inside: Floats
+    outside: Floats
+
+    def key(self) -> tuple[bytes, ...]:
+        """The same for groups of which no member and no goal is seen between their cuts."""
+        n_inside, n_outside = self.inside[0].diagonal(), self.outside[0].diagonal()
+        return tuple(
+            part.tobytes() for part in (self.members, self.goals, n_inside[self.members], n_outside[self.goals])
+        )
+
+
+class _Cuts:
+    """Markers, and tracks without one behind them, at some moments, and the distances up to each moment."""
+
+    def __init__(self, cloud: PointCloud, track: Ints, marker: Ints, rate: float, spacing: float, fixed: Bools) -> None:
+        self._cloud, self._spacing, self._n_markers = cloud, spacing, int(marker.max()) + 1
+        extended = with_leftovers(track, marker)
+        extended[(extended >= self._n_markers + LEFTOVERS) | (fixed & (marker < 0))] = -1
+        self._marker, n_all = extended, max(int(extended.max()) + 1, self._n_markers)
+        self._moments = moments_of(cloud, rate, n_all)
+        self._places = point_labels.sampled_positions(cloud, extended, self._moments, n_all)
+        self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
+        self._is_held = np.bincount(marker[fixed & (marker >= 0)], minlength=n_all) > 0
+        self._is_seen = np.zeros((cloud.n_frames, n_all), dtype=bool)
+        owned = extended >= 0
+        self._is_seen[self._frame[owned], extended[owned]] = True
+        first, second = np.triu_indices(n_all)
+        lengths = pair_lengths(self._places, first, second)
+        known = ~np.isnan(lengths)
+        filled = np.where(known, lengths, 0.0)
+        self._before = np.zeros((len(self._moments) + 1, 3, n_all, n_all))
+        for number, table in enumerate((known, filled, filled**2)):
+            sums = np.cumsum(table, axis=1).T
+            self._before[1:, number, first, second] = self._before[1:, number, second, first] = sums
+
+    def matched(self) -> Ints | None:
+        """Marker of each point by the first matching that explains the take better; None if there is none."""
+        evidence, seen = evidence_of_places(self._places[:, : self._n_markers], self._spacing), set()
+        for moment, cut in self._cuts():
+            for is_later in (True, False):
+                group = self._group(moment, cut, is_later)
+                if group is None or (known := group.key()) in seen:
+                    continue
+                seen.add(known)
+                goal = _matching(group, self._n_markers, self._spacing)
+                inside = slice(moment, None) if is_later else slice(0, moment)
+                if goal is not None:
+                    places = self._places_if(group.members, goal, inside)
+                    if evidence_of_places(places, self._spacing) >= evidence + LEAST_GAIN:
+                        return self._applied(group.members, goal, cut, is_later)
+        return None
+
+    def _cuts(self) -> list[tuple[int, int]]:
+        """Between each two moments the frame in which most markers are hidden: the moment behind it, and the frame."""
+        n_seen = self._is_seen[:, : self._n_markers].sum(axis=1)
+        ends = zip(self._moments[:-1].tolist(), self._moments[1:].tolist(), strict=True)
+        return [
+            (row + 1, int(first + 1 + n_seen[first + 1 : end + 1].argmin())) for row, (first, end) in enumerate(ends)
+        ]
+
+    def _group(self, moment: int, cut: int, is_later: bool) -> _Group | None:
+        """What is hidden at a cut; None if there is too little to match, or too much."""
+        before, after = self._before[moment], self._before[-1] - self._before[moment]
+        inside, outside = (after, before) if is_later else (before, after)
+        n_inside, n_outside = inside[0].diagonal(), outside[0].diagonal()
+        hidden = np.flatnonzero(~self._is_seen[cut] & ~self._is_held)
+        members, goals = (hidden[(hidden < self._n_markers) & (count[hidden] > 0)] for count in (n_inside, n_outside))
+        left = hidden[(hidden >= self._n_markers) & (n_outside[hidden] == 0) & (n_inside[hidden] >= LEAST_MOMENTS)]
+        left = left[np.argsort(-n_inside[left], kind="stable")[:LEFTOVERS_AT_ONCE]]
+        if not (is_later or len(left)):  # the other side's members say the same
+            return None
+        members = np.concatenate([members, left])
+        if len(members) + len(goals) < LEAST_HIDDEN or not (len(members) and len(goals)):
+            return None
+        if max(len(members), len(goals)) > MOST_HIDDEN:
+            return None
+        return _Group(members, goals, inside, outside)
+
+    def _places_if(self, members: Ints, goal: Ints, inside: slice) -> Floats:
+        """Markers at the moments if members have these goals."""
+        places = self._places[:, : self._n_markers].copy()
+        places[inside, members[members < self._n_markers]] = np.nan
+        for member, there in zip(members, goal, strict=True):
+            if 0 <= there < self._n_markers:
+                own, block = self._places[inside, member], places[inside, there]
+                places[inside, there] = np.where(np.isnan(own), block, own)
+        return places
+
+    def _applied(self, members: Ints, goal: Ints, cut: int, is_later: bool) -> Ints:
+        """Marker of each point if members have these goals on one side of the cut, -1 for none."""
+        number = np.append(np.arange(self._before.shape[-1], dtype=np.int32), -1)
+        moved = number.copy()
+        moved[members] = goal
+        inside = (self._frame >= cut) == is_later
+        result = np.where(inside, moved[self._marker], self._marker)
+        result[result >= self._n_markers] = -1
+        return point_labels.one_point_a_frame(self._cloud, result.astype(np.int32))
+
+
+def _matching(group: _Group, n_markers: int, spacing: float) -> Ints | None:
+    """The goal of each member by which distances are explained best, -1 for none; None if that is what they have."""
+    members, goals = group.members, group.goals
+    alone, pairs = _tables(group, n_markers, spacing)
+    kept = np.searchsorted(goals, members)
+    kept = np.where(goals[np.minimum(kept, len(goals) - 1)] == members, kept, -1)
+    order = np.lexsort([-group.inside[0][members, members], members >= n_markers])
+    clash = group.inside[0][np.ix_(members, members)] > 0
+    best, score = _beam(alone, pairs, clash, np.where(kept >= 0, -UNMATCHED, 0.0), order)
+    if (best == kept).all() or score < _score(kept, alone, pairs) + LEAST_SCORE:
+        return None
+    stays = np.where(kept >= 0, -1, members)
+    return np.where(best >= 0, goals[best], stays)
+
+
+def _tables(group: _Group, n_markers: int, spacing: float) -> tuple[Floats, Floats]:
+    """What members gain as goals by distances to what is not hidden, (n, m), and by those of two, (n, m, n, m) [nats].
+
+    What has no marker yet explains nothing by itself.
+    """
+    members, goals, inside, outside = group
+    told_in, told_out = explained(inside, spacing), explained(outside, spacing)
+    steady_in, steady_out = _steadiest(told_in), _steadiest(told_out)
+    told_in[n_markers:] = told_in[:, n_markers:] = 0.0
+
+    def gained(*ends: Ints) -> Floats:
+        first, second, one, other = np.broadcast_arrays(*ends)
+        counts = (inside[0, first, second] > 0.0) & (steady_in[first, second] | steady_out[one, other])
+        here, there = (first[counts], second[counts]), (one[counts], other[counts])
+        together = inside[:, here[0], here[1]] + outside[:, there[0], there[1]]
+        gain = np.zeros(counts.shape)
+        gain[counts] = explained(together, spacing) - told_in[here] - told_out[there]
+        return gain
+
+    others = np.setdiff1d(np.arange(n_markers), np.union1d(members, goals))
+    alone = gained(members[:, np.newaxis, np.newaxis], others, goals[:, np.newaxis], others).sum(axis=2)
+    alone += np.where(members < n_markers, EXISTENCE, 0.0)[:, np.newaxis]
+    one, other = np.nonzero(np.triu(inside[0][np.ix_(members, members)], 1))
+    table = gained(*(members[end][:, np.newaxis, np.newaxis] for end in (one, other)), goals[:, np.newaxis], goals)
+    pairs = np.zeros((len(members), len(goals), len(members), len(goals)))
+    pairs[one, :, other], pairs[other, :, one] = table, table.transpose(0, 2, 1)
+    return alone, pairs
+
+
+def _steadiest(told: Floats) -> Bools:
+    """Which distances are among the steadiest ones of either marker, shape (n_markers, n_markers)."""
+    chosen = np.argsort(-told, axis=1, kind="stable")[:, :STEADIEST]
+    counts = np.zeros(told.shape, dtype=bool)
+    np.put_along_axis(counts, chosen, values=True, axis=1)
+    counts &= told > 0.0
+    return np.asarray(counts | counts.T)
+
+
+def _score(goal: Ints, alone: Floats, pairs: Floats) -> float:
+    """What a matching gains [nats]; -1 stands for no goal."""
+    members = np.flatnonzero(goal >= 0)
+    goal = goal[members]
+    both = pairs[members[:, np.newaxis], goal[:, np.newaxis], members, goal]
+    return float(alone[members, goal].sum() + np.triu(both, 1).sum())
+
+
+def _beam(alone: Floats, pairs: Floats, clash: Bools, unmatched: Floats, order: Ints) -> tuple[Ints, float]:
+    """The best matching that is found, -1 for no goal, and what it gains; members that clash have different goals."""
+    n_members, n_goals = alone.shape
+    padded = np.concatenate([pairs, np.zeros((n_members, n_goals, n_members, 1))], axis=3)  # -1 gains nothing
+    goal = np.full((1, n_members), -1, dtype=np.intp)
+    score = np.zeros(1)
+    for place, member in enumerate(order):
+        done = order[:place]
+        options = np.empty((len(score), n_goals + 1))
+        options[:, :n_goals] = alone[member] + padded[member][:, done, goal[:, done]].sum(axis=2).T
+        rows, others = np.nonzero((goal[:, done] >= 0) & clash[member, done])
+        options[rows, goal[rows, done[others]]] = -np.inf
+        options[:, n_goals] = unmatched[member]
+        totals = (options + score[:, np.newaxis]).ravel()
+        best = np.argsort(-totals, kind="stable")[:BEAM]
+        best = best[np.isfinite(totals[best])]
+        goal, score = goal[best // (n_goals + 1)], totals[best]
+        goal[:, member] = np.where(best % (n_goals + 1) < n_goals, best % (n_goals + 1), -1)
+    return goal[0], float(score[0])
