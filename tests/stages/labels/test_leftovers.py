@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging.leftovers import LASTING, label_leftovers
+from skelgen.stages.labels.merging.leftovers import LASTING, label_leftovers, label_rest
 from skelgen.stages.labels.merging.markers import sampled_distances
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
@@ -30,6 +30,24 @@ def test_short_tracks_get_the_marker_whose_distances_they_keep(case) -> None:
     labels = np.where(track < len(PLACES), marker, -1)
     distances = sampled_distances(cloud, labels, RATE)
     np.testing.assert_array_equal(label_leftovers(cloud, track, labels, distances, SPACING), marker)
+
+
+def test_single_points_get_a_marker_at_the_end_only(case) -> None:
+    cloud, marker, track = case
+    alone = np.isin(np.arange(len(marker)), np.flatnonzero(marker == 3)[[50, 51, 220]])
+    labels, track = np.where(alone, -1, marker), np.where(alone, -1, track)
+    distances = sampled_distances(cloud, labels, RATE)
+    assert label_leftovers(cloud, track, labels, distances, SPACING) is labels
+    np.testing.assert_array_equal(label_rest(cloud, track, labels, distances, SPACING), marker)
+
+
+def test_single_false_points_get_no_marker(case) -> None:
+    cloud, marker, track = case
+    alone = np.isin(np.arange(len(marker)), np.flatnonzero(marker == 3)[[50, 51, 220]])
+    points = np.where(alone[:, np.newaxis], cloud.points + AWAY, cloud.points)
+    moved = PointCloud(points, cloud.frame_starts, cloud.times)
+    labels, track = np.where(alone, -1, marker), np.where(alone, -1, track)
+    assert label_rest(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING) is labels
 
 
 def test_a_marker_without_any_label_is_found_by_its_distances_in_another_take(case) -> None:
