@@ -14,9 +14,8 @@ import itertools
 
 import numpy as np
 
-from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels.merging.likelihood import robust_laws
 
 PARTNERS = 4
 """Markers that are most surely rigid with both: two of them span a plane."""
@@ -73,21 +72,15 @@ def _evidence(pairs: Ints, places: Floats, gains: Floats, spacing: float) -> Flo
     planes = partners[:, _PLANES].reshape(-1, 2)
     sides = np.full((len(planes), n_moments), np.nan)
     sides[spanned] = _sides(np.repeat(pairs, len(_PLANES), axis=0)[spanned], planes[spanned], places)
-    apart = np.abs(sides)
-    usual = median_of_known(apart.T)
-    deviation = SIGMA_OF_MEDIAN * median_of_known(np.abs(apart - usual[:, np.newaxis]).T)
-    deviation = np.maximum(deviation, LEAST_DEVIATION * spacing)
-    is_sure = ((~np.isnan(sides)).sum(axis=1) >= LEAST_MOMENTS) & (usual >= SURE * deviation)
-    is_sure = is_sure.reshape(n_pairs, len(_PLANES))
-    surest = np.where(is_sure, (usual / deviation).reshape(is_sure.shape), 0.0)
-    order = np.argsort(-surest, axis=1, kind="stable")
+    usual, deviation = robust_laws(np.abs(sides), spacing)
+    is_sure = spanned & ((~np.isnan(sides)).sum(axis=1) >= LEAST_MOMENTS) & (usual >= SURE * deviation)
     usual = usual * np.where(np.nansum(np.sign(sides), axis=1) < 0.0, -1.0, 1.0)
-    gained = _gained(sides, usual[:, np.newaxis], deviation[:, np.newaxis]).reshape(n_pairs, len(_PLANES), n_moments)
-    gained[~is_sure] = np.nan
-    gained = np.take_along_axis(gained, order[..., np.newaxis], axis=1)
-    seen = ~np.isnan(gained)
-    first = seen.argmax(axis=1)[:, np.newaxis]
-    return np.nan_to_num(np.take_along_axis(gained, first, axis=1)[:, 0])
+    gained = _gained(sides, usual[:, np.newaxis], deviation[:, np.newaxis])
+    certainty = np.where(is_sure[:, np.newaxis] & ~np.isnan(sides), (np.abs(usual) / deviation)[:, np.newaxis], 0.0)
+    shape = n_pairs, len(_PLANES), n_moments
+    surest = certainty.reshape(shape).argmax(axis=1)[:, np.newaxis]
+    known = np.where(certainty > 0.0, gained, 0.0).reshape(shape)
+    return np.asarray(np.take_along_axis(known, surest, axis=1)[:, 0])
 
 
 def _sides(pairs: Ints, planes: Ints, places: Floats) -> Floats:
