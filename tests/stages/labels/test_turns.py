@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging import turns
 from skelgen.stages.labels.merging.turns import put_right
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
@@ -37,3 +38,13 @@ def test_a_marker_under_three_numbers_of_which_one_is_anothers_becomes_one(case)
 def test_right_labels_stay(case) -> None:
     cloud, marker, track = case
     assert put_right(cloud, track, marker, RATE, SPACING, np.zeros(len(marker), bool)) is marker
+
+
+def test_very_long_takes_are_put_right_without_the_moves_that_need_much_memory(case, monkeypatch) -> None:
+    cloud, marker, track = case
+    monkeypatch.setattr(turns, "MOST_POINTS", len(marker) - 1)
+    for name in ("push_pieces", "match_hidden"):
+        monkeypatch.setattr(turns, name, None)
+    wrong = np.where(track >= N, 1 - marker, marker)
+    wrong = np.where(marker < 2, wrong, marker)
+    np.testing.assert_array_equal(put_right(cloud, track, wrong, RATE, SPACING, np.zeros(len(marker), bool)), marker)

@@ -18,7 +18,11 @@ from skelgen.stages.labels.merging.likelihood import evidence_of_labels
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
 
 MOST_TURNS = 12
-"""Turns at most; in takes of six recorded people with up to 30 % hidden, eight changed something."""
+"""A guard: most takes need one or two."""
+
+MOST_POINTS = 6_000_000
+"""Of more, some twelve minutes of 40 markers at 200 Hz, there are exchanges and moves only, in one turn: markers are
+compared so rarely then that pieces lie between, and an hour must do with 2.5 GB."""
 
 MOST_AGAINST = 12.0
 """nats at most that speak against a lasting track that is no known marker's: reflections last, too."""
@@ -50,12 +54,13 @@ def put_right(
         Marker of each point, -1 for none, numbered without holes.
     """
     found, evidence = marker_of_point, _evidence(cloud, marker_of_point, rate, spacing)
-    for turn in range(MOST_TURNS):
+    looks_far = cloud.n_points <= MOST_POINTS
+    for turn in range(MOST_TURNS if looks_far else 1):
         right = exchange_markers(cloud, track_of_point, found, rate, spacing, fixed)
         right = move_pieces(cloud, track_of_point, right, sampled_distances(cloud, right, rate), spacing, fixed)
-        right = push_pieces(cloud, track_of_point, right, rate, spacing, fixed)
+        right = push_pieces(cloud, track_of_point, right, rate, spacing, fixed) if looks_far else right
         if right is found or (turn and _evidence(cloud, right, rate, spacing) <= evidence):
-            matched = match_hidden(cloud, track_of_point, right, rate, spacing, fixed)
+            matched = match_hidden(cloud, track_of_point, right, rate, spacing, fixed) if looks_far else right
             if matched is right:
                 found = right
                 break
