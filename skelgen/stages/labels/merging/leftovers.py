@@ -109,7 +109,7 @@ def _with_pieces(
     points, track = pieces
     if not len(points) or sums.shape[1] <= LEAST_WITNESSES:
         return marker_of_point
-    frame = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[points]
+    frame = np.searchsorted(cloud.frame_starts, points, side="right") - 1
     laws, another = usual_distances(sums, spacing), 0.0
     if most_against > 0.0 and (np.bincount(track) >= LASTING).any():
         another = min(existence(cloud, marker_of_point), most_against)
