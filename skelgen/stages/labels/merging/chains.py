@@ -44,6 +44,9 @@ DEPTH = 5
 LONGEST = 15
 """Pieces that a chain moves at most."""
 
+MOST_ROUNDS = 20
+"""A guard: points between the moments, which do not count, might undo what a chain gained."""
+
 SEEN_ENOUGH = 5
 """Moments in which a distance must be seen for its median to be usual."""
 
@@ -93,7 +96,7 @@ def push_pieces(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes; the given array if nothing is moved.
     """
-    while True:
+    for _ in range(MOST_ROUNDS):
         n_markers = int(marker_of_point.max(initial=-1)) + 1
         if not LEAST_WITNESSES < n_markers <= MOST_MARKERS:
             return marker_of_point
@@ -107,6 +110,7 @@ def push_pieces(
         marker_of_point = pieces.applied()
         counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=1)
         marker_of_point = point_labels.renumbered(marker_of_point, counts > 0)
+    return marker_of_point
 
 
 class _Pieces:

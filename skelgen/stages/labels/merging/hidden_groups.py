@@ -22,6 +22,7 @@ from skelgen.geometry.statistics import pair_lengths
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.chains import MOST_ROUNDS
 from skelgen.stages.labels.merging.exchanges import MOST_MARKERS, moments_of
 from skelgen.stages.labels.merging.likelihood import evidence_of_places
 from skelgen.stages.labels.merging.markers import with_leftovers
@@ -77,7 +78,7 @@ def match_hidden(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes; the given array if nothing changes.
     """
-    while True:
+    for _ in range(MOST_ROUNDS):
         n_markers = int(marker_of_point.max(initial=-1)) + 1
         if not 2 < n_markers <= MOST_MARKERS:
             return marker_of_point
@@ -86,6 +87,7 @@ def match_hidden(
             return marker_of_point
         counts = np.bincount(better[better >= 0], minlength=1)
         marker_of_point = point_labels.renumbered(better, counts > 0)
+    return marker_of_point
 
 
 class _Group(NamedTuple):
