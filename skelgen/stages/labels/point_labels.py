@@ -82,6 +82,17 @@ def renumbered(marker_of_point: Ints, keep: Bools) -> Ints:
     return place[marker_of_point]
 
 
+def without_holes(marker_of_point: Ints) -> Ints:
+    """Number the markers that have points without holes.
+
+    Parameters
+    ----------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    return renumbered(marker_of_point, np.bincount(marker_of_point[marker_of_point >= 0], minlength=1) > 0)
+
+
 def joined(cloud: PointCloud, marker_of_point: Ints, part_of: Ints) -> Ints:
     """Give points the markers that theirs became part of, at most one of a frame, numbered without holes.
 
@@ -94,8 +105,7 @@ def joined(cloud: PointCloud, marker_of_point: Ints, part_of: Ints) -> Ints:
     part_of : ndarray of intp, shape (n_markers,)
         What each marker became part of, itself or another one; -1 for none.
     """
-    found = one_point_a_frame(cloud, np.append(part_of, -1).astype(np.int32)[marker_of_point])
-    return renumbered(found, np.bincount(found[found >= 0], minlength=len(part_of)) > 0)
+    return without_holes(one_point_a_frame(cloud, np.append(part_of, -1).astype(np.int32)[marker_of_point]))
 
 
 def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, block: Block) -> Floats:

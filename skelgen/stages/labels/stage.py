@@ -27,10 +27,11 @@ from skelgen.stages.labels.input_checks import (
     too_few_wanted,
     with_jitter,
 )
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
-from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
+from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, sampled_distances, seen_at_once
+from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, seen_at_once
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
@@ -171,17 +172,17 @@ def refit_labels(
         Marker of each point by the same numbers, -1 for none.
     """
     rate, _ = frame_rate(cloud, parameters)
-    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, None, None, 0)
+    take = FollowedCloud(cloud, tracks.astype(np.int32), rate, typical_spacing(cloud))
     best = marker_of_point.astype(np.int32)
-    found = _numbered_as(best, _refined(task, tracks.astype(np.int32), best, monitor))
-    evidence, chance = _evidence(task, best)
+    found = _numbered_as(best, _refined(LabelTask(take, parameters), best, monitor))
+    evidence, chance = take.evidence(best)
     filled = point_labels.filled_labels(cloud, [best, found], calibrated.n_markers)
     for labels, least in ((filled, 0.0), (found, chance)):
-        if (more := _evidence(task, labels)[0]) >= evidence + least:
+        if (more := take.evidence(labels)[0]) >= evidence + least:
             best, evidence = labels, more
     moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
     distances = np.stack(distance_sums(calibrated.positions[moments]))
-    return label_leftovers(cloud, tracks, best, distances, task.spacing, MOST_EXISTENCE)
+    return label_leftovers(take, best, distances, MOST_EXISTENCE)
 
 
 def _labelled(
@@ -200,13 +201,15 @@ def _labelled(
     tracks, _ = follow_points(cloud, parameters, monitor)
     constraints = find_constraints(cloud, tracks, identities) if identities else None
     tracks = constraints.track_of_point if constraints else tracks
-    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, n_markers, constraints, seed)
-    tracklets = _tracklets(task, tracks)
+    stated = constraints.name_of_point >= 0 if constraints else None
+    take = FollowedCloud(cloud, tracks, rate, typical_spacing(cloud), stated)
+    task = LabelTask(take, parameters, n_markers, constraints, seed)
+    tracklets = _tracklets(take, parameters)
     n_removed, classic = 0, None
     if parameters.method == "sets":
         found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
-        found = _markers(task, tracks, tracklets, monitor)
+        found = _markers(task, tracklets, monitor)
         if parameters.compare and len(tracklets) <= MOST_COMPARED:
             classic, _ = _classic_markers(task, tracklets, monitor)
     found = point_labels.in_order_of_appearance(found)
@@ -222,19 +225,18 @@ def _labelled(
         positions = np.where(thin[:, np.newaxis, np.newaxis], np.nan, positions)
         notices += cleaned
     notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
-    notices += guessed_identities(positions, task.spacing)
+    notices += guessed_identities(positions, take.spacing)
     for sentence in notices:
         monitor.notice(sentence)
-    stated = constraints.name_of_point >= 0 if constraints else None
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
     return trajectories, label_quality.PointLabels(cloud, tracks, found, classic, stated)
 
 
-def _tracklets(task: LabelTask, tracks: Ints) -> TrackletPoints:
+def _tracklets(take: FollowedCloud, parameters: LabelParameters) -> TrackletPoints:
     """Tracklets that are long enough; there must be one."""
-    tracklets = find_tracklets(task.cloud, tracks, task.rate, task.parameters)
+    tracklets = find_tracklets(take.cloud, take.track_of_point, take.rate, parameters)
     if len(tracklets) == 0:
-        least = least_length(task.cloud.n_frames, task.rate, task.parameters)
+        least = least_length(take.cloud.n_frames, take.rate, parameters)
         raise InputError(
             f"no point can be followed for {least} frames, so there is no marker; lower min_range, raise max_jump, or "
             "check the recording"
@@ -247,72 +249,72 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
     from skelgen.stages.classic.aligned_distances import Alignment  # noqa: PLC0415 - runs only where it is asked for
     from skelgen.stages.classic.marker_sets import SetMethod, markers_by_sets  # noqa: PLC0415
 
-    how, n_frames = task.parameters, task.cloud.n_frames
+    how, take, n_frames = task.parameters, task.take, task.take.cloud.n_frames
     n_neighbours = how.n_neighbours if how.alignment == "local" else None
     method = SetMethod(
         Alignment(n_neighbours, how.misfit_weight, how.sampling),
         how.clustering,
-        limit=how.remove_distance or task.spacing,
-        least_length=least_length(n_frames, task.rate, how),
-        stand_alone=stand_alone_frames(n_frames, task.rate, how),
+        limit=how.remove_distance or take.spacing,
+        least_length=least_length(n_frames, take.rate, how),
+        stand_alone=stand_alone_frames(n_frames, take.rate, how),
         seed=task.seed,
         sigma=how.sigma,
     )
-    return markers_by_sets(task.cloud, tracklets, task.n_markers, method, monitor)
+    return markers_by_sets(take.cloud, tracklets, task.n_markers, method, monitor)
 
 
-def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
+def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
 
     Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
     and by what the skeleton found if that leaves doubt. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
-    group = merge_tracklets(task.cloud.points, tracklets, task.rate, task.spacing, monitor)
-    start = _grouped(task, tracklets, group)
-    at_once = tracklets.most_at_once(least_length(task.cloud.n_frames, task.rate, task.parameters))
-    pieces = _pieces(task, tracks) if start.max(initial=-1) >= at_once else None
+    take = task.take
+    group = merge_tracklets(take.cloud.points, tracklets, take.rate, take.spacing, monitor)
+    start = _grouped(take, tracklets, group)
+    at_once = tracklets.most_at_once(least_length(take.cloud.n_frames, take.rate, task.parameters))
+    pieces = _pieces(task) if start.max(initial=-1) >= at_once else None
     if pieces:
-        by_limbs = _on_limbs(task, pieces, np.full(len(tracks), -1))
-        is_better = _evidence(task, by_limbs)[0] > _evidence(task, start)[0]
+        by_limbs = _on_limbs(take, pieces, np.full(take.cloud.n_points, -1))
+        is_better = take.evidence(by_limbs)[0] > take.evidence(start)[0]
         start = by_limbs if is_better and by_limbs.max() <= start.max() else start
-    found = _improved(task, tracks, start, monitor)
-    evidence, chance = _evidence(task, found)
-    while found.max(initial=-1) >= at_once and _is_doubtful(task, tracks, found):
-        pieces = pieces or _pieces(task, tracks)
+    found = _improved(task, start, monitor)
+    evidence, chance = take.evidence(found)
+    while found.max(initial=-1) >= at_once and _is_doubtful(take, found):
+        pieces = pieces or _pieces(task)
         if pieces is None:
             break
-        other = _filled(task, _on_limbs(task, pieces, found), found)
-        other = _improved(task, tracks, other, monitor)
-        more, _ = _evidence(task, other)
+        other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), monitor)
+        more, _ = take.evidence(other)
         if more <= evidence + chance:
             break
         found, evidence = other, more
-    sums = sampled_distances(task.cloud, found, task.rate)
-    found = label_rest(task.cloud, tracks, found, sums, task.spacing)
+    found = label_rest(take, found)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
-def _is_doubtful(task: LabelTask, tracks: Ints, found: Ints) -> bool:
+def _is_doubtful(take: FollowedCloud, found: Ints) -> bool:
     """Whether a track has no marker, though it is long enough to be labelled limb by limb, or two may be one marker.
 
     Two may be one if they are never seen at once.
     """
+    tracks = take.track_of_point
     left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
-    if left.max() >= PIECE_SECONDS * task.rate:
+    if left.max() >= PIECE_SECONDS * take.rate:
         return True
-    return not bool(seen_at_once(task.cloud, found, int(found.max(initial=-1)) + 1).all())
+    return not bool(seen_at_once(take.cloud, found, int(found.max(initial=-1)) + 1).all())
 
 
-def _on_limbs(task: LabelTask, pieces: PairTables, found: Ints) -> Ints:
+def _on_limbs(take: FollowedCloud, pieces: PairTables, found: Ints) -> Ints:
     """Marker of each point, merged limb by limb; the markers found so far say which limbs there are."""
     known = main_groups(found[pieces.tracklets.points], pieces.tracklets.tracklet_of_point)
-    return _grouped(task, pieces.tracklets, merge_on_limbs(pieces, known))
+    return _grouped(take, pieces.tracklets, merge_on_limbs(pieces, known))
 
 
-def _filled(task: LabelTask, labels: Ints, found: Ints) -> Ints:
+def _filled(take: FollowedCloud, labels: Ints, found: Ints) -> Ints:
     """Labels of pieces, with points between them as they were found: of the markers that have most in common."""
-    return point_labels.one_point_a_frame(task.cloud, np.where(labels < 0, _numbered_as(labels, found), labels))
+    return point_labels.one_point_a_frame(take.cloud, np.where(labels < 0, _numbered_as(labels, found), labels))
 
 
 def _numbered_as(labels: Ints, other: Ints) -> Ints:
@@ -324,37 +326,32 @@ def _numbered_as(labels: Ints, other: Ints) -> Ints:
     return same[other]
 
 
-def _grouped(task: LabelTask, tracklets: TrackletPoints, group: Ints) -> Ints:
+def _grouped(take: FollowedCloud, tracklets: TrackletPoints, group: Ints) -> Ints:
     """Marker of each point from groups of tracklets."""
-    found = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(task.cloud.n_points)]
-    return _most_seen(found, MOST_KEPT * max(1, int(np.median(task.cloud.points_per_frame))))
+    found = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(take.cloud.n_points)]
+    return _most_seen(found, MOST_KEPT * max(1, int(np.median(take.cloud.points_per_frame))))
 
 
-def _improved(task: LabelTask, tracks: Ints, start: Ints, monitor: Monitor) -> Ints:
+def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so."""
-    refined = _refined(task, tracks, start, monitor)
-    return put_right(task.cloud, tracks, refined, task.rate, task.spacing, task.is_stated)
+    return put_right(task.take, _refined(task, start, monitor))
 
 
-def _refined(task: LabelTask, tracks: Ints, start: Ints, monitor: Monitor) -> Ints:
+def _refined(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     """Marker of each point by the skeleton that a first labelling implies."""
-    return point_labels.with_unexplained(start, refine_labels(task, tracks, start, monitor), task.least_alone)
+    return point_labels.with_unexplained(start, refine_labels(task, start, monitor), task.least_alone)
 
 
-def _evidence(task: LabelTask, found: Ints) -> tuple[float, float]:
-    """How well labels explain the take [nats], and how far that may be chance."""
-    return evidence_of_labels(sampled_distances(task.cloud, found, task.rate), task.spacing)
-
-
-def _pieces(task: LabelTask, tracks: Ints) -> PairTables | None:
+def _pieces(task: LabelTask) -> PairTables | None:
     """Tracklets that are long enough to be merged limb by limb; None if these are too many, or none."""
-    usual = least_length(task.cloud.n_frames, task.rate, task.parameters)
-    least = max(1, round(min(PIECE_SECONDS * task.rate, usual))) + 2 * task.parameters.trim_range
+    take, tracks = task.take, task.take.track_of_point
+    usual = least_length(take.cloud.n_frames, take.rate, task.parameters)
+    least = max(1, round(min(PIECE_SECONDS * take.rate, usual))) + 2 * task.parameters.trim_range
     n_pieces = int((np.bincount(np.maximum(tracks, -1) + 1)[1:] >= least).sum())
     if not 0 < n_pieces <= MOST_PIECES:
         return None
-    pieces = find_tracklets(task.cloud, tracks, task.rate, replace(task.parameters, min_range=least))
-    return measure_pairs(task.cloud.points, pieces, task.rate, task.spacing) if len(pieces) else None
+    pieces = find_tracklets(take.cloud, tracks, take.rate, replace(task.parameters, min_range=least))
+    return measure_pairs(take.cloud.points, pieces, take.rate, take.spacing) if len(pieces) else None
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

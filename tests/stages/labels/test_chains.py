@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.labels.merging.chains import push_pieces
+from skelgen.stages.labels.merging.followed import FollowedCloud
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
 PLACES = np.array(  # mm, on one limb
@@ -32,8 +33,8 @@ def between(track: np.ndarray) -> np.ndarray:
 
 
 def pushed(case, labels: np.ndarray, fixed: np.ndarray | None = None) -> np.ndarray:
-    cloud, marker, track = case
-    return push_pieces(cloud, track, labels, RATE, SPACING, np.zeros(len(marker), bool) if fixed is None else fixed)
+    cloud, _, track = case
+    return push_pieces(FollowedCloud(cloud, track, RATE, SPACING, fixed), labels)
 
 
 def test_three_pieces_in_a_ring_all_go_back(case) -> None:
@@ -73,5 +74,5 @@ def test_points_of_no_track_make_way_for_a_piece(case) -> None:
     cloud, marker, track = case
     loose = between(track) & (marker == 0)
     wrong = np.where(loose, 1, np.where(between(track) & (marker == 1), -1, marker))
-    found = push_pieces(cloud, np.where(loose, -1, track), wrong, RATE, SPACING, np.zeros(len(marker), bool))
+    found = push_pieces(FollowedCloud(cloud, np.where(loose, -1, track), RATE, SPACING), wrong)
     np.testing.assert_array_equal(found, np.where(loose, -1, marker))

@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.simulation import simulate
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.markers import existence, join_duplicates
 
 N_FRAMES, STILL, RATE, SPACING = 900, 150, 100.0, 100.0
@@ -34,7 +35,7 @@ def test_markers_found_once_for_a_still_pose_and_once_for_the_rest_are_joined(st
     found = true.copy()
     for number, marker in enumerate(TWICE):
         found[(true == marker) & (frame >= STILL)] = true.max() + 1 + number
-    assert np.array_equal(join_duplicates(cloud, found, RATE, SPACING), true)
+    assert np.array_equal(join_duplicates(FollowedCloud(cloud, found, RATE, SPACING), found), true)
 
 
 def test_markers_are_joined_across_a_change_of_shape_that_nothing_else_explains(still_then_moving):
@@ -44,19 +45,19 @@ def test_markers_are_joined_across_a_change_of_shape_that_nothing_else_explains(
         found[(true == marker) & (frame >= STILL)] = true.max() + 1 + number
     points[np.isin(true, TWICE) & (frame < STILL), 2] += SHIFT
     shifted = PointCloud(points, cloud.frame_starts, cloud.times)
-    assert np.array_equal(join_duplicates(shifted, found, RATE, SPACING), true)
+    assert np.array_equal(join_duplicates(FollowedCloud(shifted, found, RATE, SPACING), found), true)
 
 
 def test_markers_that_are_seen_together_stay_two(still_then_moving):
     cloud, true, _ = still_then_moving
-    assert np.array_equal(join_duplicates(cloud, true, RATE, SPACING), true)
+    assert np.array_equal(join_duplicates(FollowedCloud(cloud, true, RATE, SPACING), true), true)
 
 
 def test_a_marker_at_another_place_stays_another_one(still_then_moving):
     cloud, true, frame = still_then_moving
     of_first, of_other = (true == 4) & (frame >= STILL), (true == 30) & (frame < STILL)
     found = np.where(of_first | of_other, -1, true)
-    assert np.array_equal(join_duplicates(cloud, found, RATE, SPACING), found)
+    assert np.array_equal(join_duplicates(FollowedCloud(cloud, found, RATE, SPACING), found), found)
 
 
 def test_where_markers_are_hidden_for_long_another_one_is_less_unlikely():

@@ -7,6 +7,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.labels.merging.exchanges import exchange_markers
+from skelgen.stages.labels.merging.followed import FollowedCloud
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 70, 20], [20, 30, 60]], dtype=float)  # mm, on one limb
@@ -31,20 +32,16 @@ def exchanged(marker: np.ndarray, track: np.ndarray) -> np.ndarray:
     return np.where(track >= len(PLACES), 1 - marker, marker)
 
 
-def no(marker: np.ndarray) -> np.ndarray:
-    return np.zeros(len(marker), dtype=bool)
-
-
 def test_markers_that_come_back_as_each_other_are_exchanged(case) -> None:
     cloud, marker, track = case
-    found = exchange_markers(cloud, track, exchanged(marker, track), RATE, SPACING, no(marker))
+    found = exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), exchanged(marker, track))
     np.testing.assert_array_equal(found, marker)
 
 
 def test_markers_that_are_each_other_between_two_pauses_are_exchanged(case) -> None:
     cloud, marker, track = case
     between = (track >= len(PLACES)) & (track < 2 * len(PLACES))
-    found = exchange_markers(cloud, track, np.where(between, 1 - marker, marker), RATE, SPACING, no(marker))
+    found = exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), np.where(between, 1 - marker, marker))
     np.testing.assert_array_equal(found, marker)
 
 
@@ -53,31 +50,31 @@ def test_a_piece_of_one_marker_goes_back_to_the_one_that_is_not_seen_meanwhile(c
     is_piece = (marker == 1) & (track >= len(PLACES)) & (track < 2 * len(PLACES))
     hidden = (marker == 0) & (track >= len(PLACES)) & (track < 2 * len(PLACES))
     truth = np.where(hidden, -1, marker)
-    found = exchange_markers(cloud, track, np.where(is_piece, 0, truth), RATE, SPACING, no(marker))
+    found = exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), np.where(is_piece, 0, truth))
     np.testing.assert_array_equal(found, truth)
 
 
 def test_right_labels_stay(case) -> None:
     cloud, marker, track = case
-    assert exchange_markers(cloud, track, marker, RATE, SPACING, no(marker)) is marker
+    assert exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), marker) is marker
 
 
 def test_what_the_user_states_stays(case) -> None:
     cloud, marker, track = case
     wrong = exchanged(marker, track)
-    assert exchange_markers(cloud, track, wrong, RATE, SPACING, track == len(PLACES)) is wrong
+    assert exchange_markers(FollowedCloud(cloud, track, RATE, SPACING, track == len(PLACES)), wrong) is wrong
 
 
 def test_markers_that_do_not_pause_at_once_are_never_exchanged(case) -> None:
     cloud, marker, _ = case
     wrong = np.where(np.arange(len(marker)) > len(marker) // 2, np.array([0, 1, 2, 4, 3])[marker], marker)
-    assert exchange_markers(cloud, wrong, wrong, RATE, SPACING, no(marker)) is wrong
+    assert exchange_markers(FollowedCloud(cloud, wrong, RATE, SPACING), wrong) is wrong
 
 
 def test_a_take_without_markers_has_nothing_to_exchange(case) -> None:
     cloud, marker, track = case
     nothing = np.full(len(marker), -1)
-    assert exchange_markers(cloud, track, nothing, RATE, SPACING, no(marker)) is nothing
+    assert exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), nothing) is nothing
 
 
 def test_of_thousands_of_common_pauses_the_longest_are_looked_at() -> None:
@@ -91,7 +88,7 @@ def test_of_thousands_of_common_pauses_the_longest_are_looked_at() -> None:
     track = np.where(marker < 2, n_markers + 2 * (frame // 10) + marker, marker)
     wrong = np.where((marker < 2) & (frame >= longest.stop), 1 - marker, marker)
     tracemalloc.start()
-    found = exchange_markers(cloud, track, wrong, RATE, SPACING, no(marker))
+    found = exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), wrong)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     np.testing.assert_array_equal(found, marker)
@@ -109,4 +106,4 @@ def test_toes_that_are_as_far_from_all_others_are_exchanged_by_their_sides(turni
     track = marker + len(places) * np.where(marker < 2, (frame >= PAUSE.stop).astype(int) + (frame >= SECOND.stop), 0)
     for is_wrong in ((frame >= SECOND.stop), (frame >= PAUSE.stop) & (frame < SECOND.stop)):
         wrong = np.where((marker < 2) & is_wrong, 1 - marker, marker)
-        np.testing.assert_array_equal(exchange_markers(cloud, track, wrong, RATE, SPACING, no(marker)), marker)
+        np.testing.assert_array_equal(exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), wrong), marker)

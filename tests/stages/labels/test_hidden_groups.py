@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.hidden_groups import match_hidden
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
@@ -27,8 +28,8 @@ def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
 
 
 def matched(case, labels: np.ndarray, fixed: np.ndarray | None = None) -> np.ndarray:
-    cloud, marker, track = case
-    return match_hidden(cloud, track, labels, RATE, SPACING, np.zeros(len(marker), bool) if fixed is None else fixed)
+    cloud, _, track = case
+    return match_hidden(FollowedCloud(cloud, track, RATE, SPACING, fixed), labels)
 
 
 def test_a_permuted_arm_is_matched_as_a_whole(case) -> None:
@@ -70,7 +71,7 @@ def test_a_track_away_from_all_places_gets_no_marker(case) -> None:
     points[stray] = np.random.default_rng(0).uniform(-900.0, 900.0, (int(stray.sum()), 3))
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
     labels = np.where(stray, -1, marker)
-    found = match_hidden(moved, track, labels, RATE, SPACING, np.zeros(len(marker), bool))
+    found = match_hidden(FollowedCloud(moved, track, RATE, SPACING), labels)
     np.testing.assert_array_equal(found, labels)
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import LASTING, label_leftovers, label_rest
-from skelgen.stages.labels.merging.markers import sampled_distances
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70]], dtype=float)  # mm, on one limb
@@ -28,17 +28,17 @@ def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
 def test_short_tracks_get_the_marker_whose_distances_they_keep(case) -> None:
     cloud, marker, track = case
     labels = np.where(track < len(PLACES), marker, -1)
-    distances = sampled_distances(cloud, labels, RATE)
-    np.testing.assert_array_equal(label_leftovers(cloud, track, labels, distances, SPACING), marker)
+    take = FollowedCloud(cloud, track, RATE, SPACING)
+    np.testing.assert_array_equal(label_leftovers(take, labels, take.distances(labels)), marker)
 
 
 def test_single_points_get_a_marker_at_the_end_only(case) -> None:
     cloud, marker, track = case
     alone = np.isin(np.arange(len(marker)), np.flatnonzero(marker == 3)[[50, 51, 220]])
     labels, track = np.where(alone, -1, marker), np.where(alone, -1, track)
-    distances = sampled_distances(cloud, labels, RATE)
-    assert label_leftovers(cloud, track, labels, distances, SPACING) is labels
-    np.testing.assert_array_equal(label_rest(cloud, track, labels, distances, SPACING), marker)
+    take = FollowedCloud(cloud, track, RATE, SPACING)
+    assert label_leftovers(take, labels, take.distances(labels)) is labels
+    np.testing.assert_array_equal(label_rest(take, labels), marker)
 
 
 def test_single_false_points_get_no_marker(case) -> None:
@@ -47,14 +47,14 @@ def test_single_false_points_get_no_marker(case) -> None:
     points = np.where(alone[:, np.newaxis], cloud.points + AWAY, cloud.points)
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
     labels, track = np.where(alone, -1, marker), np.where(alone, -1, track)
-    assert label_rest(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING) is labels
+    assert label_rest(FollowedCloud(moved, track, RATE, SPACING), labels) is labels
 
 
 def test_a_marker_without_any_label_is_found_by_its_distances_in_another_take(case) -> None:
     cloud, marker, _ = case
     labels = np.where(marker == len(PLACES) - 1, -1, marker)
-    distances = sampled_distances(cloud, marker, RATE)
-    np.testing.assert_array_equal(label_leftovers(cloud, marker, labels, distances, SPACING), marker)
+    take = FollowedCloud(cloud, marker, RATE, SPACING)
+    np.testing.assert_array_equal(label_leftovers(take, labels, take.distances(marker)), marker)
 
 
 def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
@@ -64,7 +64,8 @@ def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
     twin, other = track == len(PLACES), (marker == 2) & (np.isin(np.arange(len(track)) // 5, np.arange(101, 110)))
     points[twin] = points[other] + 1.0
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
-    found = label_leftovers(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING)
+    take = FollowedCloud(moved, track, RATE, SPACING)
+    found = label_leftovers(take, labels, take.distances(labels))
     assert (found[twin] != 2).all()
 
 
@@ -74,7 +75,8 @@ def test_false_points_away_from_all_places_get_no_marker(case) -> None:
     points = cloud.points.copy()
     points[track >= len(PLACES)] += AWAY
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
-    assert label_leftovers(moved, track, labels, sampled_distances(moved, labels, RATE), SPACING) is labels
+    take = FollowedCloud(moved, track, RATE, SPACING)
+    assert label_leftovers(take, labels, take.distances(labels)) is labels
 
 
 @pytest.mark.parametrize(("another", "is_labelled"), [(0.0, False), (12.0, True)])
@@ -86,11 +88,12 @@ def test_what_lasts_in_a_new_pose_is_a_known_marker_where_another_one_is_unlikel
     points[lasts, 2] += SLID
     slid = PointCloud(points, cloud.frame_starts, cloud.times)
     labels, track = np.where(lasts, -1, marker), np.where(lasts, len(PLACES), marker)
-    distances = sampled_distances(slid, labels, RATE)
-    found = label_leftovers(slid, track, labels, distances, SPACING, another)
+    take = FollowedCloud(slid, track, RATE, SPACING)
+    found = label_leftovers(take, labels, take.distances(labels), another)
     np.testing.assert_array_equal(found, marker if is_labelled else labels)
 
 
 def test_labels_without_leftovers_stay(case) -> None:
     cloud, marker, track = case
-    assert label_leftovers(cloud, track, marker, sampled_distances(cloud, marker, RATE), SPACING) is marker
+    take = FollowedCloud(cloud, track, RATE, SPACING)
+    assert label_leftovers(take, marker, take.distances(marker)) is marker

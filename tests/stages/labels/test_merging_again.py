@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, merge_again, seen_at_once, with_leftovers
 
 N_FRAMES, RATE, SPACING = 400, 100.0, 80.0
@@ -31,14 +32,14 @@ def test_a_track_that_was_left_out_comes_back_to_its_marker(body):
     cloud, truth = body
     late = np.repeat(np.arange(N_FRAMES) >= 300, 6) & (truth == 5)
     track_of_point = np.where(late, 6, truth)
-    found = merge_again(cloud, track_of_point, np.where(late, -1, truth).astype(np.int32), RATE, SPACING)
+    found = merge_again(FollowedCloud(cloud, track_of_point, RATE, SPACING), np.where(late, -1, truth).astype(np.int32))
     np.testing.assert_array_equal(found, truth)
 
 
 def test_a_track_beside_a_marker_that_is_seen_meanwhile_stays_without_one(body):
     cloud, truth = body
     known = np.where(truth == 5, -1, truth).astype(np.int32)
-    np.testing.assert_array_equal(merge_again(cloud, truth, known, RATE, SPACING), known)
+    np.testing.assert_array_equal(merge_again(FollowedCloud(cloud, truth, RATE, SPACING), known), known)
 
 
 def test_only_tracks_that_last_are_merged(body):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import move_pieces
-from skelgen.stages.labels.merging.markers import sampled_distances
 
 RATE, N_FRAMES, SPACING = 40.0, 400, 60.0
 PLACES = np.array([[0, 0, 0], [70, 0, 0], [10, 60, 0], [65, 75, 20], [20, 30, 70], [-40, 35, 25]], dtype=float)  # mm
@@ -27,7 +27,7 @@ def case(turning_limb) -> tuple[PointCloud, np.ndarray, np.ndarray]:
 
 def moved(case: tuple[PointCloud, np.ndarray, np.ndarray], labels: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     cloud, _, track = case
-    return move_pieces(cloud, track, labels, sampled_distances(cloud, labels, RATE), SPACING, fixed)
+    return move_pieces(FollowedCloud(cloud, track, RATE, SPACING, fixed), labels)
 
 
 def wrong_labels(case: tuple[PointCloud, np.ndarray, np.ndarray]) -> np.ndarray:

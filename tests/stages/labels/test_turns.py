@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.labels.merging import turns
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.turns import put_right
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
@@ -30,14 +31,14 @@ def test_a_marker_under_three_numbers_of_which_one_is_anothers_becomes_one(case)
     cloud, marker, track = case
     wrong = np.where((track >= N) & (track < 2 * N), 1 - marker, marker)
     wrong = np.where(track == 2 * N, 1, np.where(track == 2 * N + 1, N, wrong))
-    found = put_right(cloud, track, wrong, RATE, SPACING, np.zeros(len(marker), bool))
+    found = put_right(FollowedCloud(cloud, track, RATE, SPACING), wrong)
     pairs = np.unique(np.stack([found, marker]), axis=1)
     assert pairs.shape[1] == N
 
 
 def test_right_labels_stay(case) -> None:
     cloud, marker, track = case
-    assert put_right(cloud, track, marker, RATE, SPACING, np.zeros(len(marker), bool)) is marker
+    assert put_right(FollowedCloud(cloud, track, RATE, SPACING), marker) is marker
 
 
 def test_very_long_takes_are_put_right_without_the_moves_that_need_much_memory(case, monkeypatch) -> None:
@@ -47,4 +48,4 @@ def test_very_long_takes_are_put_right_without_the_moves_that_need_much_memory(c
         monkeypatch.setattr(turns, name, None)
     wrong = np.where(track >= N, 1 - marker, marker)
     wrong = np.where(marker < 2, wrong, marker)
-    np.testing.assert_array_equal(put_right(cloud, track, wrong, RATE, SPACING, np.zeros(len(marker), bool)), marker)
+    np.testing.assert_array_equal(put_right(FollowedCloud(cloud, track, RATE, SPACING), wrong), marker)

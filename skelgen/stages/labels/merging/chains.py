@@ -16,11 +16,15 @@ import numpy as np
 
 from skelgen._kernels.marker_exchanges import LEAST_GAIN
 from skelgen.geometry.statistics import pair_lengths
-from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.exchanges import MOST_MARKERS, moments_of
-from skelgen.stages.labels.merging.leftovers import MOMENTS, evidence_of_pieces, moments_of_pieces
+from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
+from skelgen.stages.labels.merging.leftovers import (
+    MOMENTS,
+    distances_beside,
+    evidence_of_pieces,
+    moments_of_pieces,
+)
 from skelgen.stages.labels.merging.likelihood import LEAST_WITNESSES, evidence_of_places, robust_laws
 
 SUITS = 6.0
@@ -44,25 +48,11 @@ DEPTH = 5
 LONGEST = 15
 """Pieces that a chain moves at most."""
 
-MOST_ROUNDS = 20
-"""A guard: points between the moments, which do not count, might undo what a chain gained."""
-
 SEEN_ENOUGH = 5
 """Moments in which a distance must be seen for its median to be usual."""
 
 _NOBODY, _ANYONE, _FIXED = -1, -2, -3
 """Who holds a marker's place if no piece does: points that are too short to be one, or such as keep their marker."""
-
-
-class _Take(NamedTuple):
-    """The take, the points' tracks and markers, which of them are fixed, moments, and the spacing [mm]."""
-
-    cloud: PointCloud
-    track_of_point: Ints
-    marker_of_point: Ints
-    fixed: Bools
-    moments: Ints
-    spacing: float
 
 
 class _State(NamedTuple):
@@ -73,23 +63,15 @@ class _State(NamedTuple):
     marker: Ints
 
 
-def push_pieces(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float, fixed: Bools
-) -> Ints:
+def push_pieces(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Move pieces of tracks in chains while the take is explained better.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
-    fixed : ndarray of bool, shape (n_points,)
-        Points that keep their marker.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
 
     Returns
     -------
@@ -100,28 +82,24 @@ def push_pieces(
         n_markers = int(marker_of_point.max(initial=-1)) + 1
         if not LEAST_WITNESSES < n_markers <= MOST_MARKERS:
             return marker_of_point
-        samples = moments_of_pieces(track_of_point, marker_of_point, range(-1, n_markers), fixed)
-        if not len(samples):
+        samples = moments_of_pieces(take, marker_of_point, range(-1, n_markers))
+        pieces = _Pieces(take, marker_of_point, samples) if len(samples) else None
+        if pieces is None or not pieces.push():
             return marker_of_point
-        take = _Take(cloud, track_of_point, marker_of_point, fixed, moments_of(cloud, rate, n_markers), spacing)
-        pieces = _Pieces(take, samples)
-        if not pieces.push():
-            return marker_of_point
-        marker_of_point = pieces.applied()
-        counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=1)
-        marker_of_point = point_labels.renumbered(marker_of_point, counts > 0)
+        marker_of_point = point_labels.without_holes(pieces.applied())
     return marker_of_point
 
 
 class _Pieces:
     """Pieces of tracks, which marker each has, and where they are at some moments."""
 
-    def __init__(self, take: _Take, samples: Ints) -> None:
-        self._take = take
-        self._n_markers = int(take.marker_of_point.max(initial=-1)) + 1
+    def __init__(self, take: FollowedCloud, marker_of_point: Ints, samples: Ints) -> None:
+        self._take, self._marker_of_point = take, marker_of_point
+        self._n_markers = int(marker_of_point.max()) + 1
+        self._moments = take.moments(self._n_markers)
         self._track = take.track_of_point[samples[:, 0]].astype(np.int64)
-        self._own = take.marker_of_point[samples[:, 0]].astype(np.intp)
-        places = point_labels.sampled_positions(take.cloud, take.marker_of_point, take.moments, self._n_markers)
+        self._own = marker_of_point[samples[:, 0]].astype(np.intp)
+        places = point_labels.sampled_positions(take.cloud, marker_of_point, self._moments, self._n_markers)
         self._state = _State(places, self._find_rows(), self._own.copy())
         self._suits = self._evidence_of_samples(samples)
         self._evidence = evidence_of_places(places, take.spacing)
@@ -129,14 +107,14 @@ class _Pieces:
     def _find_rows(self) -> Ints:
         """Find the moments in which each piece is seen, and where; return who holds each marker's place."""
         take, keys = self._take, self._track * (self._n_markers + 1) + self._own
-        row, point = point_labels.points_in_frames(take.cloud, take.moments)
-        track, marker = take.track_of_point[point].astype(np.int64), take.marker_of_point[point]
+        row, point = point_labels.points_in_frames(take.cloud, self._moments)
+        track, marker = take.track_of_point[point].astype(np.int64), self._marker_of_point[point]
         order = np.argsort(keys, kind="stable")
         wanted = track * (self._n_markers + 1) + marker
         piece = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
         piece[(keys[piece] != wanted) | (track < 0)] = _ANYONE
-        piece[take.fixed[point]] = _FIXED
-        holder = np.full((len(take.moments), self._n_markers), _NOBODY, dtype=np.intp)
+        piece[take.is_fixed[point]] = _FIXED
+        holder = np.full((len(self._moments), self._n_markers), _NOBODY, dtype=np.intp)
         owned = marker >= 0
         holder[row[owned], marker[owned]] = piece[owned]
         by_piece = np.argsort(piece, kind="stable")
@@ -147,11 +125,7 @@ class _Pieces:
 
     def _evidence_of_samples(self, samples: Ints) -> Floats:
         """How well each piece suits each marker by usual distances [nats], shape (n_pieces, n_markers)."""
-        cloud, n_markers, points = self._take.cloud, self._n_markers, samples.ravel()
-        frame = np.searchsorted(cloud.frame_starts, points, side="right") - 1
-        used, row = np.unique(frame, return_inverse=True)
-        beside = point_labels.sampled_positions(cloud, self._take.marker_of_point, used, n_markers)[row]
-        distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
+        distance, _ = distances_beside(self._take, self._marker_of_point, samples.ravel(), self._n_markers)
         own = np.repeat(self._own, MOMENTS)
         distance[np.flatnonzero(own >= 0), own[own >= 0]] = np.nan
         laws = _laws(self._state.places, self._take.spacing)
@@ -219,11 +193,12 @@ class _Pieces:
 
     def applied(self) -> Ints:
         """Marker of each point when pieces have moved, -1 for none."""
-        take, result = self._take, self._take.marker_of_point.copy()
-        frame = np.repeat(np.arange(take.cloud.n_frames, dtype=np.int32), take.cloud.points_per_frame)
+        track, is_fixed = self._take.track_of_point, self._take.is_fixed
+        result = self._marker_of_point.copy()
+        frame = self._take.frame_of_point()
         changed = np.flatnonzero(self._state.marker != self._own)
         moved = [
-            np.flatnonzero((take.track_of_point == self._track[piece]) & (take.marker_of_point == self._own[piece]))
+            np.flatnonzero((track == self._track[piece]) & (self._marker_of_point == self._own[piece]))
             for piece in changed
         ]
         for points in moved:
@@ -232,8 +207,8 @@ class _Pieces:
             if goal >= 0:
                 there = np.flatnonzero(result == goal)
                 there = there[np.isin(frame[there], frame[points])]
-                result[there[~take.fixed[there]]] = -1
-                result[points[~np.isin(frame[points], frame[there[take.fixed[there]]])]] = goal
+                result[there[~is_fixed[there]]] = -1
+                result[points[~np.isin(frame[points], frame[there[is_fixed[there]]])]] = goal
         return result
 
 

@@ -24,36 +24,22 @@ from skelgen._kernels.marker_exchanges import (
 )
 from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import pair_lengths
-from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.followed import MOST_MARKERS, FollowedCloud
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
-from skelgen.stages.labels.merging.likelihood import robust_laws, sample_frames
-
-MOST_DISTANCES = 1_000_000
-"""Distances that are held at once: of long takes, fewer moments are looked at."""
-
-MOST_MARKERS = 200
-"""Of more, no pairs are tried."""
+from skelgen.stages.labels.merging.likelihood import robust_laws
 
 
-def exchange_markers(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float, fixed: Bools
-) -> Ints:
+def exchange_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Exchange markers between pauses while the take is explained better.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
-    fixed : ndarray of bool, shape (n_points,)
-        Points that keep their marker.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
 
     Returns
     -------
@@ -63,9 +49,8 @@ def exchange_markers(
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     if not n_markers or n_markers > MOST_MARKERS:
         return marker_of_point
-    moments = moments_of(cloud, rate, n_markers)
-    is_held = np.bincount(marker_of_point[fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
-    search = _Search(cloud, track_of_point, marker_of_point, moments, spacing)
+    is_held = np.bincount(marker_of_point[take.is_fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
+    search = _Search(take, marker_of_point, n_markers)
     free = np.flatnonzero(~is_held)
     search.weigh(free[np.stack(np.triu_indices(len(free), 1), axis=1)])
     while search.gain.max() >= LEAST_GAIN:
@@ -76,24 +61,7 @@ def exchange_markers(
             search.weigh(_pairs_with(pair, free))
     if search.marker_of_point is marker_of_point:
         return marker_of_point
-    counts = np.bincount(search.marker_of_point[search.marker_of_point >= 0], minlength=1)
-    return point_labels.renumbered(search.marker_of_point, counts > 0)
-
-
-def moments_of(cloud: PointCloud, rate: float, n_markers: int) -> Ints:
-    """Return the frames in which markers are compared: independent ones, at most `MOST_DISTANCES` distances.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    rate : float, Hz
-        Frame rate.
-    n_markers : int
-        Number of markers.
-    """
-    moments = sample_frames(rate, 0, cloud.n_frames)
-    return moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
+    return point_labels.without_holes(search.marker_of_point)
 
 
 def _pairs_with(pair: Ints, free: Ints) -> Ints:
@@ -114,13 +82,13 @@ class _Search:
         What an exchange gains when it was weighed last, above the diagonal; -inf for nothing.
     """
 
-    def __init__(self, cloud: PointCloud, track: Ints, marker: Ints, moments: Ints, spacing: float) -> None:
+    def __init__(self, take: FollowedCloud, marker: Ints, n_markers: int) -> None:
         self.marker_of_point = marker
-        self._track, self._spacing, self._n_frames = track, spacing, cloud.n_frames
-        self._moments = np.ascontiguousarray(moments)
-        self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
-        self._places = point_labels.sampled_positions(cloud, marker, moments)
-        n_moments, n_markers = self._places.shape[:2]
+        self._track, self._spacing, self._n_frames = take.track_of_point, take.spacing, take.cloud.n_frames
+        self._moments = np.ascontiguousarray(take.moments(n_markers))
+        self._frame = take.frame_of_point()
+        self._places = point_labels.sampled_positions(take.cloud, marker, self._moments)
+        n_moments = len(self._moments)
         order = np.argsort(marker.astype(np.int16), kind="stable")  # such small numbers are sorted quickly
         parts = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
         self._pauses = [self._pauses_of(points) for points in parts]

@@ -19,11 +19,9 @@ import numpy as np
 
 from skelgen._kernels.marker_exchanges import EXISTENCE, LEAST_GAIN, explained
 from skelgen.geometry.statistics import pair_lengths
-from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.chains import MOST_ROUNDS
-from skelgen.stages.labels.merging.exchanges import MOST_MARKERS, moments_of
+from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
 from skelgen.stages.labels.merging.likelihood import evidence_of_places
 from skelgen.stages.labels.merging.markers import with_leftovers
 
@@ -55,23 +53,15 @@ UNMATCHED = 1000.0
 """nats against a marker of both sides that stays without one: more than any distances tell."""
 
 
-def match_hidden(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float, fixed: Bools
-) -> Ints:
+def match_hidden(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Match groups of hidden markers anew while the take is explained better.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
-    fixed : ndarray of bool, shape (n_points,)
-        Points that keep their marker.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
 
     Returns
     -------
@@ -82,11 +72,10 @@ def match_hidden(
         n_markers = int(marker_of_point.max(initial=-1)) + 1
         if not 2 < n_markers <= MOST_MARKERS:
             return marker_of_point
-        better = _Cuts(cloud, track_of_point, marker_of_point, rate, spacing, fixed).matched()
+        better = _Cuts(take, marker_of_point).matched()
         if better is None:
             return marker_of_point
-        counts = np.bincount(better[better >= 0], minlength=1)
-        marker_of_point = point_labels.renumbered(better, counts > 0)
+        marker_of_point = point_labels.without_holes(better)
     return marker_of_point
 
 
@@ -109,15 +98,16 @@ class _Group(NamedTuple):
 class _Cuts:
     """Markers, and tracks without one behind them, at some moments, and the distances up to each moment."""
 
-    def __init__(self, cloud: PointCloud, track: Ints, marker: Ints, rate: float, spacing: float, fixed: Bools) -> None:
-        self._cloud, self._spacing, self._n_markers = cloud, spacing, int(marker.max()) + 1
-        extended = with_leftovers(track, marker)
-        extended[(extended >= self._n_markers + LEFTOVERS) | (fixed & (marker < 0))] = -1
+    def __init__(self, take: FollowedCloud, marker: Ints) -> None:
+        cloud, is_fixed = take.cloud, take.is_fixed
+        self._cloud, self._spacing, self._n_markers = cloud, take.spacing, int(marker.max()) + 1
+        extended = with_leftovers(take.track_of_point, marker)
+        extended[(extended >= self._n_markers + LEFTOVERS) | (is_fixed & (marker < 0))] = -1
         self._marker, n_all = extended, max(int(extended.max()) + 1, self._n_markers)
-        self._moments = moments_of(cloud, rate, n_all)
+        self._moments = take.moments(n_all)
         self._places = point_labels.sampled_positions(cloud, extended, self._moments, n_all)
-        self._frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
-        self._is_held = np.bincount(marker[fixed & (marker >= 0)], minlength=n_all) > 0
+        self._frame = take.frame_of_point()
+        self._is_held = np.bincount(marker[is_fixed & (marker >= 0)], minlength=n_all) > 0
         self._is_seen = np.zeros((cloud.n_frames, n_all), dtype=bool)
         owned = extended >= 0
         self._is_seen[self._frame[owned], extended[owned]] = True
@@ -185,8 +175,7 @@ class _Cuts:
 
     def _applied(self, members: Ints, goal: Ints, cut: int, is_later: bool) -> Ints:
         """Marker of each point if members have these goals on one side of the cut, -1 for none."""
-        number = np.append(np.arange(self._before.shape[-1], dtype=np.int32), -1)
-        moved = number.copy()
+        moved = np.append(np.arange(self._before.shape[-1], dtype=np.int32), -1)
         moved[members] = goal
         inside = (self._frame >= cut) == is_later
         result = np.where(inside, moved[self._marker], self._marker)

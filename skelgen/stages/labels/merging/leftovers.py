@@ -26,14 +26,10 @@ import numpy as np
 
 from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
 from skelgen._kernels.tracklet_evidence import WITNESSES
-from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.likelihood import (
-    EVIDENCE,
-    LEAST_WITNESSES,
-    SEEN_ENOUGH,
-)
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.likelihood import EVIDENCE, LEAST_WITNESSES, SEEN_ENOUGH
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
 
 FREEDOM = 4.0
@@ -46,26 +42,17 @@ TRACKS_AT_ONCE = 500
 """Tracks, or pieces of them, that are compared with all markers at once."""
 
 
-def label_leftovers(
-    cloud: PointCloud,
-    track_of_point: Ints,
-    marker_of_point: Ints,
-    sums: Floats,
-    spacing: float,
-    most_against: float = 0.0,
-) -> Ints:
+def label_leftovers(take: FollowedCloud, marker_of_point: Ints, sums: Floats, most_against: float = 0.0) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
     sums : ndarray, shape (3, n_markers, n_markers)
         Number, sum [mm] and sum of squares [mm^2] of the markers' distances, in this take or in another one.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
     most_against : float, nats
         Most that speaks against one marker more (`markers.existence`): so unlikely is it that what lasts too long for a
         false point is none of those known.
@@ -75,50 +62,47 @@ def label_leftovers(
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    pieces = _lasting(track_of_point, marker_of_point, LEAST_POINTS)
-    return _with_pieces(cloud, marker_of_point, pieces, sums, spacing, most_against)
+    pieces = _lasting(take.track_of_point, marker_of_point, LEAST_POINTS)
+    return _with_pieces(take, marker_of_point, pieces, sums, most_against)
 
 
-def label_rest(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float) -> Ints:
+def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Give all that is left without a marker, single points too, to the markers whose distances they keep.
 
     This is for the end: so short a piece that is given wrongly keeps parts of markers from being joined.
 
     Parameters
     ----------
-    cloud, track_of_point, marker_of_point, sums, spacing
-        As in `label_leftovers`.
+    take : FollowedCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
 
     Returns
     -------
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    return _with_pieces(cloud, marker_of_point, _lasting(track_of_point, marker_of_point, 1), sums, spacing, 0.0)
+    pieces = _lasting(take.track_of_point, marker_of_point, 1)
+    return _with_pieces(take, marker_of_point, pieces, take.distances(marker_of_point), 0.0)
 
 
 def _with_pieces(
-    cloud: PointCloud,
-    marker_of_point: Ints,
-    pieces: tuple[Ints, Ints],
-    sums: Floats,
-    spacing: float,
-    most_against: float,
+    take: FollowedCloud, marker_of_point: Ints, pieces: tuple[Ints, Ints], sums: Floats, most_against: float
 ) -> Ints:
     """Marker of each point when pieces have got theirs: points, piece by piece, and the number of each one's piece."""
     points, track = pieces
     if not len(points) or sums.shape[1] <= LEAST_WITNESSES:
         return marker_of_point
-    frame = np.searchsorted(cloud.frame_starts, points, side="right") - 1
-    laws, another = usual_distances(sums, spacing), 0.0
+    laws, another = usual_distances(sums, take.spacing), 0.0
     if most_against > 0.0 and (np.bincount(track) >= LASTING).any():
-        another = min(existence(cloud, marker_of_point), most_against)
+        another = min(existence(take.cloud, marker_of_point), most_against)
     result = marker_of_point.copy()
     starts = np.searchsorted(track, np.arange(0, track[-1] + 1 + TRACKS_AT_ONCE, TRACKS_AT_ONCE))
     for begin, end in itertools.pairwise(starts):
         part = slice(begin, end)
-        some = points[part], track[part] - track[begin], frame[part]
-        result[points[part]] = _given(cloud, result, some, laws, spacing, another)
+        some = points[part], track[part] - track[begin]
+        result[points[part]] = _given(take, result, some, laws, another)
     return result if (result != marker_of_point).any() else marker_of_point
 
 
@@ -158,27 +142,18 @@ def usual_distances(sums: Floats, spacing: float) -> tuple[Floats, Floats]:
 
 
 def _given(
-    cloud: PointCloud,
-    marker_of_point: Ints,
-    pieces: tuple[Ints, Ints, Ints],
-    laws: tuple[Floats, Floats],
-    spacing: float,
-    another: float,
+    take: FollowedCloud, marker_of_point: Ints, pieces: tuple[Ints, Ints], laws: tuple[Floats, Floats], another: float
 ) -> Ints:
     """Marker of each point of some tracks, -1 for none."""
-    points, track, frame = pieces
-    n_tracks, n_markers = int(track[-1]) + 1, len(laws[0])
-    used, row = np.unique(frame, return_inverse=True)
-    beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row]
-    distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
-    starts = np.searchsorted(track, np.arange(n_tracks))
-    evidence = evidence_of_pieces(distance, starts, laws, spacing)
-    evidence[np.logical_or.reduceat(~np.isnan(distance), starts)] = -np.inf
+    points, track = pieces
+    distance, row = distances_beside(take, marker_of_point, points, len(laws[0]))
+    starts = np.searchsorted(track, np.arange(int(track[-1]) + 1))
+    evidence = _of_unseen(evidence_of_pieces(distance, starts, laws, take.spacing), distance, starts)
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     ends = np.append(starts[1:], len(track))
     none = np.where(ends - starts < LASTING, 0.0, -another)
     margin = ranked[:, -1] - np.maximum(ranked[:, -2], none)
-    taken = np.zeros((len(used), n_markers), dtype=bool)
+    taken = np.zeros((int(row.max()) + 1, len(laws[0])), dtype=bool)
     result = np.full(len(points), -1, dtype=marker_of_point.dtype)
     for one in np.argsort(-margin, kind="stable")[: int((margin >= EVIDENCE).sum())].tolist():
         part = slice(starts[one], ends[one])
@@ -186,6 +161,37 @@ def _given(
             taken[row[part], best[one]] = True
             result[part] = best[one]
     return result
+
+
+def distances_beside(take: FollowedCloud, marker_of_point: Ints, points: Ints, n_markers: int) -> tuple[Floats, Ints]:
+    """Return how far points are from the markers of their frames, and which of the frames concerned each point is in.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point of the take, -1 for none.
+    points : ndarray of intp, shape (n_chosen,)
+        Which points.
+    n_markers : int
+        Number of markers.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_chosen, n_markers) and (n_chosen,)
+        Distances [mm], NaN where markers are unseen; and a rising number of each point's frame, from 0.
+    """
+    cloud = take.cloud
+    frames = np.searchsorted(cloud.frame_starts, points, side="right") - 1
+    used, row = np.unique(frames, return_inverse=True)
+    beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row]
+    return np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2), row
+
+
+def _of_unseen(evidence: Floats, distance: Floats, starts: Ints) -> Floats:
+    """Evidence that pieces are markers, -inf for those seen beside them; shape (n_pieces, n_markers)."""
+    return np.where(np.logical_or.reduceat(~np.isnan(distance), starts), -np.inf, evidence)
 
 
 def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Floats], spacing: float) -> Floats:
@@ -233,61 +239,52 @@ MOMENTS = 8
 """Moments of a piece whose distances are compared, evenly spread."""
 
 
-def move_pieces(
-    cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, sums: Floats, spacing: float, fixed: Bools
-) -> Ints:
+def move_pieces(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Move pieces of tracks to markers that are more likely, those that gain most first.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
-    sums : ndarray, shape (3, n_markers, n_markers)
-        Number, sum [mm] and sum of squares [mm^2] of the markers' distances.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
-    fixed : ndarray of bool, shape (n_points,)
-        Points that keep their marker.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
 
     Returns
     -------
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes; the given array if nothing is moved.
     """
-    moments = moments_of_pieces(track_of_point, marker_of_point, range(len(sums[0])), fixed)
-    frame = np.repeat(np.arange(cloud.n_frames, dtype=np.int32), cloud.points_per_frame)
-    laws, result = usual_distances(sums, spacing), marker_of_point.copy()
+    sums = take.distances(marker_of_point)
+    laws, result = usual_distances(sums, take.spacing), marker_of_point.copy()
+    moments = moments_of_pieces(take, marker_of_point, range(len(laws[0])))
     moves: list[tuple[float, int, int]] = []
     for first in range(0, len(moments), TRACKS_AT_ONCE):
         some = moments[first : first + TRACKS_AT_ONCE]
-        gain, other = _best_others(cloud, marker_of_point, frame, some, laws, spacing)
+        gain, other = _best_others(take, marker_of_point, some, laws)
         found = np.flatnonzero(gain >= MOVED)
         moves += zip(gain[found].tolist(), some[found, 0].tolist(), other[found].tolist(), strict=True)
+    frame, track = take.frame_of_point(), take.track_of_point
     for _, point, better in sorted(moves, reverse=True):
-        track, marker = track_of_point[point], marker_of_point[point]
-        own = np.flatnonzero((track_of_point == track) & (marker_of_point == marker))
+        own = np.flatnonzero((track == track[point]) & (marker_of_point == marker_of_point[point]))
         beside = slice(*np.searchsorted(frame, (frame[own[0]], frame[own[-1]] + 1)))
         if not np.isin(frame[own], frame[beside][result[beside] == better]).any():
             result[own] = better
-    if (result == marker_of_point).all():
-        return marker_of_point
-    return point_labels.renumbered(result, np.bincount(result[result >= 0], minlength=len(sums[0])) > 0)
+    return point_labels.without_holes(result) if (result != marker_of_point).any() else marker_of_point
 
 
-def moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, markers: range, fixed: Bools) -> Ints:
+def moments_of_pieces(take: FollowedCloud, marker_of_point: Ints, markers: range) -> Ints:
     """Return evenly spread points of each piece that lasts, its first point first, shape (n_pieces, MOMENTS).
 
     Parameters
     ----------
-    track_of_point, marker_of_point : ndarray of intp, shape (n_points,)
-        Track and marker of each point, -1 for none.
+    take : FollowedCloud
+        The take; no piece has points that keep their marker.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
     markers : range
         Markers whose pieces are looked at; -1 stands for points without one.
-    fixed : ndarray of bool, shape (n_points,)
-        Points that keep their marker: no piece has any.
     """
+    track_of_point = take.track_of_point
     found = [np.zeros((0, MOMENTS), dtype=np.intp)]
     for marker in markers:
         points = np.flatnonzero((marker_of_point == marker) & (track_of_point >= 0))
@@ -296,29 +293,21 @@ def moments_of_pieces(track_of_point: Ints, marker_of_point: Ints, markers: rang
         points = points[np.argsort(track_of_point[points], kind="stable")]
         starts = np.flatnonzero(np.diff(track_of_point[points], prepend=-1))
         lengths = np.diff(starts, append=len(points))
-        used = (lengths >= SHORTEST) & ~np.logical_or.reduceat(fixed[points], starts)
+        used = (lengths >= SHORTEST) & ~np.logical_or.reduceat(take.is_fixed[points], starts)
         along = lengths[used, np.newaxis] * np.arange(MOMENTS) // MOMENTS
         found.append(points[starts[used, np.newaxis] + along])
     return np.concatenate(found)
 
 
 def _best_others(
-    cloud: PointCloud,
-    marker_of_point: Ints,
-    frame: Ints,
-    moments: Ints,
-    laws: tuple[Floats, Floats],
-    spacing: float,
+    take: FollowedCloud, marker_of_point: Ints, moments: Ints, laws: tuple[Floats, Floats]
 ) -> tuple[Floats, Ints]:
     """How much more likely the best other marker is than that of each piece [nats], and which one it is."""
     every, own = np.arange(len(moments)), marker_of_point[moments[:, 0]]
-    points = moments.ravel()
-    used, row = np.unique(frame[points], return_inverse=True)
-    beside = point_labels.sampled_positions(cloud, marker_of_point, used, len(laws[0]))[row]
-    distance = np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2)
-    distance[np.arange(len(points)), np.repeat(own, MOMENTS)] = np.nan
-    evidence = evidence_of_pieces(distance, every * MOMENTS, laws, spacing)
-    evidence[np.logical_or.reduceat(~np.isnan(distance), every * MOMENTS)] = -np.inf
+    distance, _ = distances_beside(take, marker_of_point, moments.ravel(), len(laws[0]))
+    distance[np.arange(len(distance)), np.repeat(own, MOMENTS)] = np.nan
+    starts = every * MOMENTS
+    evidence = _of_unseen(evidence_of_pieces(distance, starts, laws, take.spacing), distance, starts)
     kept = evidence[every, own]
     evidence[every, own] = -np.inf
     other = evidence.argmax(axis=1)

@@ -26,14 +26,8 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.likelihood import (
-    EVIDENCE,
-    SEEN_ENOUGH,
-    DistanceRecord,
-    distance_sums,
-    merge_likely,
-    sample_frames,
-)
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.likelihood import EVIDENCE, SEEN_ENOUGH, DistanceRecord, merge_likely
 from skelgen.stages.limbs import bodies_by_distances
 
 LEAST_POINTS = 8
@@ -41,9 +35,6 @@ LEAST_POINTS = 8
 
 MOST_TRACKS = 400
 """Tracks that are merged at once, the longest: bounds the work."""
-
-FRAMES_AT_ONCE = 600
-"""Frames whose positions are held at once."""
 
 LEAST_MARKERS = 4
 """A smaller group has no marker beyond a triangle to confirm it."""
@@ -64,21 +55,15 @@ EXPLAINED = 0.6
 """Part of the smaller group's markers that must be found in the larger one."""
 
 
-def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
 
     Returns
     -------
@@ -86,44 +71,19 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
         Marker of each point, -1 for none; numbered without holes.
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1
-    extended = with_leftovers(track_of_point, marker_of_point)
+    extended = with_leftovers(take.track_of_point, marker_of_point)
     n_extended = int(extended.max(initial=-1)) + 1
-    sums = sampled_distances(cloud, extended, rate)
+    sums = take.distances(extended)
     apart = sums[0] > 0
     if n_extended > n_markers:  # short tracks may lie between the sampled frames
-        meeting = seen_at_once(cloud, extended, n_extended)
+        meeting = seen_at_once(take.cloud, extended, n_extended)
         meeting[:n_markers, :n_markers] = False
         apart |= meeting
-    merged = _merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
+    merged = _merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, take.spacing))
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
-    return point_labels.joined(cloud, extended, merged)
-
-
-def sampled_distances(cloud: PointCloud, marker_of_point: Ints, rate: float) -> Floats:
-    """Return number, sum [mm] and sum of squares [mm^2] of distances in frames that are independent.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
-
-    Returns
-    -------
-    ndarray, shape (3, n_markers, n_markers)
-    """
-    n_markers = int(marker_of_point.max(initial=-1)) + 1
-    frames = sample_frames(rate, 0, cloud.n_frames)
-    sums = np.zeros((3, n_markers, n_markers))
-    for start in range(0, len(frames), FRAMES_AT_ONCE):
-        some = frames[start : start + FRAMES_AT_ONCE]
-        sums += distance_sums(point_labels.sampled_positions(cloud, marker_of_point, some))
-    return sums
+    return point_labels.joined(take.cloud, extended, merged)
 
 
 def with_leftovers(track_of_point: Ints, marker_of_point: Ints) -> Ints:
@@ -282,19 +242,15 @@ COMMON_FRAMES = 2
 """Frames with both that false points may cause."""
 
 
-def join_duplicates(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Join markers that were found in several parts of the take under different numbers.
 
     Parameters
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
 
     Returns
     -------
@@ -303,17 +259,17 @@ def join_duplicates(cloud: PointCloud, marker_of_point: Ints, rate: float, spaci
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     together = np.zeros((n_markers, n_markers))
-    for block in point_labels.blocks_of(cloud):
+    for block in point_labels.blocks_of(take.cloud):
         together += point_labels.seen_together(block, marker_of_point[block.points], n_markers)
     apart = together > COMMON_FRAMES
     if apart[~np.eye(n_markers, dtype=bool)].all():
         return marker_of_point
-    sums = sampled_distances(cloud, marker_of_point, rate)
-    record = DistanceRecord(sums[0], sums[1], sums[2], apart, spacing)
-    same = _joined(record, EVIDENCE - existence(cloud, marker_of_point))
+    sums = take.distances(marker_of_point)
+    record = DistanceRecord(sums[0], sums[1], sums[2], apart, take.spacing)
+    same = _joined(record, EVIDENCE - existence(take.cloud, marker_of_point))
     if (same == np.arange(n_markers)).all():
         return marker_of_point
-    return point_labels.joined(cloud, marker_of_point, same)
+    return point_labels.joined(take.cloud, marker_of_point, same)
 
 
 def existence(cloud: PointCloud, marker_of_point: Ints) -> float:

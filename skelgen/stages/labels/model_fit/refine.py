@@ -16,14 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import Monitor
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.explanations import Explanations, explain_points
 from skelgen.stages.labels.merging.exchanges import exchange_markers
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers
-from skelgen.stages.labels.merging.markers import join_duplicates, merge_again, sampled_distances
+from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
 from skelgen.stages.labels.model_fit.symmetry import turned_limbs
@@ -58,12 +59,8 @@ class LabelTask:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The unlabelled take.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of a point to its nearest neighbour.
+    take : FollowedCloud
+        The unlabelled take; what the user states keeps its marker.
     parameters : LabelParameters
         How to label.
     n_markers : int or None
@@ -74,37 +71,26 @@ class LabelTask:
         Random seed.
     """
 
-    cloud: PointCloud
-    rate: float
-    spacing: float
+    take: FollowedCloud
     parameters: LabelParameters
     n_markers: int | None = None
     constraints: PointConstraints | None = None
     seed: int = 0
 
     @property
-    def is_stated(self) -> Bools:
-        """Points whose marker the user states, shape (n_points,)."""
-        if self.constraints is None:
-            return np.zeros(self.cloud.n_points, dtype=bool)
-        return np.asarray(self.constraints.name_of_point >= 0)
-
-    @property
     def least_alone(self) -> float:
         """Frames in which a marker that no limb carries must be seen."""
-        n_frames = self.cloud.n_frames
-        return max(stand_alone_frames(n_frames, self.rate, self.parameters), FREE_MARKER_SHARE * n_frames)
+        n_frames = self.take.cloud.n_frames
+        return max(stand_alone_frames(n_frames, self.take.rate, self.parameters), FREE_MARKER_SHARE * n_frames)
 
 
-def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, monitor: Monitor) -> Ints:
+def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> Ints:
     """Improve identities by the skeleton that they imply, until nothing changes.
 
     Parameters
     ----------
     task : LabelTask
         The take; of its parameters, `rounds` limits the turns.
-    track_of_point : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
     monitor : Monitor
@@ -116,38 +102,36 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         Marker of each point, -1 for none; numbered without holes.
     """
     monitor.begin("identities by rigidity")
-    cloud, rate, spacing = task.cloud, task.rate, task.spacing
+    take, cloud = task.take, task.take.cloud
     frames = spread_frames(cloud.n_frames, MODEL_FRAMES)
     model: MarkerModel | None = None
     modelled = marker_of_point
     for turn in range(task.parameters.rounds):
-        merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
-        merged = exchange_markers(cloud, track_of_point, merged, rate, spacing, task.is_stated)
+        merged = exchange_markers(take, merge_again(take, marker_of_point))
         if model and _n_changed(modelled, merged) <= UNCHANGED * cloud.n_points:
             break  # the same model would say the same
         positions = point_labels.sampled_positions(cloud, merged, frames)
         sample = Trajectories(
-            positions, point_labels.marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames
+            positions, point_labels.marker_names(positions.shape[1]), take.rate * len(frames) / cloud.n_frames
         )
         core = core_markers(merged, task.n_markers)
         structure = None
         if model and (same := same_core(modelled, model.core, merged, core)) is not None:
             structure = model.structure.of_markers(np.flatnonzero(same >= 0))
             core = same[same >= 0] if structure else core
-        model = fit_model(sample, core, BLIND_GATE * spacing, task.seed, structure)
+        model = fit_model(sample, core, BLIND_GATE * take.spacing, task.seed, structure)
         if model is None:
             break
-        merged = modelled = turned_limbs(cloud, merged, model, rate)
-        better = _relabelled(task, track_of_point, merged, model, monitor)
+        merged = modelled = turned_limbs(cloud, merged, model, take.rate)
+        better = _relabelled(task, merged, model, monitor)
         better = point_labels.with_unexplained(merged, better, task.least_alone)
         n_changed = _n_changed(marker_of_point, better)
         marker_of_point = better
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
             break
-    merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
-    merged = join_duplicates(cloud, merged, rate, spacing)
-    return label_leftovers(cloud, track_of_point, merged, sampled_distances(cloud, merged, rate), spacing)
+    merged = join_duplicates(take, merge_again(take, marker_of_point))
+    return label_leftovers(take, merged, take.distances(merged))
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
@@ -210,11 +194,9 @@ def _n_changed(before: Ints, after: Ints) -> int:
     return max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept
 
 
-def _relabelled(
-    task: LabelTask, track_of_point: Ints, marker_of_point: Ints, model: MarkerModel, monitor: Monitor
-) -> Ints:
+def _relabelled(task: LabelTask, marker_of_point: Ints, model: MarkerModel, monitor: Monitor) -> Ints:
     """Assign all points anew by the model, block by block."""
-    cloud, constraints, n_markers = task.cloud, task.constraints, model.n_markers
+    cloud, constraints, n_markers = task.take.cloud, task.constraints, model.n_markers
     target = None if constraints is None else markers_of_names(marker_of_point, constraints, n_markers)
     weights = point_weights(cloud)
     result = np.full(cloud.n_points, -1, dtype=np.int32)
@@ -227,7 +209,7 @@ def _relabelled(
         explained = explained.weighted(weights[block.points])
         if constraints is not None and target is not None:
             explained = constrained(explained, constraints.name_of_point[block.points], target)
-        tracks = assignment.split_where_marker_changes(track_of_point[block.points], explained)
+        tracks = assignment.split_where_marker_changes(task.take.track_of_point[block.points], explained)
         marker = assignment.assign_tracks(tracks, block.frames, explained, block.n_frames)
         marker = assignment.fill_single_points(marker, block.frames, explained, block.n_frames)
         new_markers.add(points, block, np.flatnonzero(marker < 0), tracks, poses)
