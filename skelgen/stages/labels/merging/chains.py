@@ -102,7 +102,8 @@ class _Pieces:
         places = point_labels.sampled_positions(take.cloud, marker_of_point, self._moments, self._n_markers)
         self._state = _State(places, self._find_rows(), self._own.copy())
         self._suits = self._evidence_of_samples(samples)
-        self._evidence = evidence_of_places(places, take.spacing)
+        self._weights = take.weights(self._moments)
+        self._evidence = evidence_of_places(places, self._weights, take.spacing)
 
     def _find_rows(self) -> Ints:
         """Find the moments in which each piece is seen, and where; return who holds each marker's place."""
@@ -161,7 +162,7 @@ class _Pieces:
                 there = self._goal_of(state, other, moved, len(moved) < DEPTH)
                 if there >= 0:
                     waiting.append((other, there))
-        evidence = evidence_of_places(state.places, self._take.spacing)
+        evidence = evidence_of_places(state.places, self._weights, self._take.spacing)
         if evidence < self._evidence + LEAST_GAIN:
             return False
         self._state, self._evidence = state, evidence

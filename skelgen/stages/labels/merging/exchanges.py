@@ -26,7 +26,7 @@ from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.followed import MOST_MARKERS, FollowedCloud
+from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
 from skelgen.stages.labels.merging.likelihood import robust_laws
 
@@ -53,7 +53,9 @@ def exchange_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     search = _Search(take, marker_of_point, n_markers)
     free = np.flatnonzero(~is_held)
     search.weigh(free[np.stack(np.triu_indices(len(free), 1), axis=1)])
-    while search.gain.max() >= LEAST_GAIN:
+    for _ in range(MOST_ROUNDS * n_markers):
+        if search.gain.max() < LEAST_GAIN:
+            break
         pair = np.array(np.unravel_index(search.gain.argmax(), search.gain.shape))
         search.weigh(pair[np.newaxis])  # others may have been exchanged since
         if search.gain[tuple(pair)] >= LEAST_GAIN:
@@ -86,6 +88,7 @@ class _Search:
         self.marker_of_point = marker
         self._track, self._spacing, self._n_frames = take.track_of_point, take.spacing, take.cloud.n_frames
         self._moments = np.ascontiguousarray(take.moments(n_markers))
+        self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
         self._places = point_labels.sampled_positions(take.cloud, marker, self._moments)
         n_moments = len(self._moments)
@@ -151,7 +154,7 @@ class _Search:
         lengths = pair_lengths(self._places, first, second)
         known = ~np.isnan(lengths)
         filled = np.where(known, lengths, 0.0)
-        sums = np.cumsum(np.stack([known, filled, filled**2], axis=1), axis=2)
+        sums = np.cumsum(np.stack([known, filled, filled**2], axis=1) * self._weights, axis=2)
         for one, other in ((first, second), (second, first)):
             self._distance[one, other] = lengths
             self._before[one, other, :, 1:] = sums

@@ -1,7 +1,17 @@
-"""A cloud whose points have been followed: what all that merges, exchanges and moves markers knows of the take."""
+r"""A cloud whose points have been followed: what all that merges, exchanges and moves markers knows of the take.
+
+Distances are compared at moments that are some time apart. While a body stands still, these are not independent: all
+distances stay what they are, to the far hand as to the same limb, and a marker that is seen only then explains itself
+by any of them, as often as it is looked at. So moments may be weighed by how much the posture has changed since the
+moment before, which tracks tell without labels. With :math:`c_t`, the median change of the distances between tracks
+that go on, moment t counts
+
+.. math:: w_t = \min(1,\; c_t / \operatorname{median}_s c_s) .
+"""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +30,12 @@ MOST_DISTANCES = 1_000_000
 
 MOST_MARKERS = 200
 """Of more, none are exchanged, pushed on, or matched in groups: all pairs are looked at."""
+
+LEAST_COMMON = 4
+"""Tracks that must go on from one moment to the next for their distances to tell how much the posture changes."""
+
+WEIGHT_STEP = 2.0**-6
+"""Weights are multiples of it: sums of them are exact, and what is taken away of them leaves nothing behind."""
 
 MOST_ROUNDS = 20
 """A guard for what goes on while it gains: points between the moments, which do not count, might undo that."""
@@ -41,6 +57,8 @@ class FollowedCloud:
         Typical distance of neighbouring markers.
     stated : ndarray of bool, shape (n_points,), optional
         Points whose marker the user states; none, if it is not given.
+    by_posture : bool
+        Whether moments count in the evidence by how much the posture changes; else all count alike.
     """
 
     cloud: PointCloud
@@ -48,6 +66,7 @@ class FollowedCloud:
     rate: float
     spacing: float
     stated: Bools | None = None
+    by_posture: bool = False
 
     @cached_property
     def is_fixed(self) -> Bools:
@@ -69,6 +88,22 @@ class FollowedCloud:
         moments = sample_frames(self.rate, 0, self.cloud.n_frames)
         return moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
 
+    def weights(self, moments: Ints) -> Floats:
+        """Return how much moments count, above 0 and at most 1, in steps of `WEIGHT_STEP`.
+
+        Parameters
+        ----------
+        moments : ndarray of intp, shape (n_moments,)
+            Rising frames.
+        """
+        if not self.by_posture:
+            return np.ones(len(moments))
+        change = _changes(self.cloud, self.track_of_point, moments)
+        known = change[np.isfinite(change)]
+        usual = float(np.median(known)) if len(known) else 0.0
+        weights = np.minimum(change / usual, 1.0) if usual > 0.0 else np.ones(len(moments))
+        return np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
+
     def distances(self, marker_of_point: Ints) -> Floats:
         """Return number, sum [mm] and sum of squares [mm^2] of distances in frames that are independent.
 
@@ -81,13 +116,8 @@ class FollowedCloud:
         -------
         ndarray, shape (3, n_markers, n_markers)
         """
-        n_markers = int(marker_of_point.max(initial=-1)) + 1
         frames = sample_frames(self.rate, 0, self.cloud.n_frames)
-        sums = np.zeros((3, n_markers, n_markers))
-        for start in range(0, len(frames), FRAMES_AT_ONCE):
-            some = frames[start : start + FRAMES_AT_ONCE]
-            sums += distance_sums(point_labels.sampled_positions(self.cloud, marker_of_point, some))
-        return sums
+        return self._distances(marker_of_point, frames, None)
 
     def evidence(self, marker_of_point: Ints) -> tuple[float, float]:
         """Return how well labels explain the take [nats], and how far that may be chance; see `evidence_of_labels`.
@@ -97,4 +127,32 @@ class FollowedCloud:
         marker_of_point : ndarray of intp, shape (n_points,)
             Marker of each point, -1 for none.
         """
-        return evidence_of_labels(self.distances(marker_of_point), self.spacing)
+        frames = sample_frames(self.rate, 0, self.cloud.n_frames)
+        return evidence_of_labels(self._distances(marker_of_point, frames, self.weights(frames)), self.spacing)
+
+    def _distances(self, marker_of_point: Ints, frames: Ints, weights: Floats | None) -> Floats:
+        n_markers = int(marker_of_point.max(initial=-1)) + 1
+        sums = np.zeros((3, n_markers, n_markers))
+        for start in range(0, len(frames), FRAMES_AT_ONCE):
+            part = slice(start, start + FRAMES_AT_ONCE)
+            places = point_labels.sampled_positions(self.cloud, marker_of_point, frames[part], n_markers)
+            sums += distance_sums(places, None if weights is None else weights[part])
+        return sums
+
+
+def _changes(cloud: PointCloud, track_of_point: Ints, moments: Ints) -> Floats:
+    """Median change of distances between tracks since the moment before [mm]; infinite where too few go on."""
+    from scipy.spatial.distance import pdist  # noqa: PLC0415 - heavy
+
+    row, point = point_labels.points_in_frames(cloud, moments)
+    followed = track_of_point[point] >= 0
+    row, point = row[followed], point[followed]
+    track, places = track_of_point[point], cloud.points[point]
+    parts = [slice(*ends) for ends in itertools.pairwise(np.searchsorted(row, np.arange(len(moments) + 1)))]
+    change = np.full(len(moments), np.inf)
+    for moment, (before, now) in enumerate(itertools.pairwise(parts), start=1):
+        _, one, other = np.intersect1d(track[before], track[now], assume_unique=True, return_indices=True)
+        if len(one) >= LEAST_COMMON:
+            distances = [pdist(places[part][rows]) for part, rows in ((before, one), (now, other))]
+            change[moment] = np.median(np.abs(distances[1] - distances[0]))
+    return change

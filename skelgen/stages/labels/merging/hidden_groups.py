@@ -106,6 +106,7 @@ class _Cuts:
         self._marker, n_all = extended, max(int(extended.max()) + 1, self._n_markers)
         self._moments = take.moments(n_all)
         self._places = point_labels.sampled_positions(cloud, extended, self._moments, n_all)
+        self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
         self._is_held = np.bincount(marker[is_fixed & (marker >= 0)], minlength=n_all) > 0
         self._is_seen = np.zeros((cloud.n_frames, n_all), dtype=bool)
@@ -117,12 +118,12 @@ class _Cuts:
         filled = np.where(known, lengths, 0.0)
         self._before = np.zeros((len(self._moments) + 1, 3, n_all, n_all))
         for number, table in enumerate((known, filled, filled**2)):
-            sums = np.cumsum(table, axis=1).T
+            sums = np.cumsum(table * self._weights, axis=1).T
             self._before[1:, number, first, second] = self._before[1:, number, second, first] = sums
 
     def matched(self) -> Ints | None:
         """Marker of each point by the first matching that explains the take better; None if there is none."""
-        evidence, seen = evidence_of_places(self._places[:, : self._n_markers], self._spacing), set()
+        evidence, seen = evidence_of_places(self._places[:, : self._n_markers], self._weights, self._spacing), set()
         for moment, cut in self._cuts():
             for is_later in (True, False):
                 group = self._group(moment, cut, is_later)
@@ -133,7 +134,7 @@ class _Cuts:
                 inside = slice(moment, None) if is_later else slice(0, moment)
                 if goal is not None:
                     places = self._places_if(group.members, goal, inside)
-                    if evidence_of_places(places, self._spacing) >= evidence + LEAST_GAIN:
+                    if evidence_of_places(places, self._weights, self._spacing) >= evidence + LEAST_GAIN:
                         return self._applied(group.members, goal, cut, is_later)
         return None
 

@@ -161,24 +161,27 @@ def sample_frames(rate: float, first: int, last: int) -> Ints:
     return np.arange(first + min(step, last - first) // 2, last, step)
 
 
-def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
+def distance_sums(positions: Floats, weights: Floats | None = None) -> tuple[Floats, Floats, Floats]:
     """Number, sum [mm] and sum of squares [mm^2] of the distances between markers, each of shape (n, n).
 
     Parameters
     ----------
     positions : ndarray, shape (n_moments, n, 3), mm
         Markers or tracklets at independent moments, NaN where unseen.
+    weights : ndarray, shape (n_moments,), optional
+        How much each moment counts; 1 if left out.
     """
     n = positions.shape[1]
     sums = np.zeros((3, n, n))
     most = int((~np.isnan(positions[:, :, 0])).sum(axis=1).max(initial=1))
     step = max(1, PAIRS_AT_ONCE // most**2)
     for start in range(0, len(positions), step):
-        sums += _distance_sums(positions[start : start + step])
+        part = slice(start, start + step)
+        sums += _distance_sums(positions[part], None if weights is None else weights[part])
     return sums[0], sums[1], sums[2]
 
 
-def _distance_sums(positions: Floats) -> Floats:
+def _distance_sums(positions: Floats, weights: Floats | None) -> Floats:
     """Number, sum [mm] and sum of squares [mm^2] of the distances at few moments, shape (3, n, n)."""
     n = positions.shape[1]
     moment, marker = np.nonzero(~np.isnan(positions[:, :, 0]))
@@ -190,9 +193,13 @@ def _distance_sums(positions: Floats) -> Floats:
         squares += away * away
     distance = np.sqrt(squares)
     pair = np.repeat(marker * n, n_later) + marker[second]
-    above = [np.bincount(pair, values, minlength=n * n).reshape(n, n) for values in (None, distance, distance**2)]
+    own = None if weights is None else weights[moment]
+    weight = None if own is None else np.repeat(own, n_later)
+    weighted = distance if weight is None else weight * distance
+    tables = (weight, weighted, weighted * distance)
+    above = [np.bincount(pair, values, minlength=n * n).reshape(n, n) for values in tables]
     sums = np.array([table + table.T for table in above], dtype=np.float64)
-    np.fill_diagonal(sums[0], np.bincount(marker, minlength=n))
+    np.fill_diagonal(sums[0], np.bincount(marker, own, minlength=n))
     return sums
 
 
@@ -215,18 +222,20 @@ def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:
     return evidence - EXISTENCE * len(gain), float(np.sqrt(n_distances))
 
 
-def evidence_of_places(places: Floats, spacing: float) -> float:
+def evidence_of_places(places: Floats, weights: Floats, spacing: float) -> float:
     """How well markers explain the points [nats], by where they are; those that are never seen do not count.
 
     Parameters
     ----------
     places : ndarray, shape (n_moments, n_markers, 3), mm
         Markers at independent moments, NaN where unseen.
+    weights : ndarray, shape (n_moments,)
+        How much each moment counts.
     spacing : float, mm
         How far apart markers are.
     """
     seen = ~np.isnan(places[..., 0]).all(axis=0)
-    return evidence_of_labels(np.stack(distance_sums(places[:, seen])), spacing)[0]
+    return evidence_of_labels(np.stack(distance_sums(places[:, seen], weights)), spacing)[0]
 
 
 def robust_laws(lengths: Floats, spacing: float) -> tuple[Floats, Floats]:

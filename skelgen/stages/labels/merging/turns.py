@@ -5,10 +5,13 @@ meanwhile (`leftovers`), or pushes others on (`chains`). When these find nothing
 matched as a group (`hidden_groups`). After each change, markers that were found twice may be joined, which may open the
 next exchange: two markers that swapped their names can only be exchanged back when both have all of their parts. A
 piece that is moved may be too short to speak in the evidence, or may speak against it; the first turn keeps such
-pieces, a later one in which nothing is gained is the last.
+pieces, a later one in which nothing is gained is the last. When it is over, the same goes on with moments that count by
+how much the posture changes (`followed`): what is wrong in a posture that lasts is not moved before, as it speaks for
+itself too often, and with such moments alone there is too little evidence to begin with.
 """
 
 import math
+from dataclasses import replace
 
 from skelgen.model.arrays import Ints
 from skelgen.stages.labels.merging.chains import push_pieces
@@ -46,17 +49,23 @@ def put_right(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes.
     """
+    looks_far, found = take.cloud.n_points <= MOST_POINTS, marker_of_point
+    for judged in (take, replace(take, by_posture=True)) if looks_far else (take,):
+        found = _in_turns(judged, found, looks_far)
+    return label_leftovers(take, found, take.distances(found), MOST_AGAINST)
+
+
+def _in_turns(take: FollowedCloud, marker_of_point: Ints, looks_far: bool) -> Ints:
+    """Marker of each point when no turn gains anything more."""
     found, evidence = marker_of_point, -math.inf
-    looks_far = take.cloud.n_points <= MOST_POINTS
     for _ in range(MOST_TURNS if looks_far else 1):
         right = move_pieces(take, exchange_markers(take, found))
         right = push_pieces(take, right) if looks_far else right
         if right is found or take.evidence(right)[0] <= evidence:
             matched = match_hidden(take, right) if looks_far else right
             if matched is right:
-                found = right
-                break
+                return right
             right = matched
         found = join_duplicates(take, merge_again(take, right))
         evidence = take.evidence(found)[0]
-    return label_leftovers(take, found, take.distances(found), MOST_AGAINST)
+    return found
