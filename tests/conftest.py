@@ -15,6 +15,11 @@ from skelgen.model.topology import outward_order
 MARKERS_PER_LIMB = 3
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run tests of the whole first, which take longest: at the end one of two processes would wait for them."""
+    items.sort(key=lambda item: len(item.path.parts))
+
+
 def random_rotations(rng: np.random.Generator, *shape: int) -> np.ndarray:
     """Uniform rotation matrices from normal quaternions."""
     w, x, y, z = np.moveaxis((q := rng.normal(size=(*shape, 4))) / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
