@@ -38,7 +38,8 @@ WEIGHT_STEP = 2.0**-6
 """Weights are multiples of it: sums of them are exact, and what is taken away of them leaves nothing behind."""
 
 MOST_ROUNDS = 20
-"""A guard for what goes on while it gains: points between the moments, which do not count, might undo that."""
+"""A guard for what goes on while it gains: points between the moments, which do not count, and sides, which are found
+anew after each exchange, might undo that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,7 @@ def _changes(cloud: PointCloud, track_of_point: Ints, moments: Ints) -> Floats:
     parts = [slice(*ends) for ends in itertools.pairwise(np.searchsorted(row, np.arange(len(moments) + 1)))]
     change = np.full(len(moments), np.inf)
     for moment, (before, now) in enumerate(itertools.pairwise(parts), start=1):
-        _, one, other = np.intersect1d(track[before], track[now], assume_unique=True, return_indices=True)
+        _, one, other = np.intersect1d(track[before], track[now], return_indices=True)
         if len(one) >= LEAST_COMMON:
             distances = [pdist(places[part][rows]) for part, rows in ((before, one), (now, other))]
             change[moment] = np.median(np.abs(distances[1] - distances[0]))
