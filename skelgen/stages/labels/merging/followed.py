@@ -99,11 +99,14 @@ class FollowedCloud:
         """
         if not self.by_posture:
             return np.ones(len(moments))
-        change = _changes(self.cloud, self.track_of_point, moments)
-        known = change[np.isfinite(change)]
-        usual = float(np.median(known)) if len(known) else 0.0
-        weights = np.minimum(change / usual, 1.0) if usual > 0.0 else np.ones(len(moments))
-        return np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
+        key = moments.tobytes()  # every move asks for the same moments
+        if key not in self._known_weights:
+            self._known_weights[key] = _weights(_changes(self.cloud, self.track_of_point, moments))
+        return self._known_weights[key]
+
+    @cached_property
+    def _known_weights(self) -> dict[bytes, Floats]:
+        return {}
 
     def distances(self, marker_of_point: Ints) -> Floats:
         """Return number, sum [mm] and sum of squares [mm^2] of distances in frames that are independent.
@@ -139,6 +142,14 @@ class FollowedCloud:
             places = point_labels.sampled_positions(self.cloud, marker_of_point, frames[part], n_markers)
             sums += distance_sums(places, None if weights is None else weights[part])
         return sums
+
+
+def _weights(change: Floats) -> Floats:
+    """How much moments count by the change of posture before each [mm], infinite where it is not known."""
+    known = change[np.isfinite(change)]
+    usual = float(np.median(known)) if len(known) else 0.0
+    weights = np.minimum(change / usual, 1.0) if usual > 0.0 else np.ones(len(change))
+    return np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
 
 
 def _changes(cloud: PointCloud, track_of_point: Ints, moments: Ints) -> Floats:
