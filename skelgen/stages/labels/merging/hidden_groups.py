@@ -122,8 +122,9 @@ class _Cuts:
             self._before[1:, number, first, second] = self._before[1:, number, second, first] = sums
 
     def matched(self) -> Ints | None:
-        """Marker of each point by the first matching that explains the take better; None if there is none."""
+        """Marker of each point by the matching that explains the take best; None if none does so better."""
         evidence, seen = evidence_of_places(self._places[:, : self._n_markers], self._weights, self._spacing), set()
+        best, most = None, evidence + LEAST_GAIN
         for moment, cut in self._cuts():
             for is_later in (True, False):
                 group = self._group(moment, cut, is_later)
@@ -134,9 +135,10 @@ class _Cuts:
                 inside = slice(moment, None) if is_later else slice(0, moment)
                 if goal is not None:
                     places = self._places_if(group.members, goal, inside)
-                    if evidence_of_places(places, self._weights, self._spacing) >= evidence + LEAST_GAIN:
-                        return self._applied(group.members, goal, cut, is_later)
-        return None
+                    explains = evidence_of_places(places, self._weights, self._spacing)
+                    if explains >= most:
+                        best, most = (group.members, goal, cut, is_later), explains
+        return None if best is None else self._applied(*best)
 
     def _cuts(self) -> list[tuple[int, int]]:
         """Between each two moments the frame in which most markers are hidden: the moment behind it, and the frame."""
