@@ -7,6 +7,9 @@ moment before, which tracks tell without labels. With :math:`c_t`, the median ch
 that go on, moment t counts
 
 .. math:: w_t = \min(1,\; c_t / \operatorname{median}_s c_s) .
+
+A take of few seconds has few independent moments, and pieces of tracks between them would not speak at all. There,
+markers are compared more often, and each moment counts as a part of one: there is no more evidence, but more hear it.
 """
 
 from __future__ import annotations
@@ -36,6 +39,12 @@ LEAST_COMMON = 4
 
 WEIGHT_STEP = 2.0**-6
 """Weights are multiples of it: sums of them are exact, and what is taken away of them leaves nothing behind."""
+
+FEW_MOMENTS = 24
+"""Of fewer independent moments, some six seconds, markers are compared more often."""
+
+MOST_OFTEN = 4
+"""How often at most for each independent moment."""
 
 MOST_ROUNDS = 20
 """A guard for what goes on while it gains: points between the moments, which do not count, and sides, which are found
@@ -78,16 +87,31 @@ class FollowedCloud:
         """Return the frame of each point, shape (n_points,)."""
         return np.repeat(np.arange(self.cloud.n_frames, dtype=np.int32), self.cloud.points_per_frame)
 
+    @cached_property
+    def _every_moment(self) -> Ints:
+        n_independent = len(self._independent)
+        how_often = min(-(-FEW_MOMENTS // max(n_independent, 1)), MOST_OFTEN)
+        return sample_frames(self.rate, 0, self.cloud.n_frames, how_often)
+
+    @cached_property
+    def _independent(self) -> Ints:
+        return sample_frames(self.rate, 0, self.cloud.n_frames)
+
+    @property
+    def part(self) -> float:
+        """The part of an independent moment as which each moment counts: less than 1 if there are few of these."""
+        return len(self._independent) / max(len(self._every_moment), 1)
+
     def moments(self, n_markers: int) -> Ints:
-        """Return the frames in which markers are compared: independent ones, at most `MOST_DISTANCES` distances.
+        """Return the frames in which markers are compared, at most `MOST_DISTANCES` distances.
 
         Parameters
         ----------
         n_markers : int
             Number of markers.
         """
-        moments = sample_frames(self.rate, 0, self.cloud.n_frames)
-        return moments[:: max(1, -(-len(moments) * n_markers**2 // MOST_DISTANCES))]
+        step = max(1, -(-len(self._every_moment) * n_markers**2 // MOST_DISTANCES))
+        return self._every_moment[::step]
 
     def weights(self, moments: Ints) -> Floats:
         """Return how much moments count, above 0 and at most 1, in steps of `WEIGHT_STEP`.
@@ -97,11 +121,12 @@ class FollowedCloud:
         moments : ndarray of intp, shape (n_moments,)
             Rising frames.
         """
-        if not self.by_posture:
-            return np.ones(len(moments))
         key = moments.tobytes()  # every move asks for the same moments
         if key not in self._known_weights:
-            self._known_weights[key] = _weights(_changes(self.cloud, self.track_of_point, moments))
+            weights = np.ones(len(moments))
+            if self.by_posture:
+                weights = _weights(_changes(self.cloud, self.track_of_point, moments))
+            self._known_weights[key] = np.maximum(np.round(self.part * weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
         return self._known_weights[key]
 
     @cached_property
@@ -120,8 +145,7 @@ class FollowedCloud:
         -------
         ndarray, shape (3, n_markers, n_markers)
         """
-        frames = sample_frames(self.rate, 0, self.cloud.n_frames)
-        return self._distances(marker_of_point, frames, None)
+        return self._distances(marker_of_point, self._independent, None)
 
     def evidence(self, marker_of_point: Ints) -> tuple[float, float]:
         """Return how well labels explain the take [nats], and how far that may be chance; see `evidence_of_labels`.
@@ -131,7 +155,7 @@ class FollowedCloud:
         marker_of_point : ndarray of intp, shape (n_points,)
             Marker of each point, -1 for none.
         """
-        frames = sample_frames(self.rate, 0, self.cloud.n_frames)
+        frames = self._every_moment
         return evidence_of_labels(self._distances(marker_of_point, frames, self.weights(frames)), self.spacing)
 
     def _distances(self, marker_of_point: Ints, frames: Ints, weights: Floats | None) -> Floats:
@@ -148,8 +172,7 @@ def _weights(change: Floats) -> Floats:
     """How much moments count by the change of posture before each [mm], infinite where it is not known."""
     known = change[np.isfinite(change)]
     usual = float(np.median(known)) if len(known) else 0.0
-    weights = np.minimum(change / usual, 1.0) if usual > 0.0 else np.ones(len(change))
-    return np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
+    return np.minimum(change / usual, 1.0) if usual > 0.0 else np.ones(len(change))
 
 
 def _changes(cloud: PointCloud, track_of_point: Ints, moments: Ints) -> Floats:

@@ -147,7 +147,7 @@ class DistanceRecord:
         return mean, np.maximum(self.squares[rows] - count * mean**2, 0.0)
 
 
-def sample_frames(rate: float, first: int, last: int) -> Ints:
+def sample_frames(rate: float, first: int, last: int, how_often: int = 1) -> Ints:
     """Return the frames from `first` to before `last` that are far enough apart to be independent moments.
 
     Parameters
@@ -156,8 +156,10 @@ def sample_frames(rate: float, first: int, last: int) -> Ints:
         Frame rate.
     first, last : int
         Frames.
+    how_often : int
+        How often at most, for each independent moment.
     """
-    step = max(1, int(SAMPLE_SECONDS * rate))
+    step = -(-max(1, int(SAMPLE_SECONDS * rate)) // how_often)
     return np.arange(first + min(step, last - first) // 2, last, step)
 
 
