@@ -87,21 +87,6 @@ class FollowedCloud:
         """Return the frame of each point, shape (n_points,)."""
         return np.repeat(np.arange(self.cloud.n_frames, dtype=np.int32), self.cloud.points_per_frame)
 
-    @cached_property
-    def _every_moment(self) -> Ints:
-        n_independent = len(self._independent)
-        how_often = min(-(-FEW_MOMENTS // max(n_independent, 1)), MOST_OFTEN)
-        return sample_frames(self.rate, 0, self.cloud.n_frames, how_often)
-
-    @cached_property
-    def _independent(self) -> Ints:
-        return sample_frames(self.rate, 0, self.cloud.n_frames)
-
-    @property
-    def part(self) -> float:
-        """The part of an independent moment as which each moment counts: less than 1 if there are few of these."""
-        return len(self._independent) / max(len(self._every_moment), 1)
-
     def moments(self, n_markers: int) -> Ints:
         """Return the frames in which markers are compared, at most `MOST_DISTANCES` distances.
 
@@ -114,7 +99,7 @@ class FollowedCloud:
         return self._every_moment[::step]
 
     def weights(self, moments: Ints) -> Floats:
-        """Return how much moments count, above 0 and at most 1, in steps of `WEIGHT_STEP`.
+        """Return how much moments count, in steps of `WEIGHT_STEP`: an independent one 1, less if `by_posture` says so.
 
         Parameters
         ----------
@@ -126,8 +111,18 @@ class FollowedCloud:
             weights = np.ones(len(moments))
             if self.by_posture:
                 weights = _weights(_changes(self.cloud, self.track_of_point, moments))
-            self._known_weights[key] = np.maximum(np.round(self.part * weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
+            weights *= len(self._independent) / max(len(self._every_moment), 1)
+            self._known_weights[key] = np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
         return self._known_weights[key]
+
+    @cached_property
+    def _independent(self) -> Ints:
+        return sample_frames(self.rate, 0, self.cloud.n_frames)
+
+    @cached_property
+    def _every_moment(self) -> Ints:
+        how_often = min(-(-FEW_MOMENTS // max(len(self._independent), 1)), MOST_OFTEN)
+        return sample_frames(self.rate, 0, self.cloud.n_frames, how_often)
 
     @cached_property
     def _known_weights(self) -> dict[bytes, Floats]:
