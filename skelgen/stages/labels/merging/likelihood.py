@@ -148,7 +148,7 @@ class DistanceRecord:
 
 
 def sample_frames(rate: float, first: int, last: int, how_often: int = 1) -> Ints:
-    """Return the frames from `first` to before `last` that are far enough apart to be independent moments.
+    """Return frames from `first` to before `last`: moments far enough apart to be independent, or several for each.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def sample_frames(rate: float, first: int, last: int, how_often: int = 1) -> Int
     first, last : int
         Frames.
     how_often : int
-        How often at most, for each independent moment.
+        At most so many frames for each independent moment.
     """
     step = -(-max(1, int(SAMPLE_SECONDS * rate)) // how_often)
     return np.arange(first + min(step, last - first) // 2, last, step)
