@@ -34,10 +34,10 @@ from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure
 from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, seen_at_once
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
-from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
+from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import find_tracklets, follow_points, least_length, stand_alone_frames
-from skelgen.stages.labels.tracking.statistics import typical_spacing
+from skelgen.stages.labels.tracking.statistics import points_beside, typical_spacing
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
 from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take
@@ -174,7 +174,8 @@ def refit_labels(
     rate, _ = frame_rate(cloud, parameters)
     take = FollowedCloud(cloud, tracks.astype(np.int32), rate, typical_spacing(cloud))
     best = marker_of_point.astype(np.int32)
-    found = _numbered_as(best, _refined(LabelTask(take, parameters), best, monitor))
+    task = LabelTask(take, parameters)
+    found = _numbered_as(best, _completed(task, best, refine_labels(task, best, monitor)))
     evidence, chance = take.evidence(best)
     filled = point_labels.filled_labels(cloud, [best, found], calibrated.n_markers)
     for labels, least in ((filled, 0.0), (found, chance)):
@@ -329,17 +330,28 @@ def _numbered_as(labels: Ints, other: Ints) -> Ints:
 def _grouped(take: FollowedCloud, tracklets: TrackletPoints, group: Ints) -> Ints:
     """Marker of each point from groups of tracklets."""
     found = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(take.cloud.n_points)]
-    return _most_seen(found, MOST_KEPT * max(1, int(np.median(take.cloud.points_per_frame))))
+    return _most_seen(found, MOST_KEPT * points_beside(take.cloud))
 
 
 def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
-    """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so."""
-    return put_right(task.take, _refined(task, start, monitor))
+    """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so.
+
+    In a take of few seconds, distances at few moments may say that two are one marker where the whole take does not.
+    Both are tried then, and what explains the take best is kept; a marker more must explain as much as it may cost.
+    """
+    take, refined = task.take, refine_labels(task, start, monitor)
+    spared = replace(task, take=replace(take, joins_sparingly=True))
+    completed = [_completed(each, start, refined) for each in ((task, spared) if take.has_few_moments else (task,))]
+    found = put_right(take, completed[0])
+    if np.array_equal(completed[0], completed[-1]):
+        return found
+    other = put_right(spared.take, completed[-1])
+    return max(found, other, key=lambda labels: take.evidence(labels)[0] - MOST_EXISTENCE * labels.max(initial=-1))
 
 
-def _refined(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
-    """Marker of each point by the skeleton that a first labelling implies."""
-    return point_labels.with_unexplained(start, refine_labels(task, start, monitor), task.least_alone)
+def _completed(task: LabelTask, start: Ints, refined: Ints) -> Ints:
+    """Marker of each point from what the skeleton says, and of points that it does not explain from the beginning."""
+    return point_labels.with_unexplained(start, complete_markers(task.take, refined), task.least_alone)
 
 
 def _pieces(task: LabelTask) -> PairTables | None:

@@ -1,5 +1,7 @@
 """Markers that were found twice are joined, those that are two are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,36 @@ def test_where_markers_are_hidden_for_long_another_one_is_less_unlikely():
     seen = np.arange(N_FRAMES) // 100 % 2 == 0
     cloud = PointCloud(np.zeros((seen.sum(), 3)), np.concatenate([[0], np.cumsum(seen)]), np.arange(N_FRAMES) / RATE)
     assert existence(cloud, np.zeros(cloud.n_points, dtype=np.intp)) == pytest.approx(N_FRAMES / 100)
+
+
+def _taking_turns(first: int, second: int) -> tuple[FollowedCloud, np.ndarray]:
+    """1.2 s of a walk in which a marker is seen no more when another one appears: the take, and true markers."""
+    positions = simulate("human", n_frames=120, seed=0, motion="walk").take.positions
+    positions = positions + np.random.default_rng(0).normal(0.0, 0.3, positions.shape)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    seen[40:, first] = seen[:60, second] = False
+    rng = np.random.default_rng(1)
+    for marker in range(positions.shape[1]):
+        for start in rng.integers(0, len(positions), 2):
+            seen[start : start + 15, marker] = False
+    frame, marker = np.nonzero(seen)
+    starts = np.concatenate([[0], np.cumsum(seen.sum(axis=1))])
+    cloud = PointCloud(positions[frame, marker], starts, np.arange(len(positions)) / RATE)
+    return FollowedCloud(cloud, marker.astype(np.int32), RATE, SPACING), marker.astype(np.int32)
+
+
+def test_a_join_that_the_whole_of_a_short_take_contradicts_is_spared():
+    take, true = _taking_turns(0, 1)
+    joined = join_duplicates(take, true)
+    assert take.has_few_moments
+    assert joined.max() < true.max()
+    assert take.evidence(joined)[0] < take.evidence(true)[0] - existence(take.cloud, true)
+    assert np.array_equal(join_duplicates(replace(take, joins_sparingly=True), true), true)
+
+
+def test_parts_of_one_marker_are_joined_sparingly_too():
+    take, true = _taking_turns(0, 1)
+    kept = np.where(true < 2, -1, true - 2).astype(np.int32)
+    later = (kept == 20) & (take.frame_of_point() >= 60)
+    parts = np.where(later, kept.max() + 1, kept).astype(np.int32)
+    assert np.array_equal(join_duplicates(replace(take, joins_sparingly=True), parts), kept)

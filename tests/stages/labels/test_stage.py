@@ -185,6 +185,16 @@ def test_the_seeds_names_are_declared():
     assert names == {"MINRANGE", "TRIMRANGE", "TIMEONEFRAME", "ADDRANDOMTC", "MAXJITTERTC", "SAMPLINGMSTC"}
 
 
+def test_who_crosses_a_volume_that_is_empty_most_of_the_time_is_found_whole():
+    simulated = simulate("human", labelled=False, n_frames=200, noise=0.5, dropouts=0.05, seed=0)
+    take = simulated.take
+    ghosts = [np.array([[0.0, 0.0, 4000.0 + frame % 7 * 300.0]]) for frame in range(250)]
+    cloud = cloud_of([*ghosts, *(take.frame(frame) for frame in range(200)), *[np.zeros((0, 3))] * 250])
+    trajectories = label_markers(cloud, DEFAULTS)[0]
+    assert trajectories.n_markers == len(simulated.truth.marker_names)
+    assert (trajectories.seen.sum(axis=1)[250:450] >= 0.99 * take.points_per_frame).all()
+
+
 def test_an_unknown_choice_is_a_parameter_error():
     with pytest.raises(ParameterError, match="greedy, optimal"):
         LabelParameters(assignment="best")

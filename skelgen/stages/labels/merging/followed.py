@@ -69,6 +69,9 @@ class FollowedCloud:
         Points whose marker the user states; none, if it is not given.
     by_posture : bool
         Whether moments count in the evidence by how much the posture changes; else all count alike.
+    joins_sparingly : bool
+        Whether markers found twice are joined only where the evidence hardly falls; else where distances at independent
+        moments say so.
     """
 
     cloud: PointCloud
@@ -77,11 +80,17 @@ class FollowedCloud:
     spacing: float
     stated: Bools | None = None
     by_posture: bool = False
+    joins_sparingly: bool = False
 
     @cached_property
     def is_fixed(self) -> Bools:
         """Points that keep their marker, shape (n_points,)."""
         return np.zeros(self.cloud.n_points, dtype=bool) if self.stated is None else self.stated
+
+    @property
+    def has_few_moments(self) -> bool:
+        """Whether the take has so few independent moments that markers are compared more often."""
+        return len(self._every_moment) > len(self._independent)
 
     def frame_of_point(self) -> Ints:
         """Return the frame of each point, shape (n_points,)."""

@@ -20,6 +20,7 @@ if neither has another such partner that is nearly as likely.
 
 import copy
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 
@@ -245,10 +246,14 @@ COMMON_FRAMES = 2
 def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Join markers that were found in several parts of the take under different numbers.
 
+    In a take of few seconds, pieces are seen together at so few independent moments that distances hardly contradict a
+    join. If the take says that markers are joined sparingly, the evidence of the whole must not fall by more than a
+    marker costs, either.
+
     Parameters
     ----------
     take : FollowedCloud
-        The take.
+        The take, and whether markers are joined sparingly.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
 
@@ -266,7 +271,9 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         return marker_of_point
     sums = take.distances(marker_of_point)
     record = DistanceRecord(sums[0], sums[1], sums[2], apart, take.spacing)
-    same = _joined(record, EVIDENCE - existence(take.cloud, marker_of_point))
+    cost = existence(take.cloud, marker_of_point)
+    spares = _Sparing(take, marker_of_point, cost).spares if take.joins_sparingly else None
+    same = _joined(record, EVIDENCE - cost, spares)
     if (same == np.arange(n_markers)).all():
         return marker_of_point
     return point_labels.joined(take.cloud, marker_of_point, same)
@@ -297,7 +304,24 @@ def existence(cloud: PointCloud, marker_of_point: Ints) -> float:
     return min(MOST_EXISTENCE, cloud.n_frames * n_gaps / n_hidden) if n_hidden else MOST_EXISTENCE
 
 
-def _joined(record: DistanceRecord, least: float) -> Ints:
+class _Sparing:
+    """Says which joins lose more evidence than a marker more costs; mutable, as each one that is made changes it."""
+
+    def __init__(self, take: FollowedCloud, marker_of_point: Ints, cost: float) -> None:
+        self._take, self._marker_of_point, self._cost = take, marker_of_point, cost
+        self._evidence = take.evidence(marker_of_point)[0]
+
+    def spares(self, group: Ints) -> bool:
+        """Whether the last join that made these groups is better left out; else it counts as made."""
+        labels = point_labels.joined(self._take.cloud, self._marker_of_point, group)
+        evidence = self._take.evidence(labels)[0]
+        if evidence < self._evidence - self._cost:
+            return True
+        self._evidence = evidence
+        return False
+
+
+def _joined(record: DistanceRecord, least: float, spares: Callable[[Ints], bool] | None = None) -> Ints:
     """The marker that each one is a part of; the record changes."""
     n_markers = len(record.count)
     group = np.arange(n_markers)
@@ -307,8 +331,13 @@ def _joined(record: DistanceRecord, least: float) -> Ints:
         if best - _rival(link, one, other, ~record.apart) < EVIDENCE:
             link[one, other] = link[other, one] = -np.inf
             continue
+        trial = np.where(group == other, one, group)
+        if spares and spares(trial):
+            record.apart[one, other] = record.apart[other, one] = True
+            link[one, other] = link[other, one] = -np.inf
+            continue
         record.merge(one, other)
-        group[group == other] = one
+        group = trial
         link[other] = link[:, other] = -np.inf
         for marker in np.flatnonzero(np.diag(record.count) > 0):
             link[marker] = record.evidence(int(marker), is_slow=True)

@@ -295,6 +295,21 @@ def typical_spacing(cloud: PointCloud) -> float:
     return spacing or 1.0
 
 
+def points_beside(cloud: PointCloud) -> int:
+    """Return how many points the frame of the median point has.
+
+    Frames that show nothing, or ghosts alone, hardly count, as when somebody crosses a volume that is empty else.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take; it has points.
+    """
+    n_points = np.bincount(cloud.points_per_frame)
+    n_points *= np.arange(len(n_points))
+    return int(np.searchsorted(2 * np.cumsum(n_points), n_points.sum()))
+
+
 def time_steps(cloud: PointCloud, monitor: Monitor = SILENT) -> Ints:
     """Return the time since the frame before in whole frame periods, shape (n_frames,).
 
