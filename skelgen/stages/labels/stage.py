@@ -31,7 +31,7 @@ from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, seen_at_once
+from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, existence, seen_at_once
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
@@ -47,6 +47,10 @@ PIECE_SECONDS = 0.1
 
 MOST_PIECES = 2000
 """Most of them: memory and time grow with their square."""
+
+MARKER_COST = 2.0
+"""Times the evidence against a marker that is never seen beside another one (`existence`): what each marker more must
+explain in a take of few seconds, as skin that moves when a posture is left explains itself by a second one."""
 
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
@@ -337,7 +341,7 @@ def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so.
 
     In a take of few seconds, distances at few moments may say that two are one marker where the whole take does not.
-    Both are tried then, and what explains the take best is kept; a marker more must explain as much as it may cost.
+    Both are tried then. What joins less must explain more than by chance, and each marker more twice what it costs.
     """
     take, refined = task.take, refine_labels(task, start, monitor)
     spared = replace(task, take=replace(take, joins_sparingly=True))
@@ -346,7 +350,11 @@ def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     if np.array_equal(completed[0], completed[-1]):
         return found
     other = put_right(spared.take, completed[-1])
-    return max(found, other, key=lambda labels: take.evidence(labels)[0] - MOST_EXISTENCE * labels.max(initial=-1))
+    judge = replace(take, by_posture=True)
+    (evidence, chance), (more, _) = judge.evidence(found), judge.evidence(other)
+    n_more = int(other.max(initial=-1)) - int(found.max(initial=-1))
+    least = chance + MARKER_COST * existence(take.cloud, found) * n_more
+    return other if more > evidence + least else found
 
 
 def _completed(task: LabelTask, start: Ints, refined: Ints) -> Ints:
