@@ -344,12 +344,15 @@ def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     Both are tried then. What joins less must explain more than by chance, and each marker more twice what it costs.
     """
     take, refined = task.take, refine_labels(task, start, monitor)
-    spared = replace(task, take=replace(take, joins_sparingly=True))
-    completed = [_completed(each, start, refined) for each in ((task, spared) if take.has_few_moments else (task,))]
-    found = put_right(take, completed[0])
-    if np.array_equal(completed[0], completed[-1]):
+    completed = _completed(task, start, refined)
+    found = put_right(take, completed)
+    if not take.has_few_moments:
         return found
-    other = put_right(spared.take, completed[-1])
+    sparing = replace(task, take=replace(take, joins_sparingly=True))
+    spared = _completed(sparing, start, refined)
+    if np.array_equal(spared, completed):
+        return found
+    other = put_right(sparing.take, spared)
     judge = replace(take, by_posture=True)
     (evidence, chance), (more, _) = judge.evidence(found), judge.evidence(other)
     n_more = int(other.max(initial=-1)) - int(found.max(initial=-1))

@@ -130,11 +130,11 @@ def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> I
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
             break
-    return marker_of_point
+    return merge_again(take, marker_of_point)
 
 
 def complete_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
-    """Give refined markers the tracks that are theirs by distances alone, and join those that were found twice.
+    """Join refined markers that were found twice, and give them the tracks that are theirs by distances alone.
 
     Parameters
     ----------
@@ -148,8 +148,8 @@ def complete_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; numbered without holes.
     """
-    merged = join_duplicates(take, merge_again(take, marker_of_point))
-    return label_leftovers(take, merged, take.distances(merged))
+    joined = join_duplicates(take, marker_of_point)
+    return label_leftovers(take, joined, take.distances(joined))
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
