@@ -25,7 +25,7 @@ def moving_points(rng, n_moments, places):
 
 def record_of(positions, spacing=80.0):
     sums = distance_sums(positions)
-    return DistanceRecord(*sums, sums[0] > 0, spacing)
+    return DistanceRecord(np.stack(sums), sums[0] > 0, spacing)
 
 
 def halves(rng, places):

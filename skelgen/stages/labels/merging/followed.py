@@ -23,6 +23,7 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.continuity import Continuity
 from skelgen.stages.labels.merging.likelihood import distance_sums, evidence_of_labels, sample_frames
 
 FRAMES_AT_ONCE = 600
@@ -45,6 +46,10 @@ FEW_MOMENTS = 24
 
 MOST_OFTEN = 4
 """How often at most for each independent moment."""
+
+MOST_POINTS = 6_000_000
+"""Of more, some twelve minutes of 40 markers at 200 Hz, markers are compared so rarely that pieces lie between, and
+gaps are not looked at: an hour must do with 2.5 GB."""
 
 MOST_ROUNDS = 20
 """A guard for what goes on while it gains: points between the moments, which do not count, and sides, which are found
@@ -152,7 +157,9 @@ class FollowedCloud:
         return self._distances(marker_of_point, self._independent, None)
 
     def evidence(self, marker_of_point: Ints) -> tuple[float, float]:
-        """Return how well labels explain the take [nats], and how far that may be chance; see `evidence_of_labels`.
+        """Return how well labels explain the take [nats], by distances and over gaps, and how far that may be chance.
+
+        See `evidence_of_labels` and `continuity`.
 
         Parameters
         ----------
@@ -160,7 +167,22 @@ class FollowedCloud:
             Marker of each point, -1 for none.
         """
         frames = self._every_moment
-        return evidence_of_labels(self._distances(marker_of_point, frames, self.weights(frames)), self.spacing)
+        sums = self._distances(marker_of_point, frames, self.weights(frames))
+        evidence, chance = evidence_of_labels(sums, self.spacing)
+        gaps = self.continuity(marker_of_point)
+        return evidence + (gaps.total() if gaps else 0.0), chance
+
+    def continuity(self, marker_of_point: Ints) -> Continuity | None:
+        """Return what looks at the gaps of labels; None for takes that are too long.
+
+        Parameters
+        ----------
+        marker_of_point : ndarray of intp, shape (n_points,)
+            Marker of each point, -1 for none.
+        """
+        if self.cloud.n_points > MOST_POINTS:
+            return None
+        return Continuity(self.cloud, self.track_of_point, marker_of_point, self.rate, self.spacing)
 
     def _distances(self, marker_of_point: Ints, frames: Ints, weights: Floats | None) -> Floats:
         n_markers = int(marker_of_point.max(initial=-1)) + 1

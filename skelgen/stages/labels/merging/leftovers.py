@@ -12,6 +12,8 @@ the marker of most evidence that is not seen meanwhile, if no other has nearly a
 points do, in a pose that was never seen before, may keep its distances badly: but were it none of them, there would be
 one marker more, which is hidden whenever the most likely one is seen.
 
+At the end, gaps speak, too: where a marker was lost a moment before and is found a moment later (`continuity`).
+
 Pieces of tracks that went to a wrong marker are moved to the one whose distances they keep. A marker that comes back
 where another one was just lost may go on as that one for a moment. The piece is too short to change the evidence of
 the whole take, and it is in the way: what it belongs to is not seen then, and the marker that has it cannot be joined
@@ -34,6 +36,12 @@ from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
 
 FREEDOM = 4.0
 """Of Student's distribution: a distance may be in a pose that was never seen."""
+
+MOST_PASSES = 4
+"""Over what is left at the end: what has got its marker is a witness of others."""
+
+BOTH_SIDES = 2
+"""Gaps beside a piece, before it and behind it, from which its marker may be told where distances are too few."""
 
 LASTING = 25
 """Frames that false points hardly last: a track of so many is a marker, of those known or another one."""
@@ -83,12 +91,22 @@ def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    pieces = _lasting(take.track_of_point, marker_of_point, 1)
-    return _with_pieces(take, marker_of_point, pieces, take.distances(marker_of_point), 0.0)
+    for _ in range(MOST_PASSES):
+        pieces, before = _lasting(take.track_of_point, marker_of_point, 1), marker_of_point
+        marker_of_point = _with_pieces(take, before, pieces, take.distances(before), over_gaps=True)
+        if marker_of_point is before:
+            break
+    return marker_of_point
 
 
 def _with_pieces(
-    take: FollowedCloud, marker_of_point: Ints, pieces: tuple[Ints, Ints], sums: Floats, most_against: float
+    take: FollowedCloud,
+    marker_of_point: Ints,
+    pieces: tuple[Ints, Ints],
+    sums: Floats,
+    most_against: float = 0.0,
+    *,
+    over_gaps: bool = False,
 ) -> Ints:
     """Marker of each point when pieces have got theirs: points, piece by piece, and the number of each one's piece."""
     points, track = pieces
@@ -102,7 +120,7 @@ def _with_pieces(
     for begin, end in itertools.pairwise(starts):
         part = slice(begin, end)
         some = points[part], track[part] - track[begin]
-        result[points[part]] = _given(take, result, some, laws, another)
+        result[points[part]] = _given(take, result, some, laws, another, over_gaps=over_gaps)
     return result if (result != marker_of_point).any() else marker_of_point
 
 
@@ -142,15 +160,28 @@ def usual_distances(sums: Floats, spacing: float) -> tuple[Floats, Floats]:
 
 
 def _given(
-    take: FollowedCloud, marker_of_point: Ints, pieces: tuple[Ints, Ints], laws: tuple[Floats, Floats], another: float
+    take: FollowedCloud,
+    marker_of_point: Ints,
+    pieces: tuple[Ints, Ints],
+    laws: tuple[Floats, Floats],
+    another: float,
+    *,
+    over_gaps: bool,
 ) -> Ints:
     """Marker of each point of some tracks, -1 for none."""
     points, track = pieces
     distance, row = distances_beside(take, marker_of_point, points, len(laws[0]))
     starts = np.searchsorted(track, np.arange(int(track[-1]) + 1))
-    evidence = _of_unseen(evidence_of_pieces(distance, starts, laws, take.spacing), distance, starts)
-    best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     ends = np.append(starts[1:], len(track))
+    evidence = evidence_of_pieces(distance, starts, laws, take.spacing)
+    gaps = take.continuity(marker_of_point) if over_gaps else None
+    if gaps:
+        unseen = ~np.logical_or.reduceat(~np.isnan(distance), starts)
+        said, n_gaps = gaps.beside(points[starts], points[ends - 1], unseen)
+        evidence[np.isinf(evidence) & (n_gaps == BOTH_SIDES)] = 0.0
+        evidence += said
+    evidence = _of_unseen(evidence, distance, starts)
+    best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     none = np.where(ends - starts < LASTING, 0.0, -another)
     margin = ranked[:, -1] - np.maximum(ranked[:, -2], none)
     taken = np.zeros((int(row.max()) + 1, len(laws[0])), dtype=bool)

@@ -58,22 +58,26 @@ class DistanceRecord:
 
     Parameters
     ----------
-    count, total, squares : ndarray, shape (n, n)
-        Number of samples of each distance, their sum [mm] and their sum of squares [mm^2]; symmetric.
+    sums : ndarray, shape (3, n, n)
+        Number of samples of each distance, their sum [mm] and their sum of squares [mm^2]; symmetric. They change.
     apart : ndarray of bool, shape (n, n)
         Tracklets that cannot be one marker.
     spacing : float, mm
         How far apart markers are.
     prior : ndarray, shape (n, n), nats, optional
         Other evidence that two tracklets are one marker; symmetric.
+    decides : bool
+        Whether other evidence counts where distances are too few.
     """
 
     def __init__(
-        self, count: Floats, total: Floats, squares: Floats, apart: Bools, spacing: float, prior: Floats | None = None
+        self, sums: Floats, apart: Bools, spacing: float, prior: Floats | None = None, *, decides: bool = True
     ) -> None:
-        self.count, self.total, self.squares = count, total, squares
+        self.count, self.total, self.squares = sums
+        count = self.count
         self.apart = apart | np.eye(len(count), dtype=bool)
         self.prior = np.zeros(count.shape) if prior is None else prior
+        self._decides = decides
         self.deviations = _usual_deviations(*self._moments(slice(None)), count, spacing)
         self.mean, self.scatter = self._moments(slice(None))
         self.witness = witness_weights(count, self.scatter, self.deviations)
@@ -103,14 +107,15 @@ class DistanceRecord:
         if not len(places):
             return result
         prior, n_shared = self.prior[one, others], self._is_witness @ self._is_witness[one]
-        places = places[(n_shared[others[places]] >= LEAST_WITNESSES) | (prior[places] != 0.0)]
+        speaks = self._decides & (prior != 0.0)
+        places = places[(n_shared[others[places]] >= LEAST_WITNESSES) | speaks[places]]
         if not len(places):
             return result
         tables = DistanceTables(self.count, self.mean, self.scatter, self.witness)
         gain, n_distances = evidence_of_one(
             one, others[places], tables, self.deviations, counts_loose=counts_loose, is_slow=is_slow
         )
-        known = (n_distances > LEAST_WITNESSES - 0.5) | (prior[places] != 0.0)
+        known = (n_distances > LEAST_WITNESSES - 0.5) | speaks[places]
         result[places[known]] = (prior[places] + gain)[known]
         return result
 

@@ -56,7 +56,7 @@ EXPLAINED = 0.6
 """Part of the smaller group's markers that must be found in the larger one."""
 
 
-def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
+def merge_again(take: FollowedCloud, marker_of_point: Ints, *, over_gaps: bool = True) -> Ints:
     """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
 
     Parameters
@@ -65,6 +65,8 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
+    over_gaps : bool
+        Whether it counts who goes on where another one was lost (`continuity`); only where distances speak, too.
 
     Returns
     -------
@@ -80,7 +82,9 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         meeting = seen_at_once(take.cloud, extended, n_extended)
         meeting[:n_markers, :n_markers] = False
         apart |= meeting
-    merged = _merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, take.spacing))
+    gaps = take.continuity(extended) if over_gaps else None
+    prior = gaps.between(apart) if gaps else None
+    merged = _merge_across_pauses(DistanceRecord(sums, apart, take.spacing, prior, decides=False))
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
@@ -270,7 +274,8 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     if apart[~np.eye(n_markers, dtype=bool)].all():
         return marker_of_point
     sums = take.distances(marker_of_point)
-    record = DistanceRecord(sums[0], sums[1], sums[2], apart, take.spacing)
+    gaps = take.continuity(marker_of_point)
+    record = DistanceRecord(sums, apart, take.spacing, gaps.between(apart) if gaps else None)
     cost = existence(take.cloud, marker_of_point)
     spares = _Sparing(take, marker_of_point, cost).spares if take.joins_sparingly else None
     same = _joined(record, EVIDENCE - cost, spares)

@@ -16,17 +16,13 @@ from dataclasses import replace
 from skelgen.model.arrays import Ints
 from skelgen.stages.labels.merging.chains import push_pieces
 from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.followed import MOST_POINTS, FollowedCloud
 from skelgen.stages.labels.merging.hidden_groups import match_hidden
 from skelgen.stages.labels.merging.leftovers import label_leftovers, move_pieces
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 
 MOST_TURNS = 12
 """A guard: most takes need one or two."""
-
-MOST_POINTS = 6_000_000
-"""Of more, some twelve minutes of 40 markers at 200 Hz, there are exchanges and moves only, in one turn: markers are
-compared so rarely then that pieces lie between, and an hour must do with 2.5 GB."""
 
 MOST_AGAINST = 12.0
 """nats at most that speak against a lasting track that is no known marker's: reflections last, too."""

@@ -11,24 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.merging.continuity import LONGEST, carried
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
 
 MOST_KEPT = 4
 """This many times the number of markers seen at once are kept for the next window; others never merge with any."""
-
-LONGEST = 0.5
-"""s; over longer gaps the neighbours do not predict a marker."""
-
-NEIGHBOURS = 5
-"""Markers that carry a marker over a gap."""
-
-LEAST_NEIGHBOURS = 3
-"""Fewer fix no motion."""
 
 TRIED_FRAMES = 40
 """Frames from which the error of predictions is measured."""
@@ -159,7 +150,7 @@ class _Groups:
         prior = np.zeros(apart.shape)
         before, after, evidence = continuity_evidence(self._points, tracklets, self._rate, self._spacing)
         np.add.at(prior, (row[before], row[after]), evidence)
-        return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing, prior + prior.T)
+        return DistanceRecord(np.stack(tables), apart, self._spacing, prior + prior.T)
 
     def _keep(self, record: DistanceRecord, names: Ints, left: Ints) -> None:
         """Keep the groups that are seen most for the next window."""
@@ -248,25 +239,8 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
         possible = (before >= 0) & (after >= 0)
         for tracklet in which:
             possible &= others != tracklet[part, np.newaxis]
-        missed[part] = _missed_by(begin[part], end[part], points[before], points[after], possible)
-    return missed
-
-
-def _missed_by(begin: Floats, end: Floats, source: Floats, target: Floats, possible: Bools) -> Floats:
-    """Distance [mm] of ends, shape (n, 3), from where the nearest of others carry begins; NaN where these are too few.
-
-    Source and target are the others at both times, shape (n, n_others, 3), and possible ones are those seen at both.
-    """
-    away = np.where(possible, lengths_of(source - begin[:, np.newaxis]), np.inf)
-    count = min(NEIGHBOURS, away.shape[1])
-    nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
-    valid = np.take_along_axis(possible, nearest, axis=1)
-    row = np.arange(len(nearest))[:, np.newaxis]
-    source, target = source[row, nearest], target[row, nearest]
-    carried = fit_transform(np.where(valid[..., np.newaxis], source, 0.0), target, valid)
-    expected = np.einsum("nij,nj->ni", carried[:, :3, :3], begin) + carried[:, :3, 3]
-    missed = lengths_of(end - expected)
-    missed[valid.sum(axis=1) < LEAST_NEIGHBOURS] = np.nan
+        expected, _ = carried(begin[part], points[before], points[after], possible)
+        missed[part] = lengths_of(end[part] - expected)
     return missed
 
 
