@@ -18,6 +18,7 @@ import numpy as np
 from skelgen.errors import WriteError
 from skelgen.model import Joint, Motion, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.limbs import BODY_END, body_and_limb
 from skelgen.model.topology import joint_children
 from skelgen_formats.options import OWN_NAMES, Writable
 
@@ -66,8 +67,8 @@ def with_bone_names(value: Writable, profile: str) -> Writable:
 
 def is_segment(name: str) -> bool:
     """Return whether a limb of this name is a segment of a person for which some profile has a bone."""
-    side = next((side for side in _SIDES if name.startswith(f"{side} ")), "")
-    patterns = [profile["names"].get(name.removeprefix(f"{side} ")) for profile in _profiles().values()]
+    side, segment = _side_and_segment(body_and_limb(name)[1])
+    patterns = [profile["names"].get(segment) for profile in _profiles().values()]
     return any(pattern is not None and ("{}" in pattern) == bool(side) for pattern in patterns)
 
 
@@ -100,9 +101,12 @@ def remarks_on_bone_names(project: Project, profile: str) -> tuple[str, ...]:
 
 
 def _hung(project: Project) -> Project:
-    """The project with the pelvis as root, if it has one."""
+    """The project with the pelvis of each body that has one as its root."""
     names = project.skeleton.limb_names
-    return rooted_at(project, names.index(_HIPS)) if _HIPS in names else project
+    for limbs in project.skeleton.bodies:
+        hips = next((limb for limb in limbs.tolist() if body_and_limb(names[limb])[1] == _HIPS), None)
+        project = project if hips is None else rooted_at(project, hips)
+    return project
 
 
 @cache
@@ -112,18 +116,24 @@ def _profiles() -> Mapping[str, Any]:
 
 
 def _profile_names(skeleton: Skeleton, profile: str) -> dict[int, str]:
-    """The profile's name of each limb that it has a bone for."""
+    """The profile's name of each limb that it has a bone for, after that of its body if the limb's begins so."""
     table = _profiles()[profile]
     found = {}
     for limb, name in enumerate(skeleton.limb_names):
-        side = next((side for side in _SIDES if name.startswith(f"{side} ")), "")
-        segment = name.removeprefix(f"{side} ")
+        body, own = body_and_limb(name)
+        begin = body and body + BODY_END
+        side, segment = _side_and_segment(own)
         pattern = table["names"].get(segment)
-        if segment == "chest" and "abdomen" not in skeleton.limb_names:
+        if segment == "chest" and f"{begin}abdomen" not in skeleton.limb_names:
             pattern = table["trunk"]
         if pattern is not None and ("{}" in pattern) == bool(side):
-            found[limb] = str(pattern).format(table.get(side, ""))
+            found[limb] = begin + str(pattern).format(table.get(side, ""))
     return found
+
+
+def _side_and_segment(name: str) -> tuple[str, str]:
+    side = next((side for side in _SIDES if name.startswith(f"{side} ")), "")
+    return side, name.removeprefix(f"{side} ")
 
 
 def _kept(skeleton: Skeleton, names: Mapping[int, str]) -> Ints:

@@ -11,6 +11,7 @@ from skelgen.errors import WriteError
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, StageReport, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.limbs import BODY_END
 from skelgen.model.project import Body
 from skelgen.model.topology import joint_children
 
@@ -174,7 +175,7 @@ def _one_body(project: Project, body: Body) -> Project:
     of_body = Limbs(
         _renumbered(limbs.limb_of_marker[body.markers], body.limbs),
         limbs.distance_deviation[np.ix_(body.markers, body.markers)],
-        tuple(limbs.names[limb] for limb in body.limbs),
+        _own_names([limbs.names[limb] for limb in body.limbs], body),
         membership,
     )
     found = Project(own, project.seed, source=project.source).with_trajectories(own, project.reports["labels"])
@@ -186,6 +187,12 @@ def _one_body(project: Project, body: Body) -> Project:
     skeleton = _skeleton(project.skeleton, body, joints)
     motion = _motion(project.motion, body, joints, MotionAngles(skeleton, own.positions))
     return found.with_skeleton(skeleton, motion, project.reports["skeleton"])
+
+
+def _own_names(names: Sequence[str], body: Body) -> tuple[str, ...]:
+    """Names of limbs without that of the body before them, unless two would be the same."""
+    own = tuple(name.removeprefix(body.name + BODY_END) for name in names)
+    return own if len(set(own)) == len(own) else tuple(names)
 
 
 def _renumbered(indices: Ints, kept: Ints) -> Ints:
@@ -219,7 +226,8 @@ def _skeleton(skeleton: Skeleton, body: Body, joints: Ints) -> Skeleton:
     places = {int(limb): index for index, limb in enumerate(body.limbs)}
 
     def moved(joint: Joint) -> Joint:
-        return replace(joint, parent=places[joint.parent], child=places[joint.child])
+        name = joint.name.removeprefix(body.name + BODY_END)
+        return replace(joint, parent=places[joint.parent], child=places[joint.child], name=name)
 
     offset_std, noise, length_std = skeleton.offset_std, skeleton.marker_noise, skeleton.length_std
     is_own = np.array([int(first) in set(joints.tolist()) for first, _ in skeleton.lengths], dtype=np.bool_)
@@ -234,7 +242,7 @@ def _skeleton(skeleton: Skeleton, body: Body, joints: Ints) -> Skeleton:
         length_std=None if length_std is None else length_std[is_own],
         marker_noise=None if noise is None else noise[body.markers],
         loops=tuple(moved(joint) for joint in skeleton.loops if joint.parent in places),
-        limb_names=tuple(skeleton.limb_names[limb] for limb in body.limbs),
+        limb_names=_own_names([skeleton.limb_names[limb] for limb in body.limbs], body),
     )
 
 

@@ -18,7 +18,9 @@ from skelgen.app.constraints import corrected_marker
 from skelgen.errors import FormatError, InputError
 from skelgen.files import read_content
 from skelgen.model import Limbs, Motion, Poses, Project, Skeleton
+from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Correction
+from skelgen.model.topology import limbs_of_bodies
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
@@ -54,7 +56,8 @@ def renamed_limbs(project: Project) -> Project:
     worn = marker_set_of(project)
     if project.has("skeleton"):
         return project.with_limb_names(names_in_motion(project, project.skeleton, project.motion, worn))
-    return project.with_limb_names(named_limbs(project, project.limbs, worn).names)
+    limbs = _of_trees(project.limbs, project.topology.parents) if project.has("joints") else project.limbs
+    return project.with_limb_names(named_limbs(project, limbs, worn).names)
 
 
 def with_segment_names(value: _Value, bone_names: object) -> _Value | Project:
@@ -139,7 +142,7 @@ def names_in_motion(
     monitor : Monitor
         Receives a notice of what the shape is, and of where it contradicts names of sides.
     """
-    names = named_limbs(project, replace(project.limbs, names=()), marker_set).names
+    names = named_limbs(project, _of_trees(project.limbs, skeleton.parents), marker_set).names
     if marker_set == "none" or isinstance(project.take, Poses) or not motion.n_frames:
         return names
     from skelgen.stages.names import contradicts_sides, names_by_shape  # noqa: PLC0415 - reads tables
@@ -156,6 +159,14 @@ def names_in_motion(
     for sentence in found.sentences:
         monitor.notice(sentence)
     return _with_stated(found.names, stated)
+
+
+def _of_trees(limbs: Limbs, parents: Ints) -> Limbs:
+    """Limbs without names, each tree of which is a body."""
+    body_of_limb = np.zeros(limbs.n_limbs, dtype=np.intp)
+    for body, members in enumerate(limbs_of_bodies(parents)):
+        body_of_limb[members] = body
+    return replace(limbs, names=(), body_of_limb=body_of_limb, body_probability=np.zeros(0))
 
 
 def worn_by_shape(project: Project) -> list[WornShape]:

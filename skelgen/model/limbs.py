@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain, count
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_probabilities, set_fields
+
+BODY_END = ": "
+"""Stands between the name of a body and that of its limb, where limbs of several bodies are called alike."""
 
 DOUBTFUL = 0.8
 """Probability of a marker's limb, or of an edge of the tree, below which it is called doubtful."""
@@ -67,6 +72,12 @@ class Limbs:
         return int(self.body_of_limb.max(initial=0)) + 1
 
     @property
+    def bodies(self) -> tuple[Ints, ...]:
+        """The limbs of each body that markers tell, rising; the body with most limbs first."""
+        bodies = [np.flatnonzero(self.body_of_limb == body) for body in np.unique(self.body_of_limb)]
+        return tuple(sorted(bodies, key=lambda limbs: (-len(limbs), int(limbs[0]))))
+
+    @property
     def n_limbs(self) -> int:
         """Number of limbs."""
         return int(self.limb_of_marker.max(initial=-1)) + 1
@@ -120,6 +131,43 @@ class Limbs:
     def called(self, limb: int) -> str:
         """Return what sentences call a limb: its name, or ``limb 7`` if it has none."""
         return f"limb {limb}" if self.names[limb] == f"limb{limb}" else self.names[limb]
+
+
+def body_and_limb(name: str) -> tuple[str, str]:
+    """Return the body that the name of a limb begins with, empty if none, and what the limb is called in its body.
+
+    Parameters
+    ----------
+    name : str
+        Of a limb, in a take of several bodies perhaps with the name of its body before it.
+
+    Examples
+    --------
+    >>> body_and_limb("body2: left thigh"), body_and_limb("left thigh")
+    (('body2', 'left thigh'), ('', 'left thigh'))
+    """
+    body, _, limb = name.rpartition(BODY_END)
+    return body, limb
+
+
+def names_of_bodies(bodies: Sequence[Ints], names: Sequence[str]) -> tuple[str, ...]:
+    """Return what bodies are called: as most names of their limbs begin, else ``body1``, ``body2`` and so on.
+
+    Parameters
+    ----------
+    bodies : sequence of ndarray of intp
+        The limbs of each body, the body with most limbs first.
+    names : sequence of str, length n_limbs
+        What the limbs are called.
+    """
+    called: list[str] = []
+    for number, limbs in enumerate(bodies, start=1):
+        begun = Counter(body_and_limb(names[limb])[0] for limb in limbs.tolist() if names[limb] != f"limb{limb}")
+        name, n_alike = begun.most_common(1)[0] if begun else ("", 0)
+        numbered = (f"body{one}" for one in count(number))
+        ways = numbered if 2 * n_alike <= begun.total() or not name else chain([name], numbered)
+        called.append(next(one for one in ways if one not in called))
+    return tuple(called)
 
 
 def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:

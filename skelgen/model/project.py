@@ -13,7 +13,7 @@ from skelgen.model import tables
 from skelgen.model.arrays import Ints, check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
-from skelgen.model.limbs import Limbs
+from skelgen.model.limbs import Limbs, names_of_bodies
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Topology
@@ -291,7 +291,7 @@ class Body:
     Attributes
     ----------
     name : str
-        ``body1``, ``body2`` and so on: the one with most limbs first.
+        That of its calibrated skeleton, or ``body1``, ``body2`` and so on: the one with most limbs first.
     root : int
         The limb without a parent.
     limbs, markers : ndarray of intp
@@ -323,11 +323,12 @@ def bodies_of(project: Project) -> tuple[Body, ...]:
     """
     limbs, topology = project.limbs, project.topology
     found = []
-    for number, members in enumerate(topology.bodies, start=1):
+    bodies = topology.bodies
+    for name, members in zip(names_of_bodies(bodies, limbs.names), bodies, strict=True):
         body = int(limbs.body_of_limb[members[0]])
         is_one_body = limbs.n_bodies > 1 and np.array_equal(np.flatnonzero(limbs.body_of_limb == body), members)
         markers = np.flatnonzero(np.isin(limbs.limb_of_marker, members))
         root = int(members[topology.parents[members] < 0][0])
         sure = float(limbs.body_probability[body]) if is_one_body else None
-        found.append(Body(f"body{number}", root, members, markers, sure))
+        found.append(Body(name, root, members, markers, sure))
     return tuple(found)

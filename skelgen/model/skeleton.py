@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
-from skelgen.model.limbs import check_limb_names
+from skelgen.model.limbs import BODY_END, body_and_limb, check_limb_names
 from skelgen.model.topology import joint_children, limbs_of_bodies, outward_order
 
 _JOINTS = {
@@ -42,13 +42,16 @@ def joint_between(first: str, second: str) -> str:
     Parameters
     ----------
     first, second : str
-        The limbs, the parent first.
+        The limbs, the parent first; the body that both names begin with is said once.
 
     Examples
     --------
     >>> joint_between("left upper arm", "left forearm"), joint_between("limb0", "limb1")
     ('left elbow', 'limb0-limb1')
     """
+    (body, inner), (other_body, outer) = body_and_limb(first), body_and_limb(second)
+    if body and body == other_body:
+        return f"{body}{BODY_END}{joint_between(inner, outer)}"
     found = [_SIDED.fullmatch(name) for name in (first, second)]
     (before, one, after), (other_before, other, other_after) = (
         match.groups("") if match else ("",) * 3 for match in found

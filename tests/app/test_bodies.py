@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from skelgen_formats.bone_profiles import with_bone_names
 
 import skelgen
 from skelgen.app.bodies import join_bodies, split_bodies
@@ -17,6 +18,12 @@ from skelgen.simulation import simulate
 def two():
     """Two sets of rods in one take; their tables."""
     return skelgen.reconstruct(skelgen.simulate("rods", n_frames=200, subjects=2, seed=1, noise=0.2).take)
+
+
+@pytest.fixture(scope="module")
+def two_people():
+    """Two people of 15 segments each, whose markers say on which they are."""
+    return skelgen.reconstruct(skelgen.simulate("human", n_frames=150, subjects=2, seed=1, noise=0.2).take)
 
 
 def test_bodies_have_names_limbs_and_markers(two):
@@ -78,6 +85,24 @@ def test_subjects_calibrated_each_by_itself_label_a_take_of_both(tmp_path):
     assert scores.bodies.is_exact
     lengths = [subject.skeleton.lengths.values() for subject in subjects]
     assert sorted(project.skeleton.lengths.values()) == sorted(length for some in lengths for length in some)
+
+
+def test_limbs_of_two_people_are_called_by_their_body_and_alone_as_those_of_one(two_people):
+    names = two_people.limbs.names
+    assert {name for name in names if ": " not in name} == {name.removeprefix("body2: ") for name in names[15:]}
+    assert {"left elbow", "body2: left elbow"} <= set(two_people.skeleton.joint_names)
+    for body in skelgen.split_bodies(two_people):
+        assert set(body.limbs.names) == set(names[:15]) == set(body.skeleton.limb_names)
+        assert "left elbow" in body.skeleton.joint_names
+
+
+def test_bone_names_of_a_rig_are_those_of_each_body(two_people):
+    whole = with_bone_names(two_people, "mixamo").skeleton
+    alone = [with_bone_names(body, "mixamo").skeleton for body in skelgen.split_bodies(two_people)]
+    wanted = {"mixamorig:Hips", "mixamorig:RightForeArm", "mixamorig:LeftFoot"}
+    assert all(wanted <= set(one.limb_names) and len(one.limb_names) == 15 for one in alone)
+    assert {*wanted, *(f"body2: {name}" for name in wanted)} <= set(whole.limb_names)
+    assert [whole.limb_names[root] for root in whole.roots] == ["mixamorig:Hips", "body2: mixamorig:Hips"]
 
 
 def test_joined_bodies_come_apart_again_as_they_were():

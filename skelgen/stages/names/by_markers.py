@@ -13,6 +13,8 @@ from pathlib import Path
 
 from skelgen.geometry.keypoints import segment_of_name
 from skelgen.model import Limbs
+from skelgen.model.arrays import Ints
+from skelgen.model.limbs import BODY_END
 from skelgen.stages.names.marker_sets import MarkerSet, plain_name
 
 _SIDE_WORDS = {"l": "left", "left": "left", "lt": "left", "r": "right", "right": "right", "rt": "right"}
@@ -40,7 +42,8 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
     A limb whose markers are numbered pieces of one name of several words (``crane arm 1``, ``crane arm 2``), or of one
     that is no word of the field, is called by it. Else each marker votes for its segment by the marker set or by the
     words in its name, one beside a joint with less weight; the segment with the most votes is the limb's name if it has
-    at least half of them. Of two limbs with the same name the one with fewer votes gets a number.
+    at least half of them. Of two limbs of one body with the same name the one with fewer votes gets a number; limbs of
+    another body begin with its name where they are called alike.
 
     Parameters
     ----------
@@ -61,7 +64,7 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
             named[limb] = max(((weight, name) for name, weight in votes.items()), key=_outermost)
-    return unique_names(named, limbs.n_limbs)
+    return unique_names(named, limbs.bodies)
 
 
 def name_bones(limbs: Limbs, points: Sequence[str]) -> tuple[str, ...]:
@@ -81,7 +84,7 @@ def name_bones(limbs: Limbs, points: Sequence[str]) -> tuple[str, ...]:
         if votes:
             segment, weight = votes.most_common(1)[0]
             named[limb] = (float(weight), segment)
-    return unique_names(named, limbs.n_limbs)
+    return unique_names(named, limbs.bodies)
 
 
 def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
@@ -221,19 +224,31 @@ def _shared_stem(on_limb: Sequence[str]) -> str:
     return " ".join(words) if letters >= _LEAST_STEM else ""
 
 
-def unique_names(named: Mapping[int, tuple[float, str]], n_limbs: int) -> tuple[str, ...]:
-    """Return a name for each limb; of limbs that are called alike, all but the first get a number.
+def unique_names(named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints]) -> tuple[str, ...]:
+    """Return a name for each limb; of limbs of one body that are called alike, all but the first get a number.
+
+    All named limbs of a body begin with its name, ``body2: pelvis``, if some are called as one of a body before it.
 
     Parameters
     ----------
     named : mapping of int to (float, str)
         Weight and name of limbs; the heaviest comes first.
-    n_limbs : int
-        Number of limbs; those without a name are called ``limb7``.
+    bodies : sequence of ndarray of intp
+        The limbs of each body, in the order in which bodies are numbered; limbs without a name are called ``limb7``.
     """
-    names = [f"limb{limb}" for limb in range(n_limbs)]
-    taken = set(names)
-    for limb, (_, name) in sorted(named.items(), key=lambda item: (-item[1][0], item[0])):
-        names[limb] = next(one for one in chain([name], (f"{name} {again}" for again in count(2))) if one not in taken)
-        taken.add(names[limb])
+    names = [f"limb{limb}" for limb in range(sum(map(len, bodies)))]
+    numbers, earlier = set(names), set[str]()
+    for number, limbs in enumerate(bodies, start=1):
+        own, taken = {}, set(numbers)
+        order = sorted((limb for limb in limbs.tolist() if limb in named), key=lambda limb: (-named[limb][0], limb))
+        for limb in order:
+            name = named[limb][1]
+            own[limb] = next(
+                one for one in chain([name], (f"{name} {again}" for again in count(2))) if one not in taken
+            )
+            taken.add(own[limb])
+        begin = f"body{number}{BODY_END}" if earlier & set(own.values()) else ""
+        earlier |= set(own.values())
+        for limb, name in own.items():
+            names[limb] = begin + name
     return tuple(names)

@@ -10,6 +10,7 @@ import numpy as np
 
 from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
+from skelgen.model.limbs import body_and_limb
 from skelgen.stages.names.animals import BodyPlan, find_chain, find_hand, find_quadruped
 from skelgen.stages.names.by_markers import SIDES, unique_names
 from skelgen.stages.names.likely_segments import OfSet
@@ -95,7 +96,7 @@ def names_by_shape(
         evidence = _stated_evidence(shape, stated) or shape.evidence
         named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
         sentences.append(_sentence(what, shape, evidence))
-    return ShapeNames(unique_names(named, skeleton.n_limbs), tuple(sentences))
+    return ShapeNames(unique_names(named, skeleton.bodies), tuple(sentences))
 
 
 def _shapes(trees: Sequence[MovingTree], worn: Sequence[WornShape]) -> list[tuple[MovingTree, str, BodyPlan]]:
@@ -188,7 +189,7 @@ def _stated_evidence(shape: BodyPlan, stated: Mapping[int, str]) -> float:
     """Log odds by the sides in names that the user gave: the majority decides."""
     votes = 0
     for limb, name in stated.items():
-        side = name.partition(" ")[0]
+        side = body_and_limb(name)[1].partition(" ")[0]
         if side in SIDES and limb in shape.sides:
             votes += 1 if (side == "left") == (shape.sides[limb] == 0) else -1
     return _STATED * votes

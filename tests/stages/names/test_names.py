@@ -82,6 +82,13 @@ def test_two_limbs_never_have_one_name():
     assert name_limbs(limbs, names) == ("left thigh 2", "left thigh", "right thigh", "chest", "left shank")
 
 
+def test_a_body_whose_limbs_are_called_as_those_of_another_has_one_number():
+    limbs, names = limbs_of([["C7", "T10"], ["LTHI", "LTHI2"], ["LANK"], ["C7_b", "T10_b"], ["LTHI_b"]])
+    apart = dataclasses.replace(limbs, body_of_limb=np.array([0, 0, 0, 1, 1]), body_probability=np.ones(2))
+    assert name_limbs(apart, names)[:3] == ("chest", "left thigh", "left shank")
+    assert name_limbs(apart, names)[3:] == ("body2: chest", "body2: left thigh")
+
+
 @pytest.fixture(scope="module")
 def project():
     return skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
