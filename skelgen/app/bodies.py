@@ -70,8 +70,8 @@ def join_bodies(projects: Sequence[Project]) -> Project:
     Parameters
     ----------
     projects : sequence of Project
-        Calibrated takes of markers, with skeletons. Markers and limbs keep their names where these differ; else those
-        of each take begin with its name.
+        Calibrated takes of markers, with skeletons. The names of limbs begin with that of their take, and those of
+        markers do unless all differ.
 
     Returns
     -------
@@ -85,13 +85,12 @@ def join_bodies(projects: Sequence[Project]) -> Project:
     titles = _distinct([project.name for project in projects])
     positions = np.concatenate([take.positions[shown] for take, shown in zip(takes, frames, strict=True)], axis=1)
     names = _distinct_names([take.names for take in takes], titles)
-    limb_names = _distinct_names([project.skeleton.limb_names for project in projects], titles)
     joined = Trajectories(positions, names, takes[0].rate, " + ".join(titles))
-    skeleton = _joined_skeletons(projects, limb_names)
+    skeleton = _joined_skeletons(projects, titles)
     motion = _joined_motions(projects, frames, skeleton)
     body_of_limb = np.repeat(np.arange(len(projects)), [project.skeleton.n_limbs for project in projects])
     deviation = np.full((len(names), len(names)), np.nan)
-    limbs = Limbs(skeleton.limb_of_marker, deviation, limb_names, body_of_limb=body_of_limb)
+    limbs = Limbs(skeleton.limb_of_marker, deviation, skeleton.limb_names, body_of_limb=body_of_limb)
     costs = np.where(np.eye(len(body_of_limb)) > 0, 0.0, np.nan)
     topology = Topology(skeleton.parents, costs, motion.joint_positions, *_no_descents(skeleton.n_joints), alpha=0.0)
     report = StageReport()
@@ -115,12 +114,17 @@ def _distinct_names(names: Sequence[Sequence[str]], titles: Sequence[str]) -> tu
     every = [name for some in names for name in some]
     if len(set(every)) == len(every):
         return tuple(every)
-    return tuple(f"{title}: {name}" for title, some in zip(titles, names, strict=True) for name in some)
+    return _with_titles(names, titles)
 
 
-def _joined_skeletons(projects: Sequence[Project], limb_names: tuple[str, ...]) -> Skeleton:
+def _with_titles(names: Sequence[Sequence[str]], titles: Sequence[str]) -> tuple[str, ...]:
+    return tuple(title + BODY_END + name for title, some in zip(titles, names, strict=True) for name in some)
+
+
+def _joined_skeletons(projects: Sequence[Project], titles: Sequence[str]) -> Skeleton:
     skeletons = [project.skeleton for project in projects]
     firsts = np.cumsum([0, *(skeleton.n_limbs for skeleton in skeletons)])[:-1].tolist()
+    begins = [title + BODY_END for title in titles]
 
     def placed(which: str) -> list[Ints]:
         values = [getattr(skeleton, which) for skeleton in skeletons]
@@ -132,8 +136,10 @@ def _joined_skeletons(projects: Sequence[Project], limb_names: tuple[str, ...]) 
 
     def moved(which: str) -> list[Joint]:
         return [
-            replace(joint, parent=joint.parent + first, child=joint.child + first)
-            for skeleton, first in zip(skeletons, firsts, strict=True)
+            replace(
+                joint, parent=joint.parent + first, child=joint.child + first, name=joint.name and title + joint.name
+            )
+            for skeleton, first, title in zip(skeletons, firsts, begins, strict=True)
             for joint in getattr(skeleton, which)
         ]
 
@@ -150,7 +156,7 @@ def _joined_skeletons(projects: Sequence[Project], limb_names: tuple[str, ...]) 
         length_std=of_all("length_std"),
         marker_noise=of_all("marker_noise"),
         loops=tuple(moved("loops")),
-        limb_names=limb_names,
+        limb_names=_with_titles([skeleton.limb_names for skeleton in skeletons], titles),
     )
 
 

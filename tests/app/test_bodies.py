@@ -1,6 +1,7 @@
 """A take of several bodies: a project and a file for each."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,6 +104,20 @@ def test_bone_names_of_a_rig_are_those_of_each_body(two_people):
     assert all(wanted <= set(one.limb_names) and len(one.limb_names) == 15 for one in alone)
     assert {*wanted, *(f"body2: {name}" for name in wanted)} <= set(whole.limb_names)
     assert [whole.limb_names[root] for root in whole.roots] == ["mixamorig:Hips", "body2: mixamorig:Hips"]
+
+
+def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
+    alone = [simulate("human", seed=seed, n_frames=150, noise=0.2).take for seed in (1, 1_000_004)]
+    anna, ben = (skelgen.reconstruct(replace(one, name=name)) for one, name in zip(alone, ("anna", "ben"), strict=True))
+    both = simulate("human", seed=1, subjects=2, n_frames=60, noise=0.2).take
+    project = skelgen.apply_subject(both, [anna, ben])
+    assert [body.name for body in project.bodies] == ["anna", "ben"]
+    assert project.limbs.names[:2] == ("anna: pelvis", "anna: chest") == project.skeleton.limb_names[:2]
+    assert skelgen.split_bodies(project)[1].skeleton.limb_names == ben.skeleton.limb_names
+    files = skelgen.write(project, tmp_path / "{body}.bvh", bone_names="mixamo")
+    assert [file.name for file in files] == ["anna.bvh", "ben.bvh"]
+    assert all("ROOT mixamorig:Hips" in file.read_text() for file in files)
+    assert skelgen.apply_subject(alone[0], anna).limbs.names == anna.limbs.names
 
 
 def test_joined_bodies_come_apart_again_as_they_were():

@@ -64,7 +64,8 @@ class SubjectFit:
     def limbs(self) -> Limbs:
         """Limbs of all markers."""
         n_markers = self.trajectories.n_markers
-        return Limbs(self.skeleton.limb_of_marker, np.full((n_markers, n_markers), np.nan))
+        deviation = np.full((n_markers, n_markers), np.nan)
+        return Limbs(self.skeleton.limb_of_marker, deviation, self.skeleton.limb_names)
 
 
 def fit_subject(
