@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,6 +193,15 @@ def test_refused_frame_changes_nothing(rigid_body) -> None:
 def test_impossible_settings_are_errors(options) -> None:
     with pytest.raises(InputError, match="above 0"):
         Tracker(**options)
+
+
+@pytest.mark.parametrize(
+    ("skeleton", "cause"),
+    [("rom", "skelgen.load"), (Path("rom"), "skelgen.load"), ([1, 2], "skelgen.apply_subject"), (1, "skeleton is 1;")],
+)
+def test_what_is_no_skeleton_is_refused_in_a_sentence(skeleton, cause) -> None:
+    with pytest.raises(InputError, match=cause):
+        Tracker(skeleton=skeleton)
 
 
 def test_frames_without_points_are_labelled_by_nothing() -> None:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -40,7 +41,8 @@ class Tracker:
     parameters : LabelParameters, optional
         How points are followed from frame to frame: `assignment`, `prediction`, `smoothing`, `max_jump`, `max_gap`.
     skeleton : Skeleton or Project, optional
-        The known structure, e.g. the result of `skelgen.reconstruct` on an earlier take of the same markers.
+        The known structure, e.g. the result of `skelgen.reconstruct` on an earlier take of the same markers, or what
+        `skelgen.load` reads of a run; of several bodies, the result of `skelgen.apply_subject` on a take of all.
     rate : float, Hz, optional
         Frame rate; the usual time step if left out.
     max_markers : int
@@ -51,7 +53,8 @@ class Tracker:
     Raises
     ------
     InputError
-        If the rate, the number of markers or the window is not above 0, or the skeleton carries no marker.
+        If the rate, the number of markers or the window is not above 0, or the skeleton is another value or carries
+        no marker.
 
     Examples
     --------
@@ -73,8 +76,7 @@ class Tracker:
             raise InputError(f"a tracker of {max_markers} markers over {window:g} s; both must be above 0")
         self._rate = None if rate is None else check_rate(rate, "the tracker")
         self._links = Links(parameters or LabelParameters())
-        known = skeleton.skeleton if isinstance(skeleton, Project) else skeleton
-        self._model = None if known is None else SkeletonLabels(_checked(known))
+        self._model = None if skeleton is None else SkeletonLabels(_checked(skeleton))
         self._rigid = RigidLabels(int(max_markers), float(window))
         self._steps: deque[float] = deque(maxlen=STEPS_REMEMBERED)
         self._time: float | None = None
@@ -153,7 +155,17 @@ class Tracker:
         return self._model.update(points, tracks, n_steps, spacing)
 
 
-def _checked(skeleton: Skeleton) -> Skeleton:
+def _checked(skeleton: object) -> Skeleton:
+    if isinstance(skeleton, str | Path):
+        raise InputError(
+            f"skeleton is the path {str(skeleton)!r}, which a tracker does not open; give skelgen.load of it"
+        )
+    if not isinstance(skeleton, Skeleton | Project):
+        raise InputError(
+            f"skeleton is {skeleton!r:.60}; a tracker takes a Skeleton or a Project: the result of "
+            "skelgen.reconstruct, or for several bodies that of skelgen.apply_subject on a take of all"
+        )
+    skeleton = skeleton.skeleton if isinstance(skeleton, Project) else skeleton
     if not (skeleton.limb_of_marker >= 0).any():
         raise InputError("the skeleton carries no marker, so nothing can be labelled by it; reconstruct a longer take")
     return skeleton
