@@ -57,6 +57,10 @@ NMarkers = Annotated[
     int | None, typer.Option("--n-markers", min=1, help="Number of physical markers.", show_default="found")
 ]
 NLimbs = Annotated[int | None, typer.Option("--n-limbs", min=1, help="Number of rigid limbs.", show_default="found")]
+NBodies = Annotated[
+    int | None,
+    typer.Option("--n-bodies", min=1, help="Number of bodies, each with a tree of its own.", show_default="found"),
+]
 IdentitiesFile = Annotated[
     Path | None,
     typer.Option("--identities", metavar="FILE", help="CSV: which point is which marker.", show_default=False),

@@ -91,6 +91,7 @@ def run(
     output: options.OutputFolder = None,
     n_markers: options.NMarkers = None,
     n_limbs: options.NLimbs = None,
+    n_bodies: options.NBodies = None,
     identities: options.IdentitiesFile = None,
     hierarchy: options.Hierarchy = None,
     root: options.Root = None,
@@ -122,6 +123,8 @@ def run(
     take = find_result(take)
     worn = () if marker_set is None else (f"limbs.marker_set={marker_set}",)
     settings = settings_with(Settings(config, methods), (*(assignments or ()), *worn))
+    if n_bodies is not None:
+        settings = settings.changed("limbs", {"n_bodies": n_bodies}, "--n-bodies")
     with screen.watching() as monitor:
         project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
     if names is not None:
@@ -129,7 +132,7 @@ def run(
     if skeleton:
         refuse_beside_skeleton(
             {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
-            | {"--root": root, "--from": from_stage, "--until": until_stage}
+            | {"--root": root, "--from": from_stage, "--until": until_stage, "--n-bodies": n_bodies}
         )
         work = _subject_run(skeleton, settings)
     else:

@@ -103,6 +103,10 @@ class TestRunning:
         assert main(["run", "out/wave.skelgen", "-q", "--from", "joints", "--until", "joints"]) == 0
         assert open_project(tmp_path / "out" / "wave.skelgen").limbs.n_limbs == 3
 
+    def test_run_takes_the_number_of_bodies(self, wave, capsys):
+        assert main(["run", wave, "-o", "out", "-q", "--n-bodies", "2", "--until", "limbs"]) == 2
+        assert "2 bodies were asked for, but only 1 can be told apart" in capsys.readouterr().err
+
     def test_seed_is_kept_in_the_project(self, wave, tmp_path):
         main(["run", wave, "-o", "out", "-q", "--seed", "11"])
         main(["skeleton", "out", "-q"])
