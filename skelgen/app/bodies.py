@@ -1,5 +1,6 @@
 """One project per body of a take that shows several, and one of several bodies that were calibrated each by itself."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,13 @@ from skelgen.model.topology import joint_children
 _Writable = TypeVar("_Writable")
 
 BODY = "{body}"
-"""In the name of a file: stands for the name of a body, each of which gets a file of its own."""
+"""In the path of a file: stands for the name of a body, each of which gets a file of its own."""
+
+_WORD = re.compile(r"(?<!\$)\{[^{}]*\}")
+"""A word in braces; behind a $ it is a variable of some shell, and stays as it is."""
+
+_FORBIDDEN = re.compile(r'[\\/:*?"<>|\0]')
+"""What some system does not take in the name of a file."""
 
 
 def split_bodies(project: Project) -> tuple[Project, ...]:
@@ -47,21 +54,40 @@ def split_bodies(project: Project) -> tuple[Project, ...]:
 
 
 def body_files(value: _Writable, path: Path) -> tuple[tuple[_Writable | Project, Path], ...]:
-    """Return what is written to which file: each body of a project by itself where the name of the file says so.
+    """Return what is written to which file: each body of a project by itself where the path says so.
 
     Parameters
     ----------
     value : Project or other
         What is to be written.
     path : Path
-        The file; ``{body}`` in its name stands for ``body1``, ``body2`` and so on.
+        The file; ``{body}`` in its name or in that of a folder stands for ``body1``, ``body2`` and so on, or for the
+        names of the calibrated skeletons.
+
+    Raises
+    ------
+    WriteError
+        If the path has other words in braces, or bodies are asked for where none have been found.
     """
-    if BODY not in path.name or not isinstance(value, Project):
+    _check_braces(path)
+    if BODY not in str(path):
         return ((value, path),)
-    if not value.has("joints"):
-        raise WriteError(f"{path}: bodies are found by their joints, which this project has not; run the stages first")
-    names = [path.with_name(path.name.replace(BODY, body.name)) for body in value.bodies]
-    return tuple(zip(split_bodies(value), names, strict=True))
+    if not isinstance(value, Project) or not value.has("joints"):
+        what = "this project" if isinstance(value, Project) else "a take"
+        raise WriteError(f"{path}: bodies are found by their joints, which {what} has not; run the stages first")
+    names = [_FORBIDDEN.sub("_", body.name).strip(". ") for body in value.bodies]
+    if len(set(names)) < len(names) or "" in names:
+        names = [f"body{number}" for number in range(1, len(names) + 1)]
+    files = [Path(str(path).replace(BODY, name)) for name in names]
+    return tuple(zip(split_bodies(value), files, strict=True))
+
+
+def _check_braces(path: Path) -> None:
+    """Raise `WriteError` if what is not there yet would be called by a word in braces that stands for nothing."""
+    new = [] if path.exists() else [path.name, *(folder.name for folder in path.parents if not folder.exists())]
+    unknown = [word for name in new for word in _WORD.findall(name) if word != BODY]
+    if unknown:
+        raise WriteError(f"{path}: {unknown[0]} stands for nothing; {BODY} stands for the name of each body")
 
 
 def join_bodies(projects: Sequence[Project]) -> Project:

@@ -1,6 +1,7 @@
 """Exports: every format that a project can be written in, what it keeps of this project, and the writing itself."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -136,16 +137,15 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     options : mapping of str to value
         Options of the format's writer.
     """
-    obstacle = obstacle_to(project, entry, options)
-    if obstacle:
-        return Preview(obstacle=obstacle)
     try:
-        targets = [target for _, target in body_files(project, path)]
-    except WriteError as error:
+        chosen = registry.options_of(entry, options)
+        parts = body_files(with_segment_names(project, chosen.bone_names), path)
+        for part, _ in parts:
+            entry.check(part, chosen)
+    except SkelgenError as error:
         return Preview(obstacle=str(error))
-    chosen = registry.options_of(entry, options)
-    files = tuple(Planned(file, file.exists()) for target in targets for file in entry.files(target, chosen))
-    return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
+    files = tuple(Planned(file, file.exists()) for _, target in parts for file in entry.files(target, chosen))
+    return Preview(files, _contents(project, entry, chosen.rate), remarks_on_parts(parts, entry, chosen))
 
 
 def turn_upright(entry: Format, up: str) -> str:
@@ -180,6 +180,29 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)
 
 
+def remarks_on_parts(parts: Sequence[tuple[Project, Path]], entry: Format, options: Options) -> tuple[str, ...]:
+    """Return the sentences of `remarks_on` on files that are written together.
+
+    Parameters
+    ----------
+    parts : sequence of (Project, Path)
+        What is written to which file; see `skelgen.app.bodies.body_files`.
+    entry, options
+        As for `export_project`.
+
+    Returns
+    -------
+    tuple of str
+        What holds for all files is said once, what does not begins with the name of its file.
+    """
+    said = [remarks_on(part, entry, target, options) for part, target in parts]
+    are_alike = len({target.name for _, target in parts}) < len(parts)
+    files = [f"{target.parent.name}/{target.name}" if are_alike else target.name for _, target in parts]
+    every = [(file, one) for file, some in zip(files, said, strict=True) for one in some]
+    sentences = (one if all(one in some for some in said) else f"{file}: {one}" for file, one in every)
+    return tuple(dict.fromkeys(sentences))
+
+
 def export_project(
     project: Project, entry: Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
 ) -> list[Path]:
@@ -212,13 +235,14 @@ def export_project(
     parts = body_files(with_segment_names(project, chosen.bone_names), path)
     planned = [file for _, target in parts for file in entry.files(target, chosen)]
     check_outputs(planned, (recording_of(project),), planned)
-    with arriving_together(path.parent) as temporary:
-        files = [
-            file
+    with ExitStack() as arriving:
+        folders = dict.fromkeys(target.parent for _, target in parts)
+        temporary = {folder: arriving.enter_context(arriving_together(folder)) for folder in folders}
+        return [
+            target.parent / file.name
             for part, target in parts
-            for file in registry.write_as(entry, part, temporary / target.name, chosen, monitor)
+            for file in registry.write_as(entry, part, temporary[target.parent] / target.name, chosen, monitor)
         ]
-    return [path.parent / file.name for file in files]
 
 
 def _contents(project: Project, entry: Format, rate: float) -> str:

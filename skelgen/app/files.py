@@ -1,7 +1,7 @@
 """Any file that the program reads or writes: registered formats, stereo recordings, the project file."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -111,8 +111,9 @@ def write(
     value : Project, PointCloud, Trajectories, Poses, Filled, CaptureSettings or RoomSettings
         What to write.
     path : Path or str
-        The file; its format comes from `format` or the suffix. ``{body}`` in its name writes each body of a project
-        to a file of its own, as ``walk_{body}.bvh`` to ``walk_body1.bvh`` and ``walk_body2.bvh``.
+        The file; its format comes from `format` or the suffix. ``{body}`` in its name or in that of a folder writes
+        each body of a project to a file of its own, as ``walk_{body}.bvh`` to ``walk_body1.bvh`` and
+        ``walk_body2.bvh``.
     format : str, optional
         Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
     **options
@@ -223,7 +224,8 @@ def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT
         planned = files_of(path, target.format, target.options)
         check_outputs(planned, (recording_of(project),), planned)
     files = [file for part, path in parts for file in write_any(part, path, target.format, **target.options)]
-    return (*project.take.notices, *_remarks(project, target)), files
+    remarked = [(part, path) for part, path in parts if isinstance(part, Project)] or [(project, target.path)]
+    return (*project.take.notices, *_remarks(remarked, target)), files
 
 
 def _writer_options(target: NamedFile) -> set[str]:
@@ -231,14 +233,14 @@ def _writer_options(target: NamedFile) -> set[str]:
     return {option.name for option in entry.options if option.writing}
 
 
-def _remarks(project: Project, target: NamedFile) -> tuple[str, ...]:
-    """What becomes of a project in another format; a project file keeps all."""
-    from skelgen.app.export import remarks_on  # noqa: PLC0415 - loads the report
+def _remarks(parts: Sequence[tuple[Project, Path]], target: NamedFile) -> tuple[str, ...]:
+    """What becomes of projects in another format; a project file keeps all."""
+    from skelgen.app.export import remarks_on_parts  # noqa: PLC0415 - loads the report
 
     if _is_project(target.path, target.format):
         return ()
     entry = registry.format_for_writing(target.path, target.format)
-    return remarks_on(project, entry, target.path, registry.options_of(entry, target.options))
+    return remarks_on_parts(parts, entry, registry.options_of(entry, target.options))
 
 
 def name_of_format(path: Path) -> str:

@@ -25,7 +25,7 @@ from skelgen.errors import InputError, ParameterError
 OutputFile = Annotated[
     Path,
     typer.Argument(
-        metavar="OUT", help="File to write; its suffix tells the format. {body} in its name writes each body by itself."
+        metavar="OUT", help="File to write; its suffix tells the format. {body} in its path writes each body by itself."
     ),
 ]
 OutputFormat = Annotated[

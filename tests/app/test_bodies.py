@@ -144,3 +144,39 @@ def test_the_window_exports_each_body_to_a_file_of_its_own(two, tmp_path):
     assert [planned.path.name for planned in preview_export(two, bvh, path, {}).files] == named
     assert [file.name for file in export_project(two, bvh, path, {})] == named
     assert sorted(file.name for file in tmp_path.iterdir()) == named
+
+
+def test_a_folder_for_each_body(two, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    named = [tmp_path / body / "x.bvh" for body in ("body1", "body2")]
+    assert skelgen.write(two, tmp_path / "{body}" / "x.bvh") == named
+    assert export_project(two, bvh, tmp_path / "{body}" / "x.bvh", {}) == named
+    assert all(file.stat().st_size for file in named)
+
+
+@pytest.mark.parametrize("name", ["{Body}.bvh", "{body}_{take}.bvh", "{Body}/x.bvh"])
+def test_braces_that_stand_for_nothing_are_refused(two, name, tmp_path):
+    with pytest.raises(WriteError, match=r"\} stands for nothing; \{body\} stands for"):
+        skelgen.write(two, tmp_path / name)
+
+
+def test_a_take_has_no_bodies_to_write(two, tmp_path):
+    with pytest.raises(WriteError, match="run the stages first"):
+        skelgen.write(two.take, tmp_path / "{body}.c3d")
+
+
+def test_notes_with_a_file_for_each_body_are_those_of_the_files(two, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    whole, parts = (preview_export(two, bvh, tmp_path / name, {}).remarks for name in ("x.bvh", "{body}.bvh"))
+    assert any("2 bodies hang on one root" in remark for remark in whole)
+    assert not any("bodies hang" in remark for remark in parts)
+    assert len(parts) == len(set(parts)) > 0
+
+
+def test_a_note_on_one_body_begins_with_the_name_of_its_file(two_people, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    odd = next(limb for limb, name in enumerate(two_people.limbs.names) if name == "body2: head")
+    names = ["body2: antenna" if limb == odd else name for limb, name in enumerate(two_people.limbs.names)]
+    options = {"bone_names": "mixamo"}
+    remarks = preview_export(two_people.with_limb_names(names), bvh, tmp_path / "{body}.bvh", options).remarks
+    assert "body2.bvh: Mixamo has no bone for antenna: left out." in remarks
