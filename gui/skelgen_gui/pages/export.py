@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QStandardPaths, Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
+    QCheckBox,
     QComboBox,
     QFileDialog,
     QFormLayout,
@@ -22,6 +23,7 @@ from PySide6.QtWidgets import (
 )
 from skelgen_formats.options import AUTO, Format
 
+from skelgen.app.bodies import BODY
 from skelgen.app.export import (
     Preview,
     export_formats,
@@ -136,6 +138,7 @@ class ExportPage(QWidget):
         if project is not None and project.take is not self._take:
             self._take = project.take
             self.target.suggest(self._session.folder, stem_of(project.name) or _NAME_WITHOUT_TAKE)
+        self.target.offer_bodies(project is not None and project.has("joints") and len(project.bodies) > 1)
         if self.isVisible():  # else when it is shown
             self._enable_formats()
         self._follow()
@@ -283,12 +286,12 @@ def _obstacles(project: Project, formats: Sequence[Format]) -> list[str]:
 
 
 class _ExportTarget(QWidget):
-    """A folder and a name.
+    """A folder and a name, and where there are several bodies, whether each gets a file of its own.
 
     Signals
     -------
     changed()
-        Another folder or name.
+        Another folder or name, or another answer.
     """
 
     changed = Signal()
@@ -299,16 +302,23 @@ class _ExportTarget(QWidget):
         self.folder_line = QLineEdit(documents, self)
         self.browse = QPushButton(self.tr("Browse…"), self)
         self.name_line = QLineEdit(self)
-        rows = QFormLayout(self)
-        rows.setContentsMargins(0, 0, 0, 0)
-        rows.addRow(self.tr("Folder"), row_of(self.folder_line, self.browse))
-        rows.addRow(self.tr("Name"), self.name_line)
+        self.each_body = QCheckBox(self.tr("A file for each body"), self)
+        self._rows = QFormLayout(self)
+        self._rows.setContentsMargins(0, 0, 0, 0)
+        self._rows.addRow(self.tr("Folder"), row_of(self.folder_line, self.browse))
+        self._rows.addRow(self.tr("Name"), self.name_line)
+        self._rows.addRow(self.each_body)
+        self._rows.setRowVisible(self.each_body, False)
         tip = self.tr("Where the files go; it is made if it is not there")
         describe(self.folder_line, self.tr("Folder"), tip)
         describe(self.name_line, self.tr("Name"), self.tr("Beginning of the files' names"))
         self.browse.setToolTip(self.tr("Choose the folder"))
         self.folder_line.textChanged.connect(self.changed)
         self.name_line.textChanged.connect(self.changed)
+        self.each_body.setToolTip(
+            self.tr("Files end in the names of the bodies, whose limbs they call as those of one")
+        )
+        self.each_body.toggled.connect(self.changed)
         self.browse.clicked.connect(self._browse)
 
     @property
@@ -318,8 +328,20 @@ class _ExportTarget(QWidget):
 
     @property
     def name(self) -> str:
-        """The beginning of the files' names."""
-        return self.name_line.text()
+        """The beginning of the files' names; where each body gets a file, with the place of its name."""
+        name = self.name_line.text()
+        is_wanted = self.each_body.isChecked() and not self.each_body.isHidden()
+        return f"{name}_{BODY}" if is_wanted and name.strip() and BODY not in name else name
+
+    def offer_bodies(self, are_several: bool) -> None:
+        """Offer a file for each body, or no longer.
+
+        Parameters
+        ----------
+        are_several : bool
+            Whether the project has several bodies.
+        """
+        self._rows.setRowVisible(self.each_body, are_several)
 
     def suggest(self, folder: Path | None, name: str) -> None:
         """Show the place of another project; None keeps the folder that is shown.

@@ -177,6 +177,26 @@ def test_bodies_are_offered_the_format_that_holds_them(open_page):
     assert page.export.isEnabled()
 
 
+def test_where_there_are_several_bodies_each_gets_a_file_if_ticked(open_page, click, tmp_path):
+    two = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100, subjects=2, seed=1, noise=0.2).take)
+    session = Session()
+    session.open(two)
+    page = open_page(session=session)
+    page.target.name_line.setText("walk")
+    page.choice.setCurrentText("Joint positions, CSV")
+    assert page.target.each_body.isVisible()
+    page.target.each_body.click()
+    click(page.export)
+    assert names_in(tmp_path / "out") == ["walk_body1.joints.csv", "walk_body2.joints.csv"]
+    session.change(Project(two.take))
+    assert not page.target.each_body.isVisible()
+    assert page.target.name == "walk"
+
+
+def test_one_body_is_not_asked_for_files_of_each(page):
+    assert not page.target.each_body.isVisible()
+
+
 def test_without_a_project_the_page_says_what_to_do(open_page):
     page = open_page(session=Session())
     assert page.preview.text() == "Open a recording first."
