@@ -215,7 +215,8 @@ def _motion(path: Path, lines: Lines, at: int, n_channels: int) -> tuple[Floats,
     rows = parse_rows(path, frames(), n_channels, " ")
     if len(rows) < n_frames:
         last = numbers[-1] if numbers else step[0]
-        raise FormatError(path, last, f"{len(rows)} frames where {n_frames} are announced{_CUT}")
+        frame = "frame" if len(rows) == 1 else "frames"
+        raise FormatError(path, last, f"{len(rows)} {frame} where {n_frames} are announced{_CUT}")
     broken = np.flatnonzero(~(np.abs(rows) < LARGEST_MM).all(axis=1))
     if len(broken):
         what = "a channel is not a number, or larger than anything that moves"

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import numpy as np
 
+from skelgen.app.drawing.wording import counted
 from skelgen.app.set_prior import HeldNotices
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
@@ -150,7 +151,7 @@ def limbs_from_poses(poses: Poses, trajectories: Trajectories) -> Limbs:
 
 def _check_n_frames(take: Take) -> None:
     if take.n_frames < MIN_FRAMES:
-        raise InputError(f"{_name(take)}: {take.n_frames} frames where at least {MIN_FRAMES} are needed")
+        raise InputError(f"{_name(take)}: {counted(take.n_frames, 'frame')} where at least {MIN_FRAMES} are needed")
 
 
 def _range_of_motion(positions: Floats) -> float:

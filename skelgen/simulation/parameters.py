@@ -33,8 +33,8 @@ class SimulationParameters(StageParameters):
     dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
     dropout_seconds: float = declare(
         0.0,
-        "Mean length of the pieces that are lost, which varies as waiting times do; 0: bursts of 5 to 40 frames, and "
-        "single ones.",
+        "Mean length of the pieces that are lost, which varies as waiting times do; needs dropouts. 0: bursts of 5 to "
+        "40 frames, and single ones.",
         unit="s",
         within=(0.0, 100.0),
     )
@@ -67,7 +67,9 @@ class SimulationParameters(StageParameters):
         within=(0.0, 1000.0),
     )
     subjects: int = declare(1, "How many bodies there are, each with a motion of its own.", within=(1, 20))
-    apart: float = declare(3000.0, "How far neighbouring bodies are apart.", unit="mm", within=(0.0, 1e5))
+    apart: float = declare(
+        3000.0, "How far neighbouring bodies are apart; needs several.", unit="mm", within=(0.0, 1e5)
+    )
     hold: str = declare(
         NONE,
         "Whether two bodies hold on to each other for a part of the take: two partners at the ends of a limb each "
@@ -102,7 +104,8 @@ class SimulationParameters(StageParameters):
             except ParameterError as error:
                 raise ParameterError(f"{error}, or be {REALISTIC} or {NONE}") from error
         if self.hold == "partners" and self.subjects != 2:
-            raise ParameterError(f"{self.stage}: partners who hold hands are two; there are {self.subjects} subjects")
+            there = "there is 1 subject" if self.subjects == 1 else f"there are {self.subjects} subjects"
+            raise ParameterError(f"{self.stage}: partners who hold hands are two; {there}")
         if self.hold == "tool" and self.subjects != 1:
             raise ParameterError(f"{self.stage}: one subject takes the tool; there are {self.subjects}")
         odd = [name for name in _OF_MARKERS if getattr(self, name) != getattr(type(self), name)]

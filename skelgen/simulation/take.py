@@ -237,6 +237,10 @@ def _settings(parameters: SimulationParameters, options: dict[str, object]) -> S
     unnamed = [fault for fault in _UNLABELLED if getattr(settings, fault) > 0]
     if settings.labelled and unnamed:
         raise ParameterError(f"points of the fault {unnamed[0]} have no label of their own: it needs labelled = false")
+    if settings.dropouts == 0:
+        _refuse(settings, ("dropout_seconds",), "what is lost: it needs dropouts above 0")
+    if settings.subjects == 1 and settings.hold == NONE:
+        _refuse(settings, ("apart",), "takes of several bodies: it needs subjects = 2 or more")
     if 0 < settings.n_cameras < CAMERAS_NEEDED:
         raise ParameterError(f"one camera sees no positions; n_cameras must be 0 or at least {CAMERAS_NEEDED}")
     return settings

@@ -24,7 +24,8 @@ from skelgen.stages.labels.point_labels import find_points
 from skelgen.stages.subject.labels import label_by_subject
 
 SPEEDS, HIDDEN = (0.5, 1.0, 2.0, 3.0), (0.05, 0.1, 0.2, 0.3, 0.4)
-OPTIONS = {"n_frames": 1000, "spacing": 25.0, "dropout_seconds": 0.35, "noise": 0.3, "ghosts": 0.2, "labelled": False}
+PIECE = 0.35  # s, mean length of what is lost
+OPTIONS = {"n_frames": 1000, "spacing": 25.0, "noise": 0.3, "ghosts": 0.2, "labelled": False}
 CELL, MARGIN = 90, 60  # px
 
 
@@ -54,7 +55,8 @@ def main() -> None:
 
 def scores_of(speed: float, hidden: float, seed: int) -> tuple[float, float]:
     """IDF1 from nothing, and with the skeleton of a labelled take in which the same tree moves otherwise."""
-    made = simulate("tree:10", seed=seed, speed=speed, dropouts=hidden, **OPTIONS)
+    lost = {"dropouts": hidden, "dropout_seconds": PIECE} if hidden else {}
+    made = simulate("tree:10", seed=seed, speed=speed, **lost, **OPTIONS)
     take = Take(made.take, made.truth.marker_of_point, made.truth)
     blind = run_stages(Project(made.take), until_stage="labels").trajectories
     other = simulate("tree:10", seed=seed, **OPTIONS | {"ghosts": 0.0, "labelled": True, "n_frames": 600})

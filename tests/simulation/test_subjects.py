@@ -96,7 +96,10 @@ def test_sensors_sit_anywhere_on_their_limbs_and_err_as_wished():
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"hold": "partners"}, "partners who hold hands are two"),
+        ({"hold": "partners"}, "partners who hold hands are two; there is 1 subject$"),
+        ({"hold": "partners", "subjects": 3}, "there are 3 subjects$"),
+        ({"apart": 500.0}, "apart belongs to takes of several bodies"),
+        ({"dropout_seconds": 0.2}, "dropout_seconds belongs to what is lost: it needs dropouts above 0"),
         ({"hold": "tool", "subjects": 2}, "one subject takes the tool"),
         ({"sensors": True, "ghosts": 1.0}, "belongs to markers"),
         ({"turn_noise": 1.0}, "turn_noise belongs to sensors"),

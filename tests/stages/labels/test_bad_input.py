@@ -56,7 +56,7 @@ class TestFrames:
         assert "interpolated where a frame shows too little" in said
 
     @pytest.mark.parametrize(
-        ("n_frames", "what"), [(0, "0 frames where at least 3"), (1, "1 frames"), (2, "2 frames where")]
+        ("n_frames", "what"), [(0, "0 frames where at least 3"), (1, "1 frame where"), (2, "2 frames where")]
     )
     def test_takes_without_motion_in_time_are_refused(self, rods, n_frames, what):
         assert what in outcome(cloud_of(rods[:n_frames]))[1]
