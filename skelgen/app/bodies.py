@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from skelgen.app.outputs import stem_of
 from skelgen.errors import WriteError
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, StageReport, Topology, Trajectories
@@ -90,14 +91,16 @@ def _check_braces(path: Path) -> None:
         raise WriteError(f"{path}: {unknown[0]} stands for nothing; {BODY} stands for the name of each body")
 
 
-def join_bodies(projects: Sequence[Project]) -> Project:
+def join_bodies(projects: Sequence[Project], files: Sequence[Path | None] = ()) -> Project:
     """Return one project with the bodies of several takes, as the subject of a take that shows them together.
 
     Parameters
     ----------
     projects : sequence of Project
-        Calibrated takes of markers, with skeletons. The names of limbs begin with that of their take, and those of
-        markers do unless all differ.
+        Calibrated takes of markers, with skeletons. The names of limbs begin with that of their take without its
+        suffix, and those of markers do unless all differ.
+    files : sequence of Path or None, optional
+        Project file or folder of each, by which those are called whose takes are called alike.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def join_bodies(projects: Sequence[Project]) -> Project:
     n_frames = max(project.take.n_frames for project in projects)
     takes = [project.trajectories for project in projects]
     frames = [np.linspace(0, take.n_frames - 1, n_frames).round().astype(np.intp) for take in takes]
-    titles = _distinct([project.name for project in projects])
+    titles = _titles(projects, files)
     positions = np.concatenate([take.positions[shown] for take, shown in zip(takes, frames, strict=True)], axis=1)
     names = _distinct_names([take.names for take in takes], titles)
     joined = Trajectories(positions, names, takes[0].rate, " + ".join(titles))
@@ -128,8 +131,13 @@ def _no_descents(n_joints: int) -> tuple[Ints, Floats]:
     return np.zeros(n_joints, dtype=np.intp), np.full(n_joints, np.nan)
 
 
-def _distinct(titles: Sequence[str]) -> list[str]:
-    """Titles of takes; those that are used twice, or empty, are numbered."""
+def _titles(projects: Sequence[Project], files: Sequence[Path | None]) -> list[str]:
+    """What takes are called, or their files where takes are called alike; what is used twice, or empty, is numbered."""
+    takes = [stem_of(project.name) for project in projects]
+    titles = [
+        take if file is None or takes.count(take) == 1 else stem_of(file.absolute())
+        for take, file in zip(takes, files or [None] * len(takes), strict=True)
+    ]
     return [
         title if title and titles.count(title) == 1 else f"{title or 'body'} {number}"
         for number, title in enumerate(titles, start=1)

@@ -113,7 +113,7 @@ def known_bodies(subjects: Sequence[Project | Path | str]) -> Project:
             raise InputError(
                 f"{one.name}: several skeletons together label takes of markers, and this one is of sensors"
             )
-    return join_bodies(found)
+    return join_bodies(found, [None if isinstance(one, Project) else Path(one) for one in subjects])
 
 
 def open_subject(path: Path | str) -> Project:

@@ -10,6 +10,7 @@ from skelgen_formats.bone_profiles import with_bone_names
 import skelgen
 from skelgen.app.bodies import join_bodies, split_bodies
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
+from skelgen.app.subject import known_bodies
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Project
 from skelgen.simulation import simulate
@@ -108,7 +109,9 @@ def test_bone_names_of_a_rig_are_those_of_each_body(two_people):
 
 def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
     alone = [simulate("human", seed=seed, n_frames=150, noise=0.2).take for seed in (1, 1_000_004)]
-    anna, ben = (skelgen.reconstruct(replace(one, name=name)) for one, name in zip(alone, ("anna", "ben"), strict=True))
+    anna, ben = (
+        skelgen.reconstruct(replace(one, name=name)) for one, name in zip(alone, ("anna.c3d", "ben"), strict=True)
+    )
     both = simulate("human", seed=1, subjects=2, n_frames=60, noise=0.2).take
     project = skelgen.apply_subject(both, [anna, ben])
     assert [body.name for body in project.bodies] == ["anna", "ben"]
@@ -118,6 +121,13 @@ def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
     assert [file.name for file in files] == ["anna.bvh", "ben.bvh"]
     assert all("ROOT mixamorig:Hips" in file.read_text() for file in files)
     assert skelgen.apply_subject(alone[0], anna).limbs.names == anna.limbs.names
+
+
+def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):
+    rom = skelgen.reconstruct(replace(simulate("rods", seed=1, n_frames=80).take, name="rom.c3d"))
+    files = [skelgen.write(rom, tmp_path / f"{name}.skelgen")[0] for name in ("anna", "ben")]
+    assert [body.name for body in known_bodies(files).bodies] == ["anna", "ben"]
+    assert [body.name for body in known_bodies([rom, rom]).bodies] == ["rom 1", "rom 2"]
 
 
 def test_joined_bodies_come_apart_again_as_they_were():
