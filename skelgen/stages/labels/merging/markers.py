@@ -56,8 +56,11 @@ EXPLAINED = 0.6
 """Part of the smaller group's markers that must be found in the larger one."""
 
 
-def merge_again(take: FollowedCloud, marker_of_point: Ints, *, over_gaps: bool = True) -> Ints:
+def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
+
+    In a take of few seconds, distances at few moments say little; there it counts, too, who goes on where another one was
+    lost (`continuity`), if distances speak at all.
 
     Parameters
     ----------
@@ -65,8 +68,6 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints, *, over_gaps: bool =
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Markers found so far, -1 for none.
-    over_gaps : bool
-        Whether it counts who goes on where another one was lost (`continuity`); only where distances speak, too.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints, *, over_gaps: bool =
         meeting = seen_at_once(take.cloud, extended, n_extended)
         meeting[:n_markers, :n_markers] = False
         apart |= meeting
-    gaps = take.continuity(extended) if over_gaps else None
+    gaps = take.continuity(extended) if take.has_few_moments else None
     prior = gaps.between(apart) if gaps else None
     merged = _merge_across_pauses(DistanceRecord(sums, apart, take.spacing, prior, decides=False))
     merged[merged >= n_markers] = -1

@@ -107,7 +107,7 @@ def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> I
     model: MarkerModel | None = None
     modelled = marker_of_point
     for turn in range(task.parameters.rounds):
-        merged = exchange_markers(take, merge_again(take, marker_of_point, over_gaps=take.has_few_moments))
+        merged = exchange_markers(take, merge_again(take, marker_of_point))
         if model and _n_changed(modelled, merged) <= UNCHANGED * cloud.n_points:
             break  # the same model would say the same
         positions = point_labels.sampled_positions(cloud, merged, frames)
@@ -130,7 +130,7 @@ def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> I
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
             break
-    return merge_again(take, marker_of_point, over_gaps=take.has_few_moments)
+    return merge_again(take, marker_of_point)
 
 
 def complete_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
