@@ -59,8 +59,8 @@ EXPLAINED = 0.6
 def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
 
-    In a take of few seconds, distances at few moments say little; there it counts, too, who goes on where another one was
-    lost (`continuity`), if distances speak at all.
+    In a take of few seconds, distances at few moments say little; there it counts, too, who goes on where another one
+    was lost (`continuity`), if distances speak at all.
 
     Parameters
     ----------
@@ -252,8 +252,8 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """Join markers that were found in several parts of the take under different numbers.
 
     In a take of few seconds, pieces are seen together at so few independent moments that distances hardly contradict a
-    join. If the take says that markers are joined sparingly, the evidence of the whole must not fall by more than a
-    marker costs, either.
+    join; there it counts, too, who goes on where another one was lost (`continuity`). If the take says that markers are
+    joined sparingly, the evidence of the whole must not fall by more than a marker costs, either.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     if apart[~np.eye(n_markers, dtype=bool)].all():
         return marker_of_point
     sums = take.distances(marker_of_point)
-    gaps = take.continuity(marker_of_point)
+    gaps = take.continuity(marker_of_point) if take.has_few_moments else None
     record = DistanceRecord(sums, apart, take.spacing, gaps.between(apart) if gaps else None)
     cost = existence(take.cloud, marker_of_point)
     spares = _Sparing(take, marker_of_point, cost).spares if take.joins_sparingly else None
