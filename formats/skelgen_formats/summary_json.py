@@ -18,7 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.labelling import questions_on
+from skelgen.model.questions import questions_on
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
 
@@ -112,7 +112,7 @@ def _labels(project: Project) -> dict[str, object]:
         ],
         "questions": [
             {
-                **_fields(question, "kind", "first_frame", "last_frame", "settles"),
+                **_fields(question, "kind", "first_frame", "last_frame", "settles", "point", "position"),
                 "markers": [names[marker] for marker in question.markers],
                 "question": question.sentence(names),
             }

@@ -12,7 +12,7 @@ from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, runs_of
-from skelgen.model.labelling import questions_on
+from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
 Row = dict[str, Any]

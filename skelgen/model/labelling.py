@@ -1,9 +1,5 @@
-"""How sure the identities of markers are: tracklets before and after, confidence, doubtful spans, what is left out; and
-the questions that are left open, ordered by how much each answer would settle.
-"""
+"""How sure the identities of markers are: tracklets before and after, confidence, doubtful spans, what is left out."""
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +30,10 @@ class Tracklets:
         First and last frame of the part, both included.
     n_points : ndarray of intp, shape (n_parts,)
         Its points.
+    first_point : ndarray of intp, shape (n_parts,), or None
+        Index of its point within the first frame; None in projects that were saved before this was known.
+    first_position : ndarray, shape (n_parts, 3), mm, or None
+        Where that point is.
     """
 
     track: Ints
@@ -41,11 +41,18 @@ class Tracklets:
     first: Ints
     last: Ints
     n_points: Ints
+    first_point: Ints | None = None
+    first_position: Floats | None = None
 
     def __post_init__(self) -> None:
         track = check_ints(self.track, (None,), "track")
         for name in ("marker", "first", "last", "n_points"):
             object.__setattr__(self, name, check_ints(getattr(self, name), (len(track),), name))
+        if (self.first_point is None) != (self.first_position is None):
+            raise InputError("of the first points of tracklets either both index and position are known, or neither")
+        if self.first_point is not None and self.first_position is not None:
+            set_fields(self, first_point=check_ints(self.first_point, (len(track),), "first_point"))
+            set_fields(self, first_position=check_floats(self.first_position, (len(track), 3), "first_position"))
         steps = np.diff(track, prepend=-1)
         if (steps < 0).any() or (steps > 1).any():
             raise InputError("the parts of tracklets must be sorted by track, numbered from 0 without holes")
@@ -264,100 +271,3 @@ def seen_runs(seen: Bools) -> tuple[Ints, Ints, Ints]:
     edges = np.diff(framed, axis=1)
     marker, first = np.nonzero(edges == 1)
     return marker, first, np.nonzero(edges == -1)[1] - 1
-
-
-LEAST_SETTLED = 10.0
-"""Positions; what settles less is not worth an answer."""
-
-LEFT_OUT_SHARE = 0.5
-"""Of the positions of a track without a marker that count: whether it is one is as open as can be."""
-
-QUESTION_KINDS = ("same", "which", "real", "whose")
-"""``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all? ``whose``:
-which marker is a track that was left out?"""
-
-_KIND_OF_DOUBT = {"piece": "same", "rival": "which", "alone": "real", "rare": "real"}
-
-
-@dataclass(frozen=True)
-class Question:
-    """Something that the take does not decide, and the user may know.
-
-    Attributes
-    ----------
-    kind : str
-        One of `QUESTION_KINDS`.
-    markers : tuple of int
-        Markers that it is about: two for ``same`` and ``which``, one for ``real``, none for ``whose``.
-    first_frame, last_frame : int
-        Where to look, both included: the longest span that is doubtful.
-    settles : float
-        Number of positions whose label is expected to be wrong as long as it is open.
-    """
-
-    kind: str
-    markers: tuple[int, ...]
-    first_frame: int
-    last_frame: int
-    settles: float
-
-    def sentence(self, names: Sequence[str]) -> str:
-        """Return the question in words.
-
-        Parameters
-        ----------
-        names : sequence of str
-            All markers.
-        """
-        frames, called = f"frames {self.first_frame} to {self.last_frame}", [names[marker] for marker in self.markers]
-        if self.kind == "same":
-            asked = f"are {called[0]} and {called[1]} one marker"
-        elif self.kind == "which":
-            asked = f"is {called[0]} in {frames} not {called[1]}"
-        elif self.kind == "real":
-            asked = f"is {called[0]} a marker ({frames})"
-        else:
-            asked = f"which marker is the point that is left out in {frames}"
-        return f"{asked}? That settles about {self.settles:.0f} positions"
-
-
-def questions_on(labelling: Labelling) -> tuple[Question, ...]:
-    """Return what the labels leave open, what settles most first.
-
-    Parameters
-    ----------
-    labelling : Labelling
-        With its doubtful spans and tracklets.
-    """
-    found = [*_on_doubts(labelling), *_on_tracks(labelling)]
-    return tuple(sorted(found, key=lambda one: (-one.settles, one.first_frame, one.markers)))
-
-
-def _on_doubts(labelling: Labelling) -> Iterator[Question]:
-    """One question per kind and pair of markers, in whichever order the pair stands."""
-    spans: dict[tuple[str, tuple[int, ...]], list[Doubt]] = defaultdict(list)
-    for doubt in labelling.doubts:
-        kind = _KIND_OF_DOUBT.get(doubt.kind)
-        if kind is None or (kind in {"same", "which"} and doubt.rival < 0):
-            continue
-        pair = (doubt.marker,) if kind == "real" else tuple(sorted((doubt.marker, doubt.rival)))
-        spans[kind, pair].append(doubt)
-    wrong = np.nan_to_num(1.0 - labelling.confidence)
-    for (kind, markers), doubts in spans.items():
-        open_positions = np.zeros(labelling.confidence.shape, dtype=np.bool_)
-        for doubt in doubts:
-            open_positions[doubt.first_frame : doubt.last_frame + 1, doubt.marker] = True
-        settles = float(wrong[open_positions].sum())
-        longest = max(doubts, key=lambda doubt: doubt.last_frame - doubt.first_frame)
-        if settles >= LEAST_SETTLED:
-            yield Question(kind, markers, longest.first_frame, longest.last_frame, settles)
-
-
-def _on_tracks(labelling: Labelling) -> Iterator[Question]:
-    tracklets = labelling.tracklets
-    if tracklets is None:
-        return
-    for part in np.flatnonzero(tracklets.marker < 0).tolist():
-        settles = LEFT_OUT_SHARE * float(tracklets.n_points[part])
-        if settles >= LEAST_SETTLED:
-            yield Question("whose", (), int(tracklets.first[part]), int(tracklets.last[part]), settles)

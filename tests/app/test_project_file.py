@@ -153,6 +153,18 @@ def test_how_sure_labels_are_comes_back_bit_for_bit(judged, tmp_path):
     assert values_of(open_project(save_project(judged, tmp_path / "j.skelgen"))) == values_of(judged)
 
 
+def test_files_from_before_first_points_were_stored_are_read(judged, tmp_path):
+    with zipfile.ZipFile(save_project(judged, tmp_path / "j.skelgen")) as archive:
+        structure = json.loads(archive.read("project.json"))
+    fields = structure["labelling"]["fields"]["tracklets"]["fields"]
+    del fields["first_point"], fields["first_position"]
+    older = open_project(
+        with_member(tmp_path / "j.skelgen", "project.json", json.dumps(structure), tmp_path / "o.skelgen")
+    )
+    assert older.labelling.tracklets.first_point is None
+    assert older.labelling.tracklets.n_left_out == judged.labelling.tracklets.n_left_out
+
+
 def test_files_from_before_labels_were_judged_are_read(saved, tmp_path):
     with zipfile.ZipFile(saved) as archive:
         structure = json.loads(archive.read("project.json"))

@@ -9,7 +9,7 @@ from skelgen_formats.summary_json import summary
 
 from skelgen.errors import WriteError
 from skelgen.model import Labelling, Project, StageReport
-from skelgen.model.labelling import Agreement, Doubt
+from skelgen.model.labelling import Agreement, Doubt, Tracklets
 
 
 def strict(text):
@@ -110,6 +110,17 @@ def test_doubts_about_labels_are_told_by_name(small_project):
     assert told["doubtful_spans"][0]["rival"] == trajectories.names[0]
     assert told["n_points_left_out"] == left_out.sum()
     assert told["classic"]["n_markers"] == 7
+
+
+def test_a_question_about_a_point_tells_which_one(small_project):
+    trajectories = small_project.trajectories
+    nothing = np.zeros(trajectories.n_frames, dtype=int)
+    left_out = Tracklets([0], [-1], [3], [9], [40], [5], [[1.5, 2.0, 3.0]])
+    confidence = np.where(trajectories.seen, 1.0, np.nan)
+    labelling = Labelling(confidence, (), (), nothing, left_out)
+    project = Project(small_project.take).with_trajectories(trajectories, StageReport(), labelling)
+    (told,) = json.loads(json.dumps(summary(project)))["labels"]["questions"]
+    assert (told["first_frame"], told["point"], told["position"]) == (3, 5, [1.5, 2.0, 3.0])
 
 
 def test_take_is_refused(small_project, tmp_path):

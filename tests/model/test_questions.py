@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from skelgen.model.labelling import Doubt, Labelling, Tracklets, questions_on
+from skelgen.model.labelling import Doubt, Labelling, Tracklets
+from skelgen.model.questions import questions_on
 
 NAMES = ("LKNE", "LANK", "M7")
 
@@ -40,3 +41,12 @@ def test_a_track_without_a_marker_is_asked_for():
     assert found.sentence(NAMES) == (
         "which marker is the point that is left out in frames 50 to 149? That settles about 50 positions"
     )
+
+
+def test_a_track_without_a_marker_is_asked_for_by_its_first_point():
+    parts = [np.array(values) for values in ([0, 1], [-1, -1], [0, 50], [99, 149], [100, 100])]
+    places = np.array([[1.0, 2.0, 3.0], [4.25, 5.0, -6.0]])
+    first, second = questions_on(labelling(tracklets=Tracklets(*parts, np.array([7, 3]), places)))
+    assert (second.point, second.position) == (3, (4.25, 5.0, -6.0))
+    assert "point 3 of frame 50 at (4.2, 5.0, -6.0) mm?" in second.sentence(NAMES)
+    assert first.sentence(NAMES) != second.sentence(NAMES)

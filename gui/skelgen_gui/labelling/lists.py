@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHBoxLayout, QLabel, QListView,
 
 from skelgen.app.drawing.wording import whole_percent
 from skelgen.model import Project
-from skelgen.model.labelling import Question
+from skelgen.model.questions import Question
 from skelgen_gui.model.labelling import Answer, MarkerRow, answers, question_words
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
@@ -236,7 +236,8 @@ class Questions(QWidget):
         question = self.current
         if question is not None:
             self._session.show_frame(question.first_frame)
-            self._session.select(Selection(frozenset(question.markers)))
+            point = None if question.point is None else (question.first_frame, question.point)
+            self._session.select(Selection(frozenset(question.markers), point=point))
         self._offer()
 
     def _offer(self) -> None:

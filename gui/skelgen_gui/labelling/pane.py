@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QListView
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import NOBODY
-from skelgen.model.labelling import Question
+from skelgen.model.questions import Question
 from skelgen_gui.labelling.lists import MarkerTable, Questions
 from skelgen_gui.model.labelling import (
     MarkerRow,

@@ -11,7 +11,8 @@ from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.corrections import NOBODY, Correction, Identities, Identity
-from skelgen.model.labelling import Question, questions_on, seen_runs
+from skelgen.model.labelling import seen_runs
+from skelgen.model.questions import Question, questions_on
 from skelgen_gui.model import translate
 from skelgen_gui.model.wording import limb_words
 
@@ -237,25 +238,23 @@ def with_point_named(project: Project, question: Question, name: str) -> Project
         The marker, or `NOBODY`.
     """
     stated = () if project.identities is None else project.identities.entries
-    x, y, z = _left_out_point(project, question.first_frame)
-    entry = Identity(name.strip() or NOBODY, question.first_frame, (x, y, z), last_frame=question.last_frame)
+    position = question.position or _only_point(project, question.first_frame)
+    entry = Identity(name.strip() or NOBODY, question.first_frame, position, last_frame=question.last_frame)
     return replace(project, identities=Identities((*stated, entry))).before("labels")
 
 
-def _left_out_point(project: Project, frame: int) -> tuple[float, float, float]:
-    """The point without a marker that appears in a frame: farthest from all such points of the frame before."""
+def _only_point(project: Project, frame: int) -> tuple[float, float, float]:
+    """The one point of a frame that is no marker: projects saved earlier do not know which one is meant."""
     take = project.take
     if not isinstance(take, PointCloud):
         raise InputError("only of a take without labels are tracks left out")
-    now = _left_out(project, take, frame)
-    before = _left_out(project, take, frame - 1) if frame else now[:0]
-    far = np.linalg.norm(now[:, np.newaxis] - before, axis=2).min(axis=1, initial=np.inf)
-    x, y, z = now[int(far.argmax())].tolist()
+    points = take.frame(frame)
+    off = np.abs(points[:, np.newaxis] - project.trajectories.positions[frame]).max(axis=2)
+    left = points[~(np.nan_to_num(off, nan=np.inf) == 0).any(axis=1)]
+    if len(left) != 1:
+        raise InputError(
+            f"{len(left)} points of frame {frame} are left out, and this project was saved before it was stored which "
+            "of them is asked for: find its labels anew"
+        )
+    x, y, z = left[0].tolist()
     return x, y, z
-
-
-def _left_out(project: Project, take: PointCloud, frame: int) -> Floats:
-    """The points of a frame that are no marker."""
-    points, markers = take.frame(frame), project.trajectories.positions[frame]
-    off = np.abs(points[:, np.newaxis] - markers).max(axis=2)
-    return np.asarray(points[~(np.nan_to_num(off, nan=np.inf) == 0).any(axis=1)])

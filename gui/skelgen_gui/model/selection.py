@@ -18,7 +18,7 @@ NO_MARKERS: frozenset[int] = frozenset()
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected markers, limbs and joint.
+    """The selected markers, limbs, joint and point.
 
     Attributes
     ----------
@@ -30,12 +30,15 @@ class Selection:
         Index into the topology's and the skeleton's joints; there can be one before there is a skeleton.
     others : frozenset of int
         Further limbs.
+    point : tuple of (int, int) or None
+        A point of an unlabelled take that belongs to no marker: its frame, and its index within that.
     """
 
     markers: frozenset[int] = NO_MARKERS
     limb: int | None = None
     joint: int | None = None
     others: frozenset[int] = NO_MARKERS
+    point: tuple[int, int] | None = None
 
     @property
     def limbs(self) -> frozenset[int]:
@@ -201,6 +204,11 @@ class Marked:
         """The joints that have a ring."""
         selected = set() if self.selection.joint is None else {self.selection.joint}
         return selected | self._hovered(JOINT)
+
+    def points(self, frame: int) -> set[int]:
+        """Return the points of a frame that have a ring."""
+        point = self.selection.point
+        return {point[1]} if point is not None and point[0] == frame else set()
 
     def limb(self, scene: Scene) -> int:
         """Return the limb whose bones stand out, or -1."""

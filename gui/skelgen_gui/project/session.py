@@ -194,6 +194,7 @@ class Session(QObject):
             frozenset(marker for marker in selection.markers if marker < n_markers),
             selection.limb if selection.limb is not None and selection.limb < n_limbs else None,
             selection.joint if selection.joint is not None and selection.joint < n_joints else None,
+            point=selection.point,
         ).with_limbs(frozenset(limb for limb in selection.limbs if limb < n_limbs))
 
 

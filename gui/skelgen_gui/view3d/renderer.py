@@ -246,6 +246,7 @@ def _paint_figure(painter: QPainter, figure: Figure, marked: Marked) -> None:
     for places, depths, selected in (
         (picture.markers, picture.marker_depths, marked.markers(scene)),
         (picture.joints, picture.joint_depths, marked.joints),
+        (picture.unlabelled, picture.unlabelled_depths, marked.points(figure.snapshot.frame)),
     ):
         chosen = [index for index in sorted(selected) if index < len(places)]
         painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)

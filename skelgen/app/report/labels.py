@@ -30,7 +30,8 @@ from skelgen.app.report.pictures import (
 )
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
-from skelgen.model.labelling import Doubt, Finding, Tracklets, questions_on, seen_runs
+from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
+from skelgen.model.questions import questions_on
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QApplication, QDialog
-from skelgen_gui.model.labelling import marker_rows, names_left, naming, with_point_named
-from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.labelling import marker_rows, names_left, naming, open_questions, with_point_named
+from skelgen_gui.model.selection import Marked, Selection
 
 import skelgen
+from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
-from skelgen.model.labelling import Doubt, Question
+from skelgen.model.labelling import Doubt, Tracklets
+from skelgen.model.questions import Question
 from skelgen.stages.names import marker_names
 
 Key = Qt.Key
@@ -175,3 +177,40 @@ def test_a_track_that_was_left_out_is_named_by_its_place():
     (entry,) = named.identities.entries
     assert (entry.name, entry.frame, entry.position) == ("GHOST", 20, (5e3, 5e3, 5e3))
     assert not named.has("labels")
+
+
+@pytest.fixture(scope="module")
+def haunted():
+    """Markers of rods, and in frames 20 to 59 two points that stand far from them, and are left out."""
+    case = skelgen.simulate("rods", n_frames=60, labelled=False)
+    ghosts = np.array([[5e3, 5e3, 5e3], [-5e3, 5e3, 5e3]])
+    frames = [np.vstack([case.take.frame(frame), ghosts[: 2 * (frame >= 20)]]) for frame in range(60)]
+    starts = np.concatenate([[0], np.cumsum([len(rows) for rows in frames])])
+    cloud = PointCloud(np.concatenate(frames), starts, case.take.times)
+    index = len(case.take.frame(20))
+    lost = Tracklets([0, 1], [-1, -1], [20, 20], [59, 59], [40, 40], index + np.arange(2), ghosts)
+    project = skelgen.reconstruct(case.take, until="labels")
+    return replace(project, take=cloud, _labelling=replace(project.labelling, tracklets=lost, doubts=()))
+
+
+def test_of_several_points_that_which_is_asked_for_is_named(haunted):
+    for question, place in zip(open_questions(haunted), ((5e3, 5e3, 5e3), (-5e3, 5e3, 5e3)), strict=True):
+        (entry,) = with_point_named(haunted, question, "GHOST").identities.entries
+        assert (entry.frame, entry.position, entry.last_frame) == (20, place, 59)
+
+
+def test_in_an_older_project_no_point_is_guessed(haunted):
+    with pytest.raises(InputError, match="2 points of frame 20 are left out"):
+        with_point_named(haunted, Question("whose", (), 20, 59, 20.0), "GHOST")
+
+
+def test_a_question_about_a_point_marks_it_in_the_view(window, person, haunted):
+    window.document.open(haunted)
+    second = open_questions(haunted)[1]
+    person.does("labelling")
+    person.waits(lambda: window.labelling.questions.list.model().rowCount() == 2)
+    listed = window.labelling.questions.list
+    listed.setCurrentIndex(listed.model().index(1, 0))
+    assert (window.session.frame, window.session.selection.point) == (20, (20, second.point))
+    assert Marked(window.session.selection).points(20) == {second.point}
+    assert Marked(window.session.selection).points(21) == set()

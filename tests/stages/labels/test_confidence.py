@@ -127,6 +127,15 @@ def test_tracks_are_cut_where_they_change_their_marker():
     ]
 
 
+def test_a_track_knows_its_first_point():
+    """Two points in each of four frames; the second one of frame 0 is the first one of the others."""
+    cloud = PointCloud(np.arange(24.0).reshape(8, 3), np.arange(5) * 2, np.arange(4.0))
+    points = PointLabels(cloud, np.array([0, 1, 1, 0, 1, 0, 1, 2]), np.array([0, -1, -1, 0, -1, 0, -1, -1]))
+    tracklets = history_of(points, 1).tracklets
+    assert tracklets.first_point.tolist() == [0, 1, 1]
+    assert np.array_equal(tracklets.first_position, cloud.points[[0, 1, 7]])
+
+
 @pytest.mark.parametrize("n_markers", [1, 2, 3])
 def test_few_markers_are_judged_without_error(n_markers):
     positions = np.random.default_rng(1).normal(size=(40, n_markers, 3))

@@ -99,9 +99,9 @@ def history_of(points: PointLabels, n_markers: int) -> LabelHistory:
             sure = points.stated[block.points] & (marker >= 0)
             stated[block.first + block.frames[sure], marker[sure]] = True
         left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
-        parts.append(_parts(track, marker, block.frames + block.first))
+        parts.append(_parts(track, marker, block.frames + block.first, block.points.start))
     agreement = None if points.classic is None else _agreement(points.classic, points.marker_of_point, n_markers)
-    return LabelHistory(changes, stated, left_out, _tracklets_of_parts(parts), agreement)
+    return LabelHistory(changes, stated, left_out, _tracklets_of_parts(points.cloud, parts), agreement)
 
 
 def labelling_of_cloud(trajectories: Trajectories, history: LabelHistory) -> Labelling:
@@ -150,27 +150,29 @@ def _track_changes(block: Block, marker: Ints, track: Ints, n_markers: int) -> B
     return changes
 
 
-def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
-    """Track, marker, first and last frame and number of points of each part, shape (5, n_parts)."""
+def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints, n_before: int) -> Ints:
+    """Track, marker, first and last frame, number of points and first point of each part, shape (6, n_parts)."""
     order = np.argsort(track, kind="stable")
     order = order[track[order] >= 0]
     track, marker, frame = track[order], marker_of_point[order], frame_of_point[order]
     starts = np.flatnonzero(_begins(track, marker))
     ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
-    return np.stack([track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1])
+    return np.stack(
+        [track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1, order[starts] + n_before]
+    )
 
 
-def _tracklets_of_parts(parts: list[Ints]) -> Tracklets:
+def _tracklets_of_parts(cloud: PointCloud, parts: list[Ints]) -> Tracklets:
     """Put the parts of successive frames together; those of one track and marker become one."""
-    track, marker, first, last, n_points = np.concatenate(parts, axis=1) if parts else np.empty((5, 0), dtype=np.intp)
-    order = np.lexsort((first, track))
-    track, marker, first, last, n_points = (values[order] for values in (track, marker, first, last, n_points))
+    found = np.concatenate(parts, axis=1) if parts else np.empty((6, 0), dtype=np.intp)
+    track, marker, first, last, n_points, point = found[:, np.lexsort((found[2], found[0]))]
     starts = np.flatnonzero(_begins(track, marker))
-    if not len(starts):
-        return Tracklets(track, marker, first, last, n_points)
-    ends = np.append(starts[1:], len(track)) - 1
+    ends = np.append(starts[1:], len(track)) - 1 if len(starts) else starts
     numbered = np.unique(track[starts], return_inverse=True)[1].reshape(-1)
-    return Tracklets(numbered, marker[starts], first[starts], last[ends], np.add.reduceat(n_points, starts))
+    first, point = first[starts], point[starts]
+    counts = np.add.reduceat(n_points, starts) if len(starts) else n_points
+    index = point - cloud.frame_starts[first]
+    return Tracklets(numbered, marker[starts], first, last[ends], counts, index, cloud.points[point])
 
 
 def _begins(track: Ints, marker: Ints) -> Bools:

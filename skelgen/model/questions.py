@@ -1,0 +1,122 @@
+"""The questions that labels leave open, ordered by how much each answer would settle."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.model.labelling import Doubt, Labelling
+
+LEAST_SETTLED = 10.0
+"""Positions; what settles less is not worth an answer."""
+
+LEFT_OUT_SHARE = 0.5
+"""Of the positions of a track without a marker that count: whether it is one is as open as can be."""
+
+QUESTION_KINDS = ("same", "which", "real", "whose")
+"""``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all? ``whose``:
+which marker is a track that was left out?"""
+
+_KIND_OF_DOUBT = {"piece": "same", "rival": "which", "alone": "real", "rare": "real"}
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that the take does not decide, and the user may know.
+
+    Attributes
+    ----------
+    kind : str
+        One of `QUESTION_KINDS`.
+    markers : tuple of int
+        Markers that it is about: two for ``same`` and ``which``, one for ``real``, none for ``whose``.
+    first_frame, last_frame : int
+        Where to look, both included: the longest span that is doubtful.
+    settles : float
+        Number of positions whose label is expected to be wrong as long as it is open.
+    point : int or None
+        Of ``whose``: index of the point within the first frame, from 0. None in projects that were saved before it was
+        known.
+    position : tuple of three floats, mm, or None
+        Of ``whose``: where that point is in the first frame.
+    """
+
+    kind: str
+    markers: tuple[int, ...]
+    first_frame: int
+    last_frame: int
+    settles: float
+    point: int | None = None
+    position: tuple[float, float, float] | None = None
+
+    def sentence(self, names: Sequence[str]) -> str:
+        """Return the question in words.
+
+        Parameters
+        ----------
+        names : sequence of str
+            All markers.
+        """
+        frames, called = f"frames {self.first_frame} to {self.last_frame}", [names[marker] for marker in self.markers]
+        if self.kind == "same":
+            asked = f"are {called[0]} and {called[1]} one marker"
+        elif self.kind == "which":
+            asked = f"is {called[0]} in {frames} not {called[1]}"
+        elif self.kind == "real":
+            asked = f"is {called[0]} a marker ({frames})"
+        elif self.position is None:
+            asked = f"which marker is the point that is left out in {frames}"
+        else:
+            place = ", ".join(f"{value:.1f}" for value in self.position)
+            asked = (
+                f"which marker is the point that is left out in {frames}, point {self.point} of frame "
+                f"{self.first_frame} at ({place}) mm"
+            )
+        return f"{asked}? That settles about {self.settles:.0f} positions"
+
+
+def questions_on(labelling: Labelling) -> tuple[Question, ...]:
+    """Return what the labels leave open, what settles most first.
+
+    Parameters
+    ----------
+    labelling : Labelling
+        With its doubtful spans and tracklets.
+    """
+    found = [*_on_doubts(labelling), *_on_tracks(labelling)]
+    return tuple(sorted(found, key=lambda one: (-one.settles, one.first_frame, one.markers)))
+
+
+def _on_doubts(labelling: Labelling) -> Iterator[Question]:
+    """One question per kind and pair of markers, in whichever order the pair stands."""
+    spans: dict[tuple[str, tuple[int, ...]], list[Doubt]] = defaultdict(list)
+    for doubt in labelling.doubts:
+        kind = _KIND_OF_DOUBT.get(doubt.kind)
+        if kind is None or (kind in {"same", "which"} and doubt.rival < 0):
+            continue
+        pair = (doubt.marker,) if kind == "real" else tuple(sorted((doubt.marker, doubt.rival)))
+        spans[kind, pair].append(doubt)
+    wrong = np.nan_to_num(1.0 - labelling.confidence)
+    for (kind, markers), doubts in spans.items():
+        open_positions = np.zeros(labelling.confidence.shape, dtype=np.bool_)
+        for doubt in doubts:
+            open_positions[doubt.first_frame : doubt.last_frame + 1, doubt.marker] = True
+        settles = float(wrong[open_positions].sum())
+        longest = max(doubts, key=lambda doubt: doubt.last_frame - doubt.first_frame)
+        if settles >= LEAST_SETTLED:
+            yield Question(kind, markers, longest.first_frame, longest.last_frame, settles)
+
+
+def _on_tracks(labelling: Labelling) -> Iterator[Question]:
+    tracklets = labelling.tracklets
+    if tracklets is None:
+        return
+    for part in np.flatnonzero(tracklets.marker < 0).tolist():
+        settles = LEFT_OUT_SHARE * float(tracklets.n_points[part])
+        if settles >= LEAST_SETTLED:
+            asked = Question("whose", (), int(tracklets.first[part]), int(tracklets.last[part]), settles)
+            if tracklets.first_point is not None and tracklets.first_position is not None:
+                x, y, z = tracklets.first_position[part].tolist()
+                asked = replace(asked, point=int(tracklets.first_point[part]), position=(x, y, z))
+            yield asked
