@@ -112,7 +112,7 @@ def _labels(project: Project) -> dict[str, object]:
         ],
         "questions": [
             {
-                **_fields(question, "kind", "first_frame", "last_frame", "settles", "point", "position"),
+                **_fields(question, "kind", "first_frame", "last_frame", "settles", "spans", "point", "position"),
                 "markers": [names[marker] for marker in question.markers],
                 "question": question.sentence(names),
             }

@@ -14,6 +14,9 @@ LEAST_SETTLED = 10.0
 LEFT_OUT_SHARE = 0.5
 """Of the positions of a track without a marker that count: whether it is one is as open as can be."""
 
+MOST_SPANS = 4
+"""Spans that a question tells; all are in the summary."""
+
 QUESTION_KINDS = ("same", "which", "real", "whose")
 """``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all? ``whose``:
 which marker is a track that was left out?"""
@@ -30,16 +33,20 @@ class Question:
     kind : str
         One of `QUESTION_KINDS`.
     markers : tuple of int
-        Markers that it is about: two for ``same`` and ``which``, one for ``real``, none for ``whose``.
+        Markers that it is about: the doubtful one, and for ``same`` and ``which`` the one that it may be; none for
+        ``whose``.
     first_frame, last_frame : int
         Where to look, both included: the longest span that is doubtful.
     settles : float
-        Number of positions whose label is expected to be wrong as long as it is open.
+        Number of positions whose label is expected to be wrong as long as it is open: those of the doubtful marker in
+        all `spans`, or half of those that were left out.
     point : int or None
         Of ``whose``: index of the point within the first frame, from 0. None in projects that were saved before it was
         known.
     position : tuple of three floats, mm, or None
         Of ``whose``: where that point is in the first frame.
+    spans : tuple of (int, int)
+        First and last frame of all spans that the answer is about, both included; empty for ``whose``.
     """
 
     kind: str
@@ -49,6 +56,7 @@ class Question:
     settles: float
     point: int | None = None
     position: tuple[float, float, float] | None = None
+    spans: tuple[tuple[int, int], ...] = ()
 
     def sentence(self, names: Sequence[str]) -> str:
         """Return the question in words.
@@ -58,9 +66,15 @@ class Question:
         names : sequence of str
             All markers.
         """
-        frames, called = f"frames {self.first_frame} to {self.last_frame}", [names[marker] for marker in self.markers]
+        spans = self.spans or ((self.first_frame, self.last_frame),)
+        told = [f"{first} to {last}" for first, last in spans[:MOST_SPANS]]
+        told += [f"{len(spans) - MOST_SPANS} more spans"] * (len(spans) > MOST_SPANS)
+        frames, called = (
+            "frames " + " and ".join(filter(None, (", ".join(told[:-1]), told[-1]))),
+            [names[marker] for marker in self.markers],
+        )
         if self.kind == "same":
-            asked = f"are {called[0]} and {called[1]} one marker"
+            asked = f"are {called[1]} and {called[0]} one marker"
         elif self.kind == "which":
             asked = f"is {called[0]} in {frames} not {called[1]}"
         elif self.kind == "real":
@@ -89,23 +103,20 @@ def questions_on(labelling: Labelling) -> tuple[Question, ...]:
 
 
 def _on_doubts(labelling: Labelling) -> Iterator[Question]:
-    """One question per kind and pair of markers, in whichever order the pair stands."""
-    spans: dict[tuple[str, tuple[int, ...]], list[Doubt]] = defaultdict(list)
+    """One question per kind, doubtful marker and other one: what is said of one of a pair says nothing of the other."""
+    asked: dict[tuple[str, tuple[int, ...]], list[Doubt]] = defaultdict(list)
     for doubt in labelling.doubts:
         kind = _KIND_OF_DOUBT.get(doubt.kind)
         if kind is None or (kind in {"same", "which"} and doubt.rival < 0):
             continue
-        pair = (doubt.marker,) if kind == "real" else tuple(sorted((doubt.marker, doubt.rival)))
-        spans[kind, pair].append(doubt)
+        asked[kind, (doubt.marker,) if kind == "real" else (doubt.marker, doubt.rival)].append(doubt)
     wrong = np.nan_to_num(1.0 - labelling.confidence)
-    for (kind, markers), doubts in spans.items():
-        open_positions = np.zeros(labelling.confidence.shape, dtype=np.bool_)
-        for doubt in doubts:
-            open_positions[doubt.first_frame : doubt.last_frame + 1, doubt.marker] = True
-        settles = float(wrong[open_positions].sum())
-        longest = max(doubts, key=lambda doubt: doubt.last_frame - doubt.first_frame)
+    for (kind, markers), doubts in asked.items():
+        spans = tuple(sorted((doubt.first_frame, doubt.last_frame) for doubt in doubts))
+        settles = float(sum(wrong[first : last + 1, markers[0]].sum() for first, last in spans))
+        first, last = max(spans, key=lambda span: span[1] - span[0])
         if settles >= LEAST_SETTLED:
-            yield Question(kind, markers, longest.first_frame, longest.last_frame, settles)
+            yield Question(kind, markers, first, last, settles, spans=spans)
 
 
 def _on_tracks(labelling: Labelling) -> Iterator[Question]:

@@ -21,14 +21,23 @@ def doubt(marker, frames, kind, rival=-1):
 
 def test_what_settles_most_is_asked_first():
     found = questions_on(labelling(doubt(0, (10, 49), "rival", 1), doubt(2, (0, 199), "piece", 0)))
-    assert [(one.kind, one.markers, one.settles) for one in found] == [("same", (0, 2), 100.0), ("which", (0, 1), 20.0)]
+    assert [(one.kind, one.markers, one.settles) for one in found] == [("same", (2, 0), 100.0), ("which", (0, 1), 20.0)]
     assert found[0].sentence(NAMES) == "are LKNE and M7 one marker? That settles about 100 positions"
 
 
-def test_spans_of_one_pair_are_one_question_that_points_to_the_longest():
-    both = doubt(0, (10, 49), "rival", 1), doubt(1, (10, 49), "rival", 0), doubt(0, (100, 159), "rival", 1)
+def test_spans_of_one_doubtful_marker_are_one_question_that_points_to_the_longest():
+    both = doubt(0, (10, 49), "rival", 1), doubt(0, (100, 159), "rival", 1)
     (found,) = questions_on(labelling(*both))
-    assert (found.settles, found.first_frame, found.last_frame) == (70.0, 100, 159)
+    assert (found.settles, found.first_frame, found.last_frame) == (50.0, 100, 159)
+    assert found.spans == ((10, 49), (100, 159))
+    assert "is LKNE in frames 10 to 49 and 100 to 159 not LANK?" in found.sentence(NAMES)
+
+
+def test_of_two_markers_that_doubt_each_other_each_has_its_question():
+    both = doubt(0, (10, 49), "rival", 1), doubt(1, (10, 109), "rival", 0)
+    first, second = questions_on(labelling(*both))
+    assert (first.markers, first.settles, first.last_frame) == ((1, 0), 50.0, 109)
+    assert (second.markers, second.settles, second.last_frame) == ((0, 1), 20.0, 49)
 
 
 def test_doubts_that_no_answer_settles_and_short_ones_are_not_asked():

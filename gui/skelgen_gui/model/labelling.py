@@ -204,25 +204,27 @@ def answers(project: Project, question: Question) -> tuple[Answer, ...]:
     question : Question
         One of its questions.
     """
+    if question.kind == "whose":
+        return ()
     called = tuple(project.trajectories.names[marker] for marker in question.markers)
-    span = question.first_frame, question.last_frame
+    own = called[0]
+    spans = question.spans or ((question.first_frame, question.last_frame),)
+    confirmed = tuple(Correction("confirm", (own,), *span) for span in spans)
     if question.kind == "same":
         return (
-            Answer(translate("Labelling", "One marker"), (Correction("merge", called),)),
-            Answer(translate("Labelling", "Two markers"), (Correction("confirm", called),)),
-        )
-    if question.kind == "which":
-        first, second = called
-        return (
-            Answer(translate("Labelling", "It is {0}").format(first), (Correction("confirm", (first,), *span),)),
-            Answer(translate("Labelling", "It is {0}").format(second), (Correction("swap", called, *span),)),
+            Answer(translate("Labelling", "One marker"), (Correction("merge", called[::-1]),)),
+            Answer(translate("Labelling", "Two markers"), confirmed),
         )
     if question.kind == "real":
         return (
-            Answer(translate("Labelling", "A marker"), (Correction("confirm", called),)),
+            Answer(translate("Labelling", "A marker"), confirmed),
             Answer(translate("Labelling", "No marker"), (Correction("delete", called),)),
         )
-    return ()
+    swapped = tuple(Correction("swap", called, *span) for span in spans)
+    return (
+        Answer(translate("Labelling", "It is {0}").format(own), confirmed),
+        Answer(translate("Labelling", "It is {0}").format(called[1]), swapped),
+    )
 
 
 def with_point_named(project: Project, question: Question, name: str) -> Project:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QApplication, QDialog
-from skelgen_gui.model.labelling import marker_rows, names_left, naming, open_questions, with_point_named
+from skelgen_gui.model.labelling import answers, marker_rows, names_left, naming, open_questions, with_point_named
 from skelgen_gui.model.selection import Marked, Selection
 
 import skelgen
@@ -149,6 +149,21 @@ def test_a_question_shows_what_is_meant_and_is_answered_by_a_key(qtbot, window, 
     )
     qtbot.mouseClick(pane.questions.buttons[1], Qt.MouseButton.LeftButton)
     person.waits(lambda: [one.kind for one in window.session.project.corrections] == ["swap"])
+
+
+def test_an_answer_holds_for_all_spans_that_were_asked_about(unnamed):
+    """m5 is perhaps m6 in two spans; the answer that it is settles both, and the question is gone."""
+    confidence = unnamed.labelling.confidence.copy()
+    confidence[45:58, 5] = 0.2
+    doubts = tuple(Doubt(5, *span, "rival", 6, 0.2, "m6 fits as well") for span in ((20, 39), (45, 57)))
+    project = replace(unnamed, _labelling=replace(unnamed.labelling, confidence=confidence, doubts=doubts))
+    (question,) = open_questions(project)
+    own, other = answers(project, question)
+    for answer, kind in ((own, "confirm"), (other, "swap")):
+        assert [(one.kind, one.first_frame, one.last_frame) for one in answer.corrections] == [
+            (kind, 20, 39),
+            (kind, 45, 57),
+        ]
 
 
 def test_what_a_name_means(unnamed):
