@@ -80,6 +80,17 @@ def test_corners_of_a_square_are_not_told_apart():
     assert (0, 2) in identity_confidence(square).twins  # what the other two see is the same
 
 
+def test_a_rigid_distance_and_a_loose_one_tell_two_markers_apart():
+    """Of the corners of a square, a and c are alike, but only a keeps its distance to e, which turns about it."""
+    corners = np.array([[0.0, 0, 0], [100, 0, 0], [100, 100, 0], [0, 100, 0]])
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(300, 1, 3))
+    stick = 80.0 * directions / np.linalg.norm(directions, axis=2, keepdims=True)
+    places = np.concatenate([np.tile(corners, (300, 1, 1)), corners[0] + stick], axis=1)
+    square = Trajectories(places + rng.normal(size=places.shape), tuple("abcde"), 100.0)
+    assert (0, 2) not in identity_confidence(square).twins
+
+
 def test_repaired_labels_are_listed(human):
     doubts = labelling_of_markers(human, renamed(human, 5, 30, slice(200, 300))).doubts
     repaired = [doubt for doubt in doubts if doubt.kind == "repaired"]

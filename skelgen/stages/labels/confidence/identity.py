@@ -308,8 +308,14 @@ def look_alikes(statistics: DistanceStatistics, seen: Bools) -> tuple[Ints, tupl
 
 
 def _differ(first: int, second: int, statistics: DistanceStatistics) -> bool:
-    """Whether the distance to any third marker would change visibly if two were exchanged."""
-    change = np.abs(statistics.distance[first] - statistics.distance[second])
-    change /= np.hypot(statistics.spread[first], statistics.spread[second])
+    """Whether the distance to any third marker would change visibly if two were exchanged.
+
+    The change is the mean Kullback-Leibler divergence between the normal distributions of both distances, the nats that
+    a frame loses by the exchange. With equal spreads it is the square of the standard deviations by which both differ.
+    A rigid and a loose distance differ, too, whatever their medians.
+    """
+    apart = statistics.distance[first] - statistics.distance[second]
+    ours, theirs = statistics.spread[first] ** 2, statistics.spread[second] ** 2
+    change = ((ours + apart**2) / theirs + (theirs + apart**2) / ours - 2.0) / 4.0
     change[[first, second]] = np.nan
-    return bool((change > LOOK_ALIKE).any())
+    return bool((change > LOOK_ALIKE**2).any())
