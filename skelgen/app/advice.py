@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
-from skelgen.model.labelling import Doubt, Tracklets, seen_runs
+from skelgen.model.labelling import Doubt, seen_runs
 
 RARELY_SEEN = 0.2
 """Part of the frames below which a marker brings more doubt than knowledge."""
@@ -26,6 +26,13 @@ _MANY_LOSSES = 30.0
 
 _LONG_SECONDS = 1.0
 """A track of a false point seldom lasts as long."""
+
+_LEAST_OF_BODY = 4
+"""Tracks left out at once that may be a body: the pose of three markers is free, a fourth one shows that they belong
+together."""
+
+BY_SUBJECT = "taken from the calibrated skeleton of"
+"""How the notice begins that says whose skeleton labelled a take."""
 
 _LASTING_SECONDS = 0.25
 """A marker that is off its place for less is not worth a sentence."""
@@ -58,7 +65,9 @@ def advice_on(project: Project) -> tuple[str, ...]:
     """
     if not project.has_labelling or not project.trajectories.n_frames or not project.trajectories.n_markers:
         return ()
-    return tuple(_sentences(project.take, project.trajectories, project.labelling))
+    report = project.reports.get("labels")
+    by_subject = report is not None and any(sentence.startswith(BY_SUBJECT) for sentence in report.notices)
+    return tuple(_sentences(project.take, project.trajectories, project.labelling, by_subject))
 
 
 def doubtful_share(labelling: Labelling) -> float:
@@ -73,14 +82,20 @@ def left_out_share(project: Project) -> float:
     return float(project.labelling.left_out.sum()) / max(project.take.n_points, 1)
 
 
-def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+def _sentences(take: object, markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
     share = doubtful_share(labelling)
     if share > _MANY_DOUBTS:
         yield (
             f"{100 * share:.0f} % of all positions are doubtful: do not rely on these labels as a whole before the "
             "causes below are gone"
         )
-    yield from _about_pieces(markers, labelling)
+    body = _body_left_out(markers, labelling) if by_subject else 0
+    if body:
+        yield (
+            f"up to {body} tracks longer than {_LONG_SECONDS:g} s are left out at the same time: another body may be "
+            "in the take; give its skeleton too, one --skeleton for each body"
+        )
+    yield from _about_pieces(markers, labelling, by_subject)
     yield from _about_rare_markers(markers, labelling)
     if labelling.twins:
         named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
@@ -90,18 +105,22 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Ite
         named = _named([markers.names[marker] for marker, _ in unsupported.most_common()])
         yield f"too few markers are seen beside {named} when they come back: one more marker on such a limb helps"
     yield from _about_misfits(markers, labelling)
-    if isinstance(take, PointCloud):
-        yield from _about_ghosts(take, markers, labelling)
-    yield from _about_visibility(markers)
+    if isinstance(take, PointCloud) and not body:
+        yield from _about_ghosts(take, markers, labelling, by_subject)
+    if not body:
+        yield from _about_visibility(markers)
 
 
-def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+def _about_pieces(markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
     pieces = {doubt.marker: doubt.rival for doubt in labelling.doubts if doubt.kind == "piece"}
     if not pieces:
         return
     named = _named([f"{markers.names[one]} of {markers.names[whole]}" for one, whole in sorted(pieces.items())])
     suspicious = {doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL}
     likely = markers.n_markers - len(suspicious)
+    if by_subject:
+        yield f"some markers look like pieces of others ({named}): name them by hand"
+        return
     yield (
         f"some markers look like pieces of others ({named}): if the body carries {likely}, say so with --n-markers, or "
         "name them by hand"
@@ -128,29 +147,42 @@ def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]
         )
 
 
-def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
     share = float(labelling.left_out.sum()) / max(take.n_points, 1)
     if share > _MANY_GHOSTS:
         yield (
             f"{100 * share:.1f} % of the points belong to no marker: raise the cameras' threshold, or cover what "
             "shines in the room"
         )
-    if labelling.tracklets is not None:
-        long = int((_lost_tracks(labelling.tracklets) >= _LONG_SECONDS * markers.rate).sum())
-        if long:
-            what = "1 track is" if long == 1 else f"{long} tracks are"
-            yield (
-                f"{what} left out although they last longer than {_LONG_SECONDS:g} s: a reflection, or a marker that "
-                "was not recognised; try --n-markers with one more"
-            )
+    long = len(_long_lost_tracks(markers, labelling)[0])
+    if long:
+        what = "1 track is" if long == 1 else f"{long} tracks are"
+        remedy = "name it by hand" if by_subject else "try --n-markers with one more"
+        yield (
+            f"{what} left out although they last longer than {_LONG_SECONDS:g} s: a reflection, or a marker that "
+            f"was not recognised; {remedy}"
+        )
 
 
-def _lost_tracks(tracklets: Tracklets) -> Ints:
-    """Lengths [frames] of the tracks of which nothing went to a marker."""
+def _body_left_out(markers: Trajectories, labelling: Labelling) -> int:
+    """How many long tracks are left out at the same time, if there are as many as a body has; else 0."""
+    first, last = _long_lost_tracks(markers, labelling)
+    change = np.zeros(markers.n_frames + 1, dtype=np.intp)
+    np.add.at(change, first, 1)
+    np.add.at(change, last + 1, -1)
+    most = int(np.cumsum(change).max())
+    return most if most >= _LEAST_OF_BODY else 0
+
+
+def _long_lost_tracks(markers: Trajectories, labelling: Labelling) -> tuple[Ints, Ints]:
+    """First and last frame of the long tracks of which nothing went to a marker."""
+    tracklets = labelling.tracklets
+    if tracklets is None:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     first, last = tracklets.spans
-    used = np.zeros(tracklets.n_tracklets, dtype=np.bool_)
-    used[tracklets.track[tracklets.marker >= 0]] = True
-    return np.asarray((last - first + 1)[~used])
+    lost = last - first + 1 >= _LONG_SECONDS * markers.rate
+    lost[tracklets.track[tracklets.marker >= 0]] = False
+    return first[lost], last[lost]
 
 
 def _about_visibility(markers: Trajectories) -> Iterator[str]:

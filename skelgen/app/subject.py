@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from skelgen.app.advice import BY_SUBJECT
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
@@ -241,7 +242,7 @@ def _with_skeleton(
 
 
 def _where_from(subject: Project) -> str:
-    return f"taken from the calibrated skeleton of {subject.source.path if subject.source else subject.name}"
+    return f"{BY_SUBJECT} {subject.source.path if subject.source else subject.name}"
 
 
 def _label_quality(take: PointCloud | Trajectories, fit: SubjectFit) -> Labelling:

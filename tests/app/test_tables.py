@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from skelgen.app.advice import advice_on
+from skelgen.app.advice import BY_SUBJECT, advice_on
 from skelgen.app.tables import column_rows, project_tables, take_facts
 from skelgen.cli.screen import Screen, show_project
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
@@ -117,6 +117,20 @@ def test_ghosts_and_rare_markers_are_named_in_the_advice():
     assert "50.0 % of the points belong to no marker" in told
     assert "c in 5 %" in told
     assert "1 track is left out although" in told
+
+
+def test_a_body_whose_skeleton_is_not_given_is_said():
+    """Of a take that was labelled by a skeleton, four long tracks are left out at the same time."""
+    markers = Trajectories(np.random.default_rng(0).normal(size=(200, 3, 3)), ("a", "b", "c"), 100.0)
+    cloud = PointCloud(np.zeros((1400, 3)), np.arange(201) * 7, np.arange(200) / 100.0)
+    lost = Tracklets(np.arange(4), [-1] * 4, [0, 10, 20, 30], [150] * 4, [100] * 4)
+    labelling = Labelling(np.full((200, 3), 0.99), (), (), np.full(200, 4), lost)
+    report = StageReport(notices=(f"{BY_SUBJECT} anna",))
+    (told,) = advice_on(Project(cloud).with_trajectories(markers, report, labelling))
+    assert "up to 4 tracks" in told
+    assert "--skeleton for each body" in told
+    found = " ".join(advice_on(Project(cloud).with_trajectories(markers, StageReport(), labelling)))
+    assert "--skeleton" not in found
 
 
 def test_the_screen_says_how_sure_labels_are(small_project, capsys):
