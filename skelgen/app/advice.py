@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from skelgen.app.standing import standing_markers
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.labelling import Doubt, seen_runs
@@ -67,7 +68,8 @@ def advice_on(project: Project) -> tuple[str, ...]:
         return ()
     report = project.reports.get("labels")
     by_subject = report is not None and any(sentence.startswith(BY_SUBJECT) for sentence in report.notices)
-    return tuple(_sentences(project.take, project.trajectories, project.labelling, by_subject))
+    sentences = _sentences(project.take, project.trajectories, project.labelling, by_subject)
+    return (*_about_standing(project), *sentences)
 
 
 def doubtful_share(labelling: Labelling) -> float:
@@ -109,6 +111,16 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling, by_sub
         yield from _about_ghosts(take, markers, labelling, by_subject)
     if not body:
         yield from _about_visibility(markers)
+
+
+def _about_standing(project: Project) -> Iterator[str]:
+    found = standing_markers(project)
+    if found:
+        named = _named([f"{project.trajectories.names[marker]} from frame {first} on" for marker, first in found])
+        yield (
+            f"while others move, these stand still until the end: {named}; such a marker may have fallen off, or be a "
+            "reflection: delete it from there on"
+        )
 
 
 def _about_pieces(markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:

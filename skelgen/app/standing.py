@@ -1,0 +1,76 @@
+"""Markers that stand still to within their noise until the end of a take while others move.
+
+What is fixed in the room shows white noise: its successive differences have twice the variance of its positions, von
+Neumann's ratio (Annals of Mathematical Statistics 12, 1941). A body that holds still sways, however little, so that its
+ratio is lower.
+"""
+
+import numpy as np
+
+from skelgen.model import Project, Trajectories
+from skelgen.model.arrays import Floats
+
+STILL_SECONDS = 2.0
+"""A shorter rest says nothing of what a marker is."""
+
+_END_SECONDS = 1.0
+"""Of the end of a path, from which its place and noise are taken."""
+
+_OFF_PLACE = 5.0
+"""Standard deviations of the noise that a marker which rests is off its place at most."""
+
+_ROUNDING = 1e-3
+"""mm; positions without noise are written with so many digits at least."""
+
+_WHITE = 3.0
+"""Standard deviations by which the ratio of white noise may be below 2."""
+
+_OF_A_LIMB = 3
+"""Markers of one limb that stand still together: this limb rests, and nothing is wrong with its markers."""
+
+
+def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:
+    """Find markers that stand still until they are last seen, though most others move and their limbs do not rest.
+
+    Parameters
+    ----------
+    project : Project
+        With labels; without limbs all markers count as one limb.
+
+    Returns
+    -------
+    tuple of (int, int)
+        Marker, and the frame from which on it stands still.
+    """
+    markers = project.trajectories
+    found = [(marker, _rest_begins(markers, marker)) for marker in range(markers.n_markers)]
+    still = [(marker, first) for marker, first in found if first is not None]
+    if 2 * len(still) >= markers.n_markers:
+        return ()
+    limbs = project.limbs.limb_of_marker if project.has("limbs") else np.zeros(markers.n_markers, dtype=np.intp)
+    counts = np.bincount(limbs[[marker for marker, _ in still]] + 1, minlength=1)
+    counts[0] = 0 if project.has("limbs") else counts[0]  # on no limb
+    return tuple((marker, first) for marker, first in still if counts[limbs[marker] + 1] < _OF_A_LIMB)
+
+
+def _rest_begins(markers: Trajectories, marker: int) -> int | None:
+    """The frame from which on a marker stands still; None if it does not, or not for long."""
+    frames = np.flatnonzero(markers.seen[:, marker])
+    path, least = markers.positions[frames, marker], max(3, round(STILL_SECONDS * markers.rate))
+    if len(path) < least:
+        return None
+    end = path[-max(3, round(_END_SECONDS * markers.rate)) :]
+    place = np.median(end, axis=0)
+    noise = float(np.sqrt(np.square(end - place).mean()))
+    away = np.flatnonzero(np.abs(path - place).max(axis=1) > _OFF_PLACE * noise + _ROUNDING)
+    begin = int(away[-1]) + 1 if len(away) else 0
+    return int(frames[begin]) if len(path) - begin >= least and _is_white(path[begin:]) else None
+
+
+def _is_white(path: Floats) -> bool:
+    """Whether positions (n, 3) vary by noise alone."""
+    variance = float(path.var(axis=0).sum())
+    if variance <= _ROUNDING**2:
+        return True
+    ratio = float(np.square(np.diff(path, axis=0)).mean(axis=0).sum()) / variance
+    return ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path))
