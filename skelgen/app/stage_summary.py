@@ -191,9 +191,11 @@ def _about_limbs(project: Project) -> Iterator[str]:
 
 def _about_joints(project: Project) -> Iterator[str]:
     topology = project.topology
-    n_trees = len(topology.roots)
-    bodies = f", each a body: {', '.join(counted(len(one.limbs), 'limb') for one in project.bodies)}" * (n_trees > 1)
-    yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}{bodies}."
+    bodies = [one for one in project.bodies if len(one.markers) > 1]  # a marker alone is a point, not a body
+    sizes = f", each a body: {', '.join(counted(len(one.limbs), 'limb') for one in bodies)}" * (len(bodies) > 1)
+    n_alone = len(project.bodies) - len(bodies)
+    alone = f"; {counted(n_alone, 'marker')} alone" * (n_alone > 0)
+    yield f"{counted(len(topology.edges), 'joint')} in {counted(len(bodies), 'tree')}{sizes}{alone}."
     if topology.edge_probability is not None and len(topology.edge_probability):
         worst = int(topology.edge_probability.argmin())
         parent, child = map(project.limbs.called, topology.edges[worst].tolist())

@@ -12,7 +12,7 @@ from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.packing import with_saved
 from skelgen.app.stage_summary import has_doubts, stage_pointers, stage_sentences, take_sentences
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model import Project
+from skelgen.model import Project, Topology
 from skelgen.model.labelling import Doubt
 from skelgen.model.project import STAGES
 from skelgen.simulation import simulate
@@ -73,6 +73,19 @@ def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done
 def test_one_tree_is_told_in_the_singular():
     project = run_stages(Project(simulate("rods", n_frames=60, noise=0.2).take))
     assert stage_sentences(project, "joints")[0] == "2 joints in 1 tree."
+
+
+def test_a_marker_alone_is_told_as_no_body(done):
+    """Of two trees, that of the last limb has one marker."""
+    last = done.limbs.n_limbs - 1
+    parents = np.append(np.arange(last) - 1, -1)
+    n_joints, old = last - 1, done.topology
+    raw = old.raw_joint_positions[:, :n_joints]
+    topology = Topology(parents, old.joint_costs, raw, np.zeros(n_joints, int), np.zeros(n_joints), 0.1)
+    limbs = np.array(done.limbs.limb_of_marker)
+    limbs[np.flatnonzero(limbs == last)[1:]] = -1
+    parted = replace(done, _limbs=replace(done.limbs, limb_of_marker=limbs), _topology=topology)
+    assert stage_sentences(parted, "joints")[0] == f"{n_joints} joints in 1 tree; 1 marker alone."
 
 
 def test_doubts_point_to_their_frame_and_marker(done):
