@@ -73,4 +73,4 @@ def _is_white(path: Floats) -> bool:
     if variance <= _ROUNDING**2:
         return True
     ratio = float(np.square(np.diff(path, axis=0)).mean(axis=0).sum()) / variance
-    return ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path))
+    return bool(ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path)))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from skelgen.app.advice import advice_on
 from skelgen.app.standing import standing_markers
-from skelgen.model import Project, StageReport, Trajectories
+from skelgen.model import Labelling, Project, StageReport, Trajectories
 
 
 def project_with(fixed, noise, sway=0.0):
@@ -22,6 +23,14 @@ def test_a_marker_that_fell_off_is_found_with_its_frame(noise):
     ((marker, first),) = standing_markers(project_with(1, noise))
     assert marker == 5
     assert abs(first - 300) <= 2
+
+
+def test_the_advice_names_it_and_its_frame():
+    project = project_with(1, 0.0)
+    seen = project.trajectories.seen
+    labelling = Labelling(np.where(seen, 0.99, np.nan), (), (), np.zeros(len(seen), dtype=int))
+    told = advice_on(Project(project.take).with_trajectories(project.trajectories, StageReport(), labelling))
+    assert "f from frame 300 on" in told[0]
 
 
 def test_a_marker_that_sways_is_on_a_body_that_holds_still():
