@@ -93,7 +93,8 @@ def limb_odds(positions: Floats, is_member: Bools) -> Floats:
         Which marker is on which limb.
     """
     n_frames = int(np.clip(MOST_DISTANCES // len(is_member) ** 2, LEAST_FRAMES, max(len(positions), LEAST_FRAMES)))
-    odds = np.clip(log_odds(positions[spread_frames(len(positions), n_frames)]), -LARGEST, LARGEST)
+    shown = positions[spread_frames(len(positions), n_frames)]
+    odds = np.clip(log_odds(shown, bounded=True), -LARGEST, LARGEST)
     np.fill_diagonal(odds, 0.0)
     n_pairs = is_member.sum(axis=0) - is_member
     return np.asarray(odds @ is_member / np.maximum(n_pairs, 1))

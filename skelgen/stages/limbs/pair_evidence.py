@@ -49,7 +49,16 @@ WEIGHTS = (-0.097, -0.866, 1.451, -3.647, -4.223, -1.575, -2.148, -1.578, -1.484
 SQUARE_WEIGHTS = (0.228, -0.139, -1.047, -1.302, -0.422, 0.249, 0.141, 0.271, 0.173, 0.405, -0.222, -0.430)
 
 
-def log_odds(positions: Floats) -> Floats:
+FINEST = 0.02
+"""Part of the median deviation that those of pairs on a limb have, where the weights were learned, at least."""
+
+FINER = 0.25
+"""Power with which smaller parts count that were not learned from."""
+
+_OF_STEADINESS = [FEATURES.index(name) for name in ("deviation / motion", "deviation / distance")]
+
+
+def log_odds(positions: Floats, *, bounded: bool = False) -> Floats:
     """Return the log odds that two markers share a limb, shape (n_markers, n_markers).
 
     They are 0 on the diagonal, and for markers that are not seen together.
@@ -58,14 +67,20 @@ def log_odds(positions: Floats) -> Floats:
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Sampled frames; NaN where unseen.
+    bounded : bool
+        Whether the sum of squares is kept from going on beyond what it was learned from. Of bodies that are rigid to a
+        micrometre it says else that all pairs on a limb are apart, and that all others are on one.
     """
-    features = pair_features(positions)
+    features = pair_features(positions, bounded=bounded)
+    if bounded:  # a pair that is steadier is not less likely
+        turns = [-WEIGHTS[one] / (2.0 * SQUARE_WEIGHTS[one]) for one in _OF_STEADINESS]
+        features[..., _OF_STEADINESS] = np.maximum(features[..., _OF_STEADINESS], turns)
     odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
     np.fill_diagonal(odds, 0.0)
     return np.asarray(np.nan_to_num(odds + odds.T) / 2, dtype=np.float64)
 
 
-def pair_features(positions: Floats) -> Floats:
+def pair_features(positions: Floats, *, bounded: bool = False) -> Floats:
     """Describe every pair of markers by numbers without unit, shape (n_markers, n_markers, n_features).
 
     Markers that are not seen together have NaN.
@@ -74,10 +89,15 @@ def pair_features(positions: Floats) -> Floats:
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Sampled frames; NaN where unseen.
+    bounded : bool
+        Whether small deviations count for less than they are; see `FINEST`.
     """
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
     known, unsteady, middle, far = _distances(shown)
     off = ~np.eye(len(far), dtype=bool)
+    if bounded:
+        least = max(FINEST * float(np.median(unsteady[off])), TINY)
+        unsteady = np.where(unsteady < least, least * (np.maximum(unsteady, TINY) / least) ** FINER, unsteady)
     alone = np.diag(np.full(len(far), np.inf))
     steadiest, nearest = (unsteady + alone).min(axis=1), np.maximum((far + alone).min(axis=1), TINY)
     noise = max(float(np.median(steadiest)), TINY)

@@ -17,6 +17,12 @@ def test_markers_of_rigid_limbs_are_sure_and_shares_are_probabilities(simulated)
     assert (limbs.membership.sum(axis=1) < 1 + 1e-9).all()
 
 
+@pytest.mark.parametrize(("body", "noise"), [("human", 0.0), ("tree:8", 0.0), ("human", 0.05)])
+def test_markers_of_exact_takes_are_no_less_sure(simulated, body: str, noise: float):
+    limbs = find_limbs(simulated(body, n_frames=300, noise=noise).take)
+    assert not len(limbs.doubtful)
+
+
 def test_a_marker_between_two_limbs_is_the_least_sure_and_named_with_both(simulated):
     case = simulated("human", n_frames=300, noise=0.3)
     first, second = case.truth.edges[0]
