@@ -62,12 +62,12 @@ def kernel_part(function: _Function) -> _Function:
     Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
     anew for each of them. Names of NumPy's are not; see `fixed`.
     """
-    return cast(_Function, Kernel(function, _part))
+    return cast(_Function, KernelPart(function, _part))
 
 
 def array_part(function: _Function) -> _Function:
     """Return a function that only kernels call, and that may make arrays; see `kernel_part`."""
-    return cast(_Function, Kernel(function, _part_that_makes_arrays))
+    return cast(_Function, KernelPart(function, _part_that_makes_arrays))
 
 
 class Kernel:
@@ -116,6 +116,22 @@ class Kernel:
                 if self._compiled is None:
                     self._compiled = self._compile_with(self.function)
         return self._compiled
+
+
+class KernelPart(Kernel):
+    """A function that only kernels call: what is compiled of it has no entry from Python."""
+
+    def __call__(self, *args: Any) -> Any:
+        """Call the function where nothing is compiled.
+
+        Raises
+        ------
+        KernelError
+            If it is compiled: Python would jump to nowhere.
+        """
+        if self.compiled is not self.function:
+            raise KernelError(f"only kernels call {self.__module__}.{self.__name__}, which has no entry from Python")
+        return self.function(*args)
 
 
 def fixed(*numbers: int) -> tuple[int, ...]:

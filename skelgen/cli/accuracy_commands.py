@@ -159,6 +159,8 @@ def simulate(
     options, screen = given(values), Screen(quiet)
     if motion is not None and str(motion) in MOTIONS:
         motion, options["motion"] = None, str(motion)
+    elif motion is not None and not motion.suffix and not motion.exists():
+        raise ParameterError(f"--motion {motion} is neither a file nor one of {', '.join(MOTIONS)}")
     if motion is None and options.keys() & {"motion", "marker_set", "height"}:
         structure = structure or "human"
     if (structure is None) == (motion is None):

@@ -230,6 +230,11 @@ def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
     assert names_in(tmp_path) == [wave]
 
 
+def test_a_motion_that_is_no_file_and_unknown_is_refused_with_those_known(tmp_path, capsys):
+    assert main(["simulate", "--motion", "hop", "-o", str(tmp_path / "hop.c3d")]) != 0
+    assert "neither a file nor one of walk, run, squat, reach, jump" in capsys.readouterr().err.replace("\n", " ")
+
+
 def test_simulated_take_and_truth_lie_side_by_side(tmp_path):
     assert main(["simulate", "rods", "-o", str(tmp_path / "r.trc"), "--n-frames", "20", "--noise", "0.5", "-q"]) == 0
     assert names_in(tmp_path) == ["r.trc", "r.truth.npz"]

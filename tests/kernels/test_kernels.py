@@ -160,6 +160,12 @@ def test_kernels_call_their_parts():
 
 
 @needs_compiler
+def test_a_part_that_python_calls_is_an_error_in_words():
+    with pytest.raises(KernelError, match=r"only kernels call .*_taken, which has no entry from Python"):
+        _taken(np.array([5.0, 0.0, 3.0]), FIRST)
+
+
+@needs_compiler
 def test_parts_are_compiled_once_whatever_fixed_numbers_they_are_given():
     _difference.compiled.compile((_float_array(),))
     assert isinstance(_taken, Kernel)

@@ -116,7 +116,7 @@ def label_by_subject(
     if explained < LEAST_EXPLAINED:
         raise InputError(
             f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
-            "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
+            "it is of another body, or of other markers: calibrate this take by itself, without that skeleton"
         )
     if not points.names:
         refit = refit_labels(points.cloud, points.tracks, placed, calibrated, parameters, monitor)
