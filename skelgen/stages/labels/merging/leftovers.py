@@ -30,7 +30,7 @@ from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
 from skelgen._kernels.tracklet_evidence import WITNESSES
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.followed import MOST_POINTS, FollowedCloud
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, LEAST_WITNESSES, SEEN_ENOUGH
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
 
@@ -91,7 +91,7 @@ def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    for _ in range(MOST_PASSES):
+    for _ in range(MOST_PASSES if take.cloud.n_points <= MOST_POINTS else 1):
         pieces, before = _lasting(take.track_of_point, marker_of_point, 1), marker_of_point
         marker_of_point = _with_pieces(take, before, pieces, take.distances(before), over_gaps=True)
         if marker_of_point is before:
