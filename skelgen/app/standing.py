@@ -62,9 +62,12 @@ def _rest_begins(markers: Trajectories, marker: int) -> int | None:
     end = path[-max(3, round(_END_SECONDS * markers.rate)) :]
     place = np.median(end, axis=0)
     noise = float(np.sqrt(np.square(end - place).mean()))
-    away = np.flatnonzero(np.abs(path - place).max(axis=1) > _OFF_PLACE * noise + _ROUNDING)
+    limit = _OFF_PLACE * noise + _ROUNDING
+    if np.abs(path[-least:] - place).max() > limit:  # of most markers, without a look at all of a long take
+        return None
+    away = np.flatnonzero(np.abs(path - place).max(axis=1) > limit)
     begin = int(away[-1]) + 1 if len(away) else 0
-    return int(frames[begin]) if len(path) - begin >= least and _is_white(path[begin:]) else None
+    return int(frames[begin]) if _is_white(path[begin:]) else None
 
 
 def _is_white(path: Floats) -> bool:

@@ -64,7 +64,7 @@ def limb(turning_limb) -> tuple[PointCloud, np.ndarray]:
 
 
 def continuity(cloud: PointCloud, marker: np.ndarray) -> Continuity:
-    return Continuity(cloud, marker, marker, RATE, SPACING)
+    return Continuity(FollowedCloud(cloud, marker, RATE, SPACING), marker)
 
 
 def after_the_gap(cloud: PointCloud) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging import turns
+from skelgen.stages.labels.merging import followed, turns
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.turns import put_right
 
@@ -43,7 +43,7 @@ def test_right_labels_stay(case) -> None:
 
 def test_very_long_takes_are_put_right_without_the_moves_that_need_much_memory(case, monkeypatch) -> None:
     cloud, marker, track = case
-    monkeypatch.setattr(turns, "MOST_POINTS", len(marker) - 1)
+    monkeypatch.setattr(followed, "MOST_POINTS", len(marker) - 1)
     for name in ("push_pieces", "match_hidden"):
         monkeypatch.setattr(turns, name, None)
     wrong = np.where(track >= N, 1 - marker, marker)

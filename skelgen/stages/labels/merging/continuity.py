@@ -18,16 +18,21 @@ where h is minus the logarithm of Student's distribution in three dimensions. Di
 once do not say this: of two markers that nothing rigid is seen with, both may suit as well.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.statistics import lengths_of
-from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
+
+if TYPE_CHECKING:
+    from skelgen.stages.labels.merging.followed import FollowedCloud
 
 LONGEST = 0.5
 """s; over longer gaps the neighbours do not predict a marker."""
@@ -97,23 +102,14 @@ class Continuity:
 
     Attributes
     ----------
-    cloud : PointCloud
+    take : FollowedCloud
         The take.
-    track_of_point : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of neighbouring markers.
     """
 
-    cloud: PointCloud
-    track_of_point: Ints
+    take: FollowedCloud
     marker_of_point: Ints
-    rate: float
-    spacing: float
 
     @cached_property
     def _n_markers(self) -> int:
@@ -121,7 +117,7 @@ class Continuity:
 
     @cached_property
     def _frame(self) -> Ints:
-        return np.repeat(np.arange(self.cloud.n_frames), self.cloud.points_per_frame)
+        return self.take.frame_of_point()
 
     @cached_property
     def _owned(self) -> tuple[Ints, Ints]:
@@ -134,7 +130,7 @@ class Continuity:
     def _parts(self) -> tuple[Ints, Ints, Ints]:
         """Marker, first and last point of each part of a marker that is followed without a gap."""
         points, _ = self._owned
-        marker, frame, track = self.marker_of_point[points], self._frame[points], self.track_of_point[points]
+        marker, frame, track = self.marker_of_point[points], self._frame[points], self.take.track_of_point[points]
         begins = (marker[1:] != marker[:-1]) | (track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1)
         first = np.flatnonzero(np.concatenate([np.ones(min(len(points), 1), dtype=bool), begins]))
         last = np.append(first[1:], len(points)) - 1
@@ -145,7 +141,7 @@ class Continuity:
         marker, first, last = self._parts
         within = np.flatnonzero(marker[1:] == marker[:-1])
         before, after = last[within], first[within + 1]
-        short = self._frame[after] - self._frame[before] <= LONGEST * self.rate
+        short = self._frame[after] - self._frame[before] <= LONGEST * self.take.rate
         return float(np.nansum(self.evidence(before[short], after[short], marker[within][short])))
 
     def between(self, apart: Bools) -> Floats:
@@ -162,8 +158,8 @@ class Continuity:
         if not len(ends):
             return spoken
         before, after = last[ends], first[begins]
-        away = lengths_of(self.cloud.points[after] - self.cloud.points[before])
-        reach = FASTEST * (self._frame[after] - self._frame[before]) / self.rate + 3.0 * self.spacing
+        away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
+        reach = FASTEST * (self._frame[after] - self._frame[before]) / self.take.rate + 3.0 * self.take.spacing
         near = np.flatnonzero(away < reach)
         evidence = np.full(len(ends), -MOST_SPOKEN)
         evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], marker[ends[near]]))
@@ -175,11 +171,13 @@ class Continuity:
         marker, first, last = self._parts
         begin, end = self._frame[first], self._frame[last]
         same = marker[1:] == marker[:-1]
-        next_begin = np.append(np.where(same, begin[1:], self.cloud.n_frames), self.cloud.n_frames)[: len(marker)]
+        next_begin = np.append(np.where(same, begin[1:], self.take.cloud.n_frames), self.take.cloud.n_frames)[
+            : len(marker)
+        ]
         last_end = np.append(-1, np.where(same, end[:-1], -1))[: len(marker)]
         order = np.argsort(begin, kind="stable")
         low = np.searchsorted(begin[order], end, side="right")
-        count = np.searchsorted(begin[order], end + int(LONGEST * self.rate), side="right") - low
+        count = np.searchsorted(begin[order], end + int(LONGEST * self.take.rate), side="right") - low
         ends = np.repeat(np.arange(len(marker)), count)
         begins = order[np.arange(len(ends)) + np.repeat(low - np.cumsum(count) + count, count)]
         follows = ~apart[marker[ends], marker[begins]] & (marker[ends] != marker[begins])
@@ -203,7 +201,7 @@ class Continuity:
         """
         evidence, n_gaps = np.zeros(possible.shape), np.zeros(possible.shape, dtype=np.intp)
         points, starts = self._owned
-        longest = LONGEST * self.rate
+        longest = LONGEST * self.take.rate
         gaps = []
         for marker in range(self._n_markers):
             own = points[starts[marker] : starts[marker + 1]]
@@ -232,7 +230,7 @@ class Continuity:
         marker : ndarray of intp, shape (n_gaps,)
             Markers that would have the gaps: not among the neighbours.
         """
-        evidence, points = np.full(len(before), np.nan), self.cloud.points
+        evidence, points = np.full(len(before), np.nan), self.take.cloud.points
         for start in range(0, len(before), GAPS_AT_ONCE):
             part = slice(start, start + GAPS_AT_ONCE)
             source, target = (self._places(ends[part]) for ends in (before, after))
@@ -240,19 +238,33 @@ class Continuity:
             possible[np.arange(len(source)), marker[part]] = False
             begin = points[before[part]].astype(np.float64)
             expected, misfit = carried(begin, np.nan_to_num(source), np.nan_to_num(target), possible)
-            deviation = PER_MISFIT * np.sqrt(misfit**2 + (STEADY * self.spacing) ** 2)
-            wide = np.sqrt(deviation**2 + self.spacing**2)
+            deviation = PER_MISFIT * np.sqrt(misfit**2 + (STEADY * self.take.spacing) ** 2)
             missed = lengths_of(points[after[part]] - expected)
-            said = 3.0 * np.log(wide / deviation) - _tail(missed / deviation) + _tail(missed / wide)
-            evidence[part] = said
+            evidence[part] = evidence_of_missed(missed, deviation, self.take.spacing, FREEDOM)
         return evidence
 
     def _places(self, points: Ints) -> Floats:
         """Markers in the frame of each point [mm], NaN where unseen, shape (n_points, n_markers, 3)."""
         frames, row = np.unique(self._frame[points], return_inverse=True)
-        return point_labels.sampled_positions(self.cloud, self.marker_of_point, frames, self._n_markers)[row]
+        return point_labels.sampled_positions(self.take.cloud, self.marker_of_point, frames, self._n_markers)[row]
 
 
-def _tail(ratio: Floats) -> Floats:
-    """Minus the logarithm of Student's distribution in three dimensions, but for a constant."""
-    return np.asarray((FREEDOM + 3.0) / 2 * np.log1p(ratio**2 / FREEDOM))
+def evidence_of_missed(missed: Floats, deviation: Floats, spacing: float, freedom: float) -> Floats:
+    """Return the evidence [nats] that what is found near a prediction is what was predicted; E above.
+
+    Parameters
+    ----------
+    missed : ndarray, mm
+        How far it is from the prediction.
+    deviation : ndarray, mm
+        Of a coordinate of the prediction.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    freedom : float
+        Of Student's distribution.
+    """
+    wide = np.sqrt(deviation**2 + spacing**2)
+    near, far = (
+        (freedom + 3.0) / 2 * np.log1p((missed / one) ** 2 / freedom) for one in (deviation, wide)
+    )  # minus the logarithms of its densities, but for a constant
+    return np.asarray(3.0 * np.log(wide / deviation) - near + far)

@@ -97,6 +97,11 @@ class FollowedCloud:
         """Whether the take has so few independent moments that markers are compared more often."""
         return len(self._every_moment) > len(self._independent)
 
+    @property
+    def is_very_long(self) -> bool:
+        """Whether the take has so many points that only what needs little memory is done with it."""
+        return self.cloud.n_points > MOST_POINTS
+
     def frame_of_point(self) -> Ints:
         """Return the frame of each point, shape (n_points,)."""
         return np.repeat(np.arange(self.cloud.n_frames, dtype=np.int32), self.cloud.points_per_frame)
@@ -180,9 +185,7 @@ class FollowedCloud:
         marker_of_point : ndarray of intp, shape (n_points,)
             Marker of each point, -1 for none.
         """
-        if self.cloud.n_points > MOST_POINTS:
-            return None
-        return Continuity(self.cloud, self.track_of_point, marker_of_point, self.rate, self.spacing)
+        return None if self.is_very_long else Continuity(self, marker_of_point)
 
     def _distances(self, marker_of_point: Ints, frames: Ints, weights: Floats | None) -> Floats:
         n_markers = int(marker_of_point.max(initial=-1)) + 1

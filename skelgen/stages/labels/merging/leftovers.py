@@ -28,9 +28,9 @@ import numpy as np
 
 from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
 from skelgen._kernels.tracklet_evidence import WITNESSES
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.followed import MOST_POINTS, FollowedCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, LEAST_WITNESSES, SEEN_ENOUGH
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
 
@@ -91,7 +91,7 @@ def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; the given array if nothing is added.
     """
-    for _ in range(MOST_PASSES if take.cloud.n_points <= MOST_POINTS else 1):
+    for _ in range(1 if take.is_very_long else MOST_PASSES):
         pieces, before = _lasting(take.track_of_point, marker_of_point, 1), marker_of_point
         marker_of_point = _with_pieces(take, before, pieces, take.distances(before), over_gaps=True)
         if marker_of_point is before:
@@ -173,14 +173,13 @@ def _given(
     distance, row = distances_beside(take, marker_of_point, points, len(laws[0]))
     starts = np.searchsorted(track, np.arange(int(track[-1]) + 1))
     ends = np.append(starts[1:], len(track))
-    evidence = evidence_of_pieces(distance, starts, laws, take.spacing)
+    evidence, is_seen = evidence_of_pieces(distance, starts, laws, take.spacing), _seen_beside(distance, starts)
     gaps = take.continuity(marker_of_point) if over_gaps else None
     if gaps:
-        unseen = ~np.logical_or.reduceat(~np.isnan(distance), starts)
-        said, n_gaps = gaps.beside(points[starts], points[ends - 1], unseen)
+        said, n_gaps = gaps.beside(points[starts], points[ends - 1], ~is_seen)
         evidence[np.isinf(evidence) & (n_gaps == BOTH_SIDES)] = 0.0
         evidence += said
-    evidence = _of_unseen(evidence, distance, starts)
+    evidence[is_seen] = -np.inf
     best, ranked = evidence.argmax(axis=1), np.sort(evidence, axis=1)
     none = np.where(ends - starts < LASTING, 0.0, -another)
     margin = ranked[:, -1] - np.maximum(ranked[:, -2], none)
@@ -220,9 +219,9 @@ def distances_beside(take: FollowedCloud, marker_of_point: Ints, points: Ints, n
     return np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2), row
 
 
-def _of_unseen(evidence: Floats, distance: Floats, starts: Ints) -> Floats:
-    """Evidence that pieces are markers, -inf for those seen beside them; shape (n_pieces, n_markers)."""
-    return np.where(np.logical_or.reduceat(~np.isnan(distance), starts), -np.inf, evidence)
+def _seen_beside(distance: Floats, starts: Ints) -> Bools:
+    """Which markers are seen beside which pieces, shape (n_pieces, n_markers)."""
+    return np.asarray(np.logical_or.reduceat(~np.isnan(distance), starts))
 
 
 def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Floats], spacing: float) -> Floats:
@@ -338,7 +337,8 @@ def _best_others(
     distance, _ = distances_beside(take, marker_of_point, moments.ravel(), len(laws[0]))
     distance[np.arange(len(distance)), np.repeat(own, MOMENTS)] = np.nan
     starts = every * MOMENTS
-    evidence = _of_unseen(evidence_of_pieces(distance, starts, laws, take.spacing), distance, starts)
+    evidence = evidence_of_pieces(distance, starts, laws, take.spacing)
+    evidence[_seen_beside(distance, starts)] = -np.inf
     kept = evidence[every, own]
     evidence[every, own] = -np.inf
     other = evidence.argmax(axis=1)

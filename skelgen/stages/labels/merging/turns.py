@@ -16,7 +16,7 @@ from dataclasses import replace
 from skelgen.model.arrays import Ints
 from skelgen.stages.labels.merging.chains import push_pieces
 from skelgen.stages.labels.merging.exchanges import exchange_markers
-from skelgen.stages.labels.merging.followed import MOST_POINTS, FollowedCloud
+from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.hidden_groups import match_hidden
 from skelgen.stages.labels.merging.leftovers import label_leftovers, move_pieces
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
@@ -45,7 +45,7 @@ def put_right(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none, numbered without holes.
     """
-    looks_far, found = take.cloud.n_points <= MOST_POINTS, marker_of_point
+    looks_far, found = not take.is_very_long, marker_of_point
     for judged in (take, replace(take, by_posture=True)) if looks_far else (take,):
         found = _in_turns(judged, found, looks_far)
     return label_leftovers(take, found, take.distances(found), MOST_AGAINST)

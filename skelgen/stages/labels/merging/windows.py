@@ -15,7 +15,7 @@ from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.merging.continuity import LONGEST, carried
+from skelgen.stages.labels.merging.continuity import LONGEST, carried, evidence_of_missed
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
 
 MOST_KEPT = 4
@@ -174,17 +174,11 @@ def _padded(table: Floats | Bools, size: int) -> Floats:
 def continuity_evidence(
     points: Floats, tracklets: TrackletPoints, rate: float, spacing: float
 ) -> tuple[Ints, Ints, Floats]:
-    r"""Evidence that one tracklet goes on where another ended.
+    """Evidence that one tracklet goes on where another ended.
 
-    The markers around carry a marker along: the rigid motion of its nearest neighbours over the gap predicts where it
-    comes back. How far such predictions err after a time is measured on the tracklets themselves. With the error's
-    deviation :math:`\sigma` after that time and the spacing w of markers, a tracklet that begins at a distance r from
-    the prediction is the same marker with the evidence
-
-    .. math:: E = 3 \log\frac{\sqrt{\sigma^2 + w^2}}{\sigma} - h(r / \sigma) + h(r / \sqrt{\sigma^2 + w^2}),
-
-    where h is minus the logarithm of Student's distribution with few degrees of freedom, because the predictions of
-    some markers err far more than those of most.
+    The rigid motion of a marker's nearest neighbours over the gap predicts where it comes back (`continuity`). Here the
+    deviation of such predictions is that after the same time, measured on the tracklets themselves; Student's
+    distribution has few degrees of freedom, because the predictions of some markers err far more than those of most.
 
     Parameters
     ----------
@@ -216,9 +210,8 @@ def continuity_evidence(
         distance = _missed(points, tracklets, (i, j), (tracklets.last[i], tracklets.first[j]))
         known = ~np.isnan(distance)
         sigma = deviation(gap[i[known], j[known]] / rate)
-        wide, distance = np.sqrt(sigma**2 + spacing**2), distance[known]
-        ratio = 3.0 * np.log(wide / sigma) - _tail(distance / sigma) + _tail(distance / wide)
-        evidence[start + np.flatnonzero(known)] = ratio
+        said = evidence_of_missed(distance[known], sigma, spacing, FREEDOM)
+        evidence[start + np.flatnonzero(known)] = said
     return before, after, evidence
 
 
@@ -265,8 +258,3 @@ def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> 
             deviations.append(max(float(np.nanmedian(missed)) / CHI_MEDIAN, np.finfo(np.float64).eps))
     reached, largest = np.array(times), np.maximum.accumulate(np.array(deviations))
     return (lambda time: np.asarray(np.interp(time, reached, largest))) if times else None
-
-
-def _tail(ratio: Floats) -> Floats:
-    """Minus the logarithm of Student's distribution in three dimensions, but for a constant."""
-    return np.asarray((FREEDOM + 3.0) / 2 * np.log1p(ratio**2 / FREEDOM))
