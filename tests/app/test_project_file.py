@@ -53,6 +53,12 @@ def with_member(source, member, content, target):
     return target
 
 
+def structure_of(file):
+    """What a project file says of its values, but for arrays."""
+    with zipfile.ZipFile(file) as archive:
+        return json.loads(archive.read("project.json"))
+
+
 def test_everything_comes_back_bit_for_bit(small_project, saved):
     assert values_of(open_project(saved)) == values_of(small_project)
 
@@ -65,8 +71,7 @@ def test_a_cloud_without_results_comes_back(tmp_path):
 
 
 def test_a_file_from_before_bodies_were_told_apart_opens(saved, tmp_path):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(saved)
     for name in ("body_of_limb", "body_probability"):
         del structure["limbs"]["fields"][name]
     older = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "older.skelgen"))
@@ -86,8 +91,7 @@ def judged(small_project):
 
 
 def test_files_from_before_all_deviations_were_stated_are_read(saved, tmp_path):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json")) | {"version": 1}
+    structure = structure_of(saved) | {"version": 1}
     skeleton = structure["skeleton"]["fields"]
     for name in ("offset_std", "length_std", "marker_noise"):
         del skeleton[name]
@@ -142,8 +146,7 @@ def as_0_1_0(data):
 
 
 def test_files_of_version_0_1_0_are_read(judged, tmp_path):
-    with zipfile.ZipFile(save_project(judged, tmp_path / "j.skelgen")) as archive:
-        structure = as_0_1_0(json.loads(archive.read("project.json")))
+    structure = as_0_1_0(structure_of(save_project(judged, tmp_path / "j.skelgen")))
     assert structure["version"] == 2
     older = with_member(tmp_path / "j.skelgen", "project.json", json.dumps(structure), tmp_path / "old.skelgen")
     assert values_of(open_project(older)) == values_of(judged)
@@ -154,8 +157,7 @@ def test_how_sure_labels_are_comes_back_bit_for_bit(judged, tmp_path):
 
 
 def test_files_from_before_first_points_were_stored_are_read(judged, tmp_path):
-    with zipfile.ZipFile(save_project(judged, tmp_path / "j.skelgen")) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(save_project(judged, tmp_path / "j.skelgen"))
     fields = structure["labelling"]["fields"]["tracklets"]["fields"]
     del fields["first_point"], fields["first_position"]
     older = open_project(
@@ -166,8 +168,7 @@ def test_files_from_before_first_points_were_stored_are_read(judged, tmp_path):
 
 
 def test_files_from_before_labels_were_judged_are_read(saved, tmp_path):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(saved)
     del structure["labelling"]
     project = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "old.skelgen"))
     assert not project.has_labelling
@@ -175,8 +176,7 @@ def test_files_from_before_labels_were_judged_are_read(saved, tmp_path):
 
 
 def test_files_from_before_joints_had_a_second_axis_are_read(saved, tmp_path):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(saved)
     for joint in structure["skeleton"]["fields"]["joints"]:
         del joint["fields"]["second_axis"]
     project = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "old.skelgen"))
@@ -226,8 +226,7 @@ def test_missing_member_is_named(saved, tmp_path, member):
 
 
 def test_newer_version_asks_for_an_update(saved, tmp_path):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json")) | {"version": VERSION + 1}
+    structure = structure_of(saved) | {"version": VERSION + 1}
     newer = with_member(saved, "project.json", json.dumps(structure), tmp_path / "b.skelgen")
     with pytest.raises(FormatError, match=rf"b.skelgen:project.json: version {VERSION + 1}.*update"):
         open_project(newer)
@@ -297,8 +296,7 @@ JSON_VALUES = st.recursive(
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_changed_structure_raises_only_format_errors(saved, tmp_path, data):
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(saved)
     node = structure
     while True:
         key = data.draw(st.sampled_from(sorted(node) if isinstance(node, dict) else range(len(node))))
@@ -342,8 +340,7 @@ def test_motion_of_a_file_has_its_joint_angles(small_project, saved):
 
 def changed_structure(saved, tmp_path, change):
     """The project with its structure edited by `change`."""
-    with zipfile.ZipFile(saved) as archive:
-        structure = json.loads(archive.read("project.json"))
+    structure = structure_of(saved)
     change(structure)
     return with_member(saved, "project.json", json.dumps(structure), tmp_path / "changed.skelgen")
 
