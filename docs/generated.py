@@ -142,6 +142,13 @@ What is written was opened with these, in every case by the tests:
 
 Unity, Unreal and Maya were not tried.
 """
+OPEN = """## Joints that the motion does not determine
+
+Where such a joint lies is a choice (see [skeleton](stages/skeleton.md#how-sure-it-is)), and files that hold joints say
+so: in a sentence with the names of these joints, or in a mark of each joint. BVH has no comments: the export says so,
+and a summary-json beside the file tells which joints these are. In `.raw-joints.c3d` of a run the points have the same
+descriptions as in c3d-joints. Marks beside angles are about the places of joints, not about the angles.
+"""
 KEPT = """## What a written file keeps
 
 All else that a project holds is lost; the project file `.skelgen` keeps everything.
@@ -164,7 +171,14 @@ def formats_markdown() -> str:
     written = [entry for entry in known_formats() if entry.write is not None]
     kept = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
     kept += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
-    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{TRIED}\n{KEPT}\n{_table(kept)}\n"
+    marks = [("name", "where the file says so"), ("---",) * 2]
+    marks += [
+        (entry.name, entry.marks_open or "nowhere")
+        for entry in written
+        if entry.marks_open or {"joints", "angles"} & {*entry.keeps}
+    ]
+    tables = f"{TRIED}\n{KEPT}\n{_table(kept)}\n\n{OPEN}\n{_table(marks)}\n"
+    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{tables}"
 
 
 def licences_markdown() -> str:

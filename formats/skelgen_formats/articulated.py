@@ -9,7 +9,6 @@ capsule is a cylinder between two half spheres. It reaches from end to end of th
 its half spheres stick out. Nothing is weighed: with the density of water a thigh comes near a thigh.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element
@@ -28,6 +27,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.bones import bone_end, bone_names, parent_from_child, plain_names
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
 from skelgen_formats.writing import choices_in
+from skelgen_formats.xml_text import comment_text
 
 _HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
 ANGLE_MARGIN, PLACE_MARGIN = float(np.deg2rad(5.0)), 0.1
@@ -133,7 +133,7 @@ def add_choices(document: Element, project: Project) -> None:
     pairs += zip(plain_names(skeleton.joint_names), skeleton.joint_names, strict=True)
     called = [f"{plain} is {own!r}" for plain, own in pairs if own not in {plain, plain.replace("_", " ")}]
     for sentence in (*called, *choices_in(project)):
-        document.append(Comment(re.sub("--+", "-", sentence)))
+        document.append(Comment(comment_text(sentence)))
 
 
 def markers_on(project: Project, limb: int) -> list[tuple[int, Floats]]:

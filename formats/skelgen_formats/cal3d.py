@@ -2,12 +2,13 @@
 
 One bone per limb, parents first; a bone begins at the joint to its parent, a root where its limb's frame has its
 origin. Times are in seconds; Cal3D itself knows neither unit nor axis convention. The loaders take two
-top-level elements, HEADER and the content, which makes the files no well-formed XML.
+top-level elements, HEADER and the content, which makes the files no well-formed XML. Comments stand behind these.
 
 Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of the usual quaternion.
 """
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ from skelgen_formats.bones import (
     xyzw_from_matrix,
 )
 from skelgen_formats.options import AXES, BONE_NAMES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
+from skelgen_formats.writing import choices_in
+from skelgen_formats.xml_text import comment_text
 
 _TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
@@ -58,7 +61,7 @@ def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
     skeleton_path, animation_path = files = _files(path)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, _skeleton(project.skeleton, unit))
+        _write(skeleton_file, chain(_skeleton(project.skeleton, unit), _comments(project)))
         _write(animation_file, _animation(project, unit, monitor))
     return list(files)
 
@@ -68,7 +71,7 @@ def _files(path: Path) -> tuple[Path, Path]:
 
 
 def _write(path: Path, lines: Iterator[str]) -> None:
-    with path.open("w", encoding="ascii", newline="\n") as stream:
+    with path.open("w", encoding="ascii", errors="xmlcharrefreplace", newline="\n") as stream:
         stream.writelines(lines)
 
 
@@ -92,6 +95,10 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
         yield "</BONE>\n"
     yield "</SKELETON>\n"
+
+
+def _comments(project: Project) -> Iterator[str]:
+    yield from (f"<!--{comment_text(sentence)}-->\n" for sentence in choices_in(project))
 
 
 def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
@@ -133,6 +140,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
+    marks_open="comments at the end of the skeleton",
     remarks=_remarks,
     options=(AXES, UNIT, RATE, BONE_NAMES),
     note="Two files are written, .xsf and .xaf.",

@@ -3,7 +3,7 @@
 Numbers are separated by blanks, and lines that begin with ``#`` say what they are, so that `numpy.loadtxt` reads both.
 The matrix has a row per marker: the standard deviations of its distances to all markers. The tree has a row per limb:
 the limb, its parent (-1 for a root) and the cost of the joint between them (nan for a root). What limbs are
-called stands in the lines with ``#``.
+called stands in the lines with ``#``, and, once the skeleton is fitted, which joints the motion does not determine.
 """
 
 from collections.abc import Iterable
@@ -15,6 +15,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen_formats.options import Format, Writable
+from skelgen_formats.writing import choices_in
 
 _COSTS_TITLE, _TREE_TITLE = "Cost matrix of the markers, text", "Tree of the limbs, text"
 
@@ -69,7 +70,7 @@ def write_tree(value: Writable, path: Path) -> list[Path]:
     for limb, parent in enumerate(topology.parents.tolist()):
         cost = float(topology.joint_costs[parent, limb]) if parent >= 0 else np.nan
         rows.append(f"{limb} {parent} {cost!r}")
-    _write(path, [*_comments([*lines, "limb parent cost_mm2"]), *rows])
+    _write(path, [*_comments([*lines, *choices_in(project), "limb parent cost_mm2"]), *rows])
     return [path]
 
 
@@ -112,5 +113,6 @@ TREE = Format(
     write=lambda value, path, options, monitor: write_tree(value, path),
     check=lambda value, options: _project(value, _TREE_TITLE).topology,
     keeps=("names", "limbs"),
+    marks_open="lines with `#`, once the skeleton is fitted",
     note="One row per limb: its parent and the cost of the joint between them.",
 )

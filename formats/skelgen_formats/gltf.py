@@ -52,7 +52,7 @@ from skelgen_formats.options import (
     moving_project,
     per_mm,
 )
-from skelgen_formats.writing import UPRIGHT, remark_on_up
+from skelgen_formats.writing import UPRIGHT, place_remark, remark_on_up
 
 _TITLE = "glTF"
 _UP = "y"
@@ -181,6 +181,7 @@ def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int])
             stated |= {"joint": skeleton.joint_name(joint), "kind": joint.kind, "std_mm": std.tolist()}
             stated["determined"] = joint.is_determined
             stated["fully_determined"] = joint.is_fully_determined
+            stated |= {"place": remark} if (remark := place_remark(joint)) else {}
             stated |= {name: axis.tolist() for name, axis in axes.items() if axis is not None}
         yield node
 
@@ -244,6 +245,7 @@ FORMAT = Format(
     write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
+    marks_open="`extras` of the nodes: `determined`, `fully_determined`, `place`",
     remarks=_remarks,
     options=(UPRIGHT, METRES, RATE, BONE_NAMES, REST),
     note="Skin, joints, animation, and markers as points that ride on their limbs; metres by default.",

@@ -162,6 +162,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
+    marks_open="comments of the model",
     remarks=_remarks,
     options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .mjcf.xml and .qpos.csv with MuJoCo's coordinates in every frame; in m and rad.",

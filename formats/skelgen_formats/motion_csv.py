@@ -5,6 +5,9 @@ Positions have three columns per joint: ``frame,time_s,limb0-limb1_x_mm,...``. A
 hinge has ``turn``, a universal joint ``first`` and ``second`` (about the axis in the parent, then in the child), other
 joints ``x``, ``y`` and ``z`` (rotation vector in the parent's axes), rigid ones nothing. Angles are 0 in the reference
 pose. Frames count from 0.
+
+If the motion leaves open where a joint is, columns ``limb0-limb1_determined`` stand last, one for each joint: 0 where
+its place is a choice, or 1.
 """
 
 import math
@@ -21,6 +24,7 @@ from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Writa
 
 _JOINTS_TITLE, _ANGLES_TITLE = "Joint positions, CSV", "Joint angles, CSV"
 _DECIMALS = 6  # of mm and of degrees
+_MARKS_OPEN = "columns `<joint>_determined`, 1 or 0, the last; left out if the motion determines all joints"
 _CHUNK_FRAMES = 2000  # frames whose numbers are Python objects at one time
 
 
@@ -55,7 +59,7 @@ def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     numbers = np.concatenate([values.reshape(motion.n_frames, 3 * len(names)) for _, values in kinds], axis=1)
     chunks = (numbers[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
     decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[unit]))
-    write_motion(path, header, motion.times, chunks, decimals, monitor)
+    _write_marked(project, path, header, chunks, decimals, monitor)
     return [path]
 
 
@@ -84,8 +88,23 @@ def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> 
     header: list[str] = []
     for name, joint in zip(project.skeleton.joint_names, project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
-    write_motion(path, header, project.motion.times, _angles(project), _DECIMALS, monitor)
+    _write_marked(project, path, header, _angles(project), _DECIMALS, monitor)
     return [path]
+
+
+def _write_marked(
+    project: Project, path: Path, header: list[str], chunks: Iterable[Floats], decimals: int, monitor: Monitor
+) -> None:
+    """Write numbers of joints, and behind them which joints the motion determines if it does not determine all."""
+    determined = [joint.is_determined for joint in project.skeleton.joints]
+    if all(determined):
+        write_motion(path, header, project.motion.times, chunks, decimals, monitor)
+        return
+    marks = np.array(determined, dtype=np.float64)
+    marked = (np.hstack([chunk, np.tile(marks, (len(chunk), 1))]) for chunk in chunks)
+    titles = [f"{name}_determined" for name in project.skeleton.joint_names]
+    places = [decimals] * len(header) + [0] * len(titles)
+    write_motion(path, [*header, *titles], project.motion.times, marked, places, monitor)
 
 
 def write_motion(
@@ -93,7 +112,7 @@ def write_motion(
     header: Sequence[str],
     times: Floats,
     chunks: Iterable[Floats],
-    decimals: int | None = None,
+    decimals: int | Sequence[int] | None = None,
     monitor: Monitor = SILENT,
 ) -> None:
     """Write a row per frame: number of the frame from 0, time [s], and numbers.
@@ -108,7 +127,7 @@ def write_motion(
         Time of each frame.
     chunks : iterable of ndarray, shape (n_rows, n_columns)
         The numbers of successive frames, together `n_frames` rows.
-    decimals : int, optional
+    decimals : int or sequence of int, length n_columns, optional
         Digits behind the point; as many as give the same number back if left out.
     monitor : Monitor
         Shows progress; may cancel.
@@ -118,7 +137,8 @@ def write_motion(
     WriteError
         If the file cannot be written.
     """
-    row = "%d,%r" + (",%r" if decimals is None else f",%.{decimals}f") * len(header) + "\n"
+    places = [decimals] * len(header) if decimals is None or isinstance(decimals, int) else decimals
+    row = "%d,%r" + "".join(",%r" if digits is None else f",%.{digits}f" for digits in places) + "\n"
     numbers = (values for chunk in chunks for values in chunk.tolist())
     frames = enumerate(zip(times.tolist(), numbers, strict=True))
     lines = (row % (frame, time, *values) for frame, (time, values) in frames)
@@ -172,6 +192,7 @@ JOINTS_CSV = Format(
     write=lambda value, path, options, monitor: write_joints_csv(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("joints",),
+    marks_open=_MARKS_OPEN,
     options=(AXES, UNIT, RATE),
     note="One row per frame; three columns per joint, then the three standard deviations of each.",
 )
@@ -183,6 +204,7 @@ ANGLES_CSV = Format(
     write=lambda value, path, options, monitor: write_angles_csv(value, path, monitor),
     check=lambda value, options: finished_project(value, _ANGLES_TITLE),
     keeps=("angles",),
+    marks_open=_MARKS_OPEN,
     options=(RATE,),
     note="One row per frame; every angle of every joint with its standard deviation, in degrees.",
 )

@@ -36,7 +36,7 @@ from skelgen_formats.articulated import (
 from skelgen_formats.bones import plain_names
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
 from skelgen_formats.trc import write_trc
-from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up
+from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
@@ -88,7 +88,7 @@ def write_opensim(
         document[0].set("name", plain_names([path.stem])[0])
         write_tree(model, document)
         write_tree(setup, _setup(project, named.names, files))
-        with motion.open("w", encoding="ascii", newline="\n") as stream:
+        with motion.open("w", encoding="ascii", errors="replace", newline="\n") as stream:
             stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
         write_trc(named, markers)
     return list(_files(path))
@@ -209,7 +209,9 @@ def _motion(project: Project, links: Sequence[Link], name: str, monitor: Monitor
         if link.kind == "free":
             columns[index] = np.concatenate([columns[index], link.translations * M_PER_MM], axis=1)
     names = [name for link in links for name in _coordinate_names(link)]
-    yield f"{name}\nversion=1\nnRows={project.motion.n_frames}\nnColumns={len(names) + 1}\ninDegrees=yes\nendheader\n"
+    yield f"{name}\nversion=1\nnRows={project.motion.n_frames}\nnColumns={len(names) + 1}\ninDegrees=yes\n"
+    yield from (f"{' '.join(sentence.split())}\n" for sentence in choices_in(project))
+    yield "endheader\n"
     yield "\t".join(["time", *names]) + "\n"
     rows = zip(project.motion.times.tolist(), np.concatenate(columns, axis=1).tolist(), strict=True)
     for time, values in with_progress(rows, project.motion.n_frames, monitor):
@@ -242,6 +244,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
+    marks_open="comments of the model, header of the motion",
     remarks=_remarks,
     options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Four files are written: .osim, .mot, .trc, and .ik.xml for inverse kinematics; m and degrees, markers in mm.",

@@ -345,6 +345,8 @@ class Format:
         The axis that is up in such files, ``y`` or ``z``; empty where they do not say.
     filled_mark : str
         How filled positions differ from measured ones in the file; empty where the format cannot mark them.
+    marks_open : str
+        Where the file says which joints the motion does not determine; empty where it cannot.
     """
 
     name: str
@@ -363,3 +365,4 @@ class Format:
     read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
     up: str = ""
     filled_mark: str = ""
+    marks_open: str = ""

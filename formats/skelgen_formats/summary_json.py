@@ -264,5 +264,6 @@ FORMAT = Format(
     write=lambda value, path, options, monitor: write_summary_json(value, path, monitor),
     check=lambda value, options: _project(value),
     keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
+    marks_open="`is_determined`, `is_fully_determined` and `not_determined` of each joint",
     note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",
 )

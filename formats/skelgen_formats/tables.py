@@ -120,10 +120,12 @@ def _markers(project: Project, frames: Ints, unit: str) -> Columns:
 def _joints(project: Project, frames: Ints, unit: str) -> Columns:
     motion = project.motion
     std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
+    determined = np.array([joint.is_determined for joint in project.skeleton.joints], dtype=np.intp)
     return {
         **head_columns(motion.times, frames, {"joint": project.skeleton.joint_names}),
         **axis_columns("{}_" + unit, motion.joint_positions[frames] * per_mm(unit)),
         **axis_columns("std_{}_" + unit, std[frames] * per_mm(unit)),
+        "determined": np.tile(determined, len(frames)),
     }
 
 
@@ -216,6 +218,7 @@ CSV = Format(
     files=lambda path, options: _files(path, CSV_SUFFIX),
     note=_NOTE,
     keeps=_KEPT,
+    marks_open="column `determined` of the joints, 1 or 0",
     options=(AXES, RATE, UNIT),
 )
 PARQUET = Format(
@@ -228,5 +231,6 @@ PARQUET = Format(
     files=lambda path, options: _files(path, PARQUET_SUFFIX),
     note=_NOTE + " Needs the extra `tables`.",
     keeps=_KEPT,
+    marks_open="column `determined` of the joints, 1 or 0",
     options=(AXES, RATE, UNIT),
 )

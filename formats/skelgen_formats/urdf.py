@@ -210,6 +210,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "motion"),
+    marks_open="comments of the robot",
     remarks=_remarks,
     options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .urdf and .urdf.csv with the value of each joint in every frame; in m and rad.",

@@ -285,6 +285,7 @@ FORMAT = Format(
     write=_write,
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
+    marks_open="attributes `skelgen:jointIsDetermined`, `skelgen:jointIsFullyDetermined` of the skeleton",
     remarks=_remarks,
     options=(AXES, METRES, RATE, TIME_CODES, BONE_NAMES, REST),
     note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",

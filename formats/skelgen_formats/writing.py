@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.files import replacing
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
-from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model import Joint, PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
@@ -294,6 +294,20 @@ PARTS: tuple[Part, ...] = (
 def parts_in(project: Project) -> tuple[Part, ...]:
     """Return the parts that a project has."""
     return tuple(part for part in PARTS if part.is_in(project))
+
+
+NOT_DETERMINED = "not determined by the motion"
+"""What files say of a joint whose place is a choice."""
+
+NOT_DETERMINED_ALONG_AXIS = "place along the axis not determined by the motion"
+"""What they say of a hinge whose place along its axis is one."""
+
+
+def place_remark(joint: Joint) -> str:
+    """Say what the motion does not determine of a joint's place; empty if it determines all."""
+    if joint.is_fully_determined:
+        return ""
+    return NOT_DETERMINED_ALONG_AXIS if joint.is_determined else NOT_DETERMINED
 
 
 def choices_in(project: Project) -> tuple[str, ...]:

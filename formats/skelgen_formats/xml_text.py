@@ -75,6 +75,11 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
+def comment_text(sentence: str) -> str:
+    """Return a sentence as a comment can hold it, which must not hold two hyphens in a row."""
+    return re.sub("--+", "-", sentence)
+
+
 def number_text(numbers: Iterable[float]) -> str:
     """Return numbers with all their digits, blanks between."""
     return " ".join(repr(float(number)) for number in numbers)

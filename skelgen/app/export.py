@@ -39,6 +39,7 @@ REPORT = Format(
     write=_write_report,
     keeps=tuple(part.name for part in PARTS),
     note="One page with figures and tables of everything that was found, for reading and printing.",
+    marks_open="dashed rings, and words in the table of joints",
 )
 """What can be written beside the registered formats."""
 
@@ -175,6 +176,8 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps else ()
+    if choices and not entry.marks_open:
+        choices = (*choices, f"{entry.title} has no place to say that of its joints; a summary-json beside it does.")
     called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)
     resting = remarks_on_rest(project, options.rest)
     return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from skelgen_formats import registry
+from skelgen_formats.c3d.writer import write_points
 from skelgen_formats.registry import write_file
 from skelgen_formats.text import defused
+from skelgen_formats.writing import place_remark
 
 from skelgen.app.limb_names import LIMB_COLUMNS
 from skelgen.app.project_file.archive import SUFFIX, save_project
@@ -107,9 +109,12 @@ def _write_limbs(project: Project, path: Path) -> None:
 
 
 def _write_raw_joints(project: Project, path: Path) -> None:
+    """Write the joints before the fit; after it, their descriptions say which the motion does not determine."""
     topology, trajectories = project.topology, project.trajectories
     names = tuple(joint_between(*(project.limbs.names[limb] for limb in edge)) for edge in topology.edges.tolist())
-    write_file(Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name), path)
+    marks = [place_remark(joint) for joint in project.skeleton.joints] if project.has("skeleton") else []
+    raw = Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name)
+    write_points(raw, path, "mm", descriptions=marks)
 
 
 def _write_report(project: Project, path: Path) -> None:

@@ -61,10 +61,13 @@ def joints_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
     -------
     DataFrame
         Columns ``frame``, ``time_s``, ``joint``, ``x_mm``, ``y_mm``, ``z_mm`` in the world, and the standard deviations
-        ``std_x_mm``, ``std_y_mm``, ``std_z_mm``, NaN where none were estimated.
+        ``std_x_mm``, ``std_y_mm``, ``std_z_mm``, NaN where none were estimated; ``determined``: whether the motion
+        determines where the joint is, but for a hinge's place along its axis.
     """
     std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
-    columns = axis_columns("{}_mm", motion.joint_positions) | axis_columns("std_{}_mm", std)
+    columns: dict[str, Column] = axis_columns("{}_mm", motion.joint_positions) | axis_columns("std_{}_mm", std)
+    determined = np.array([joint.is_determined for joint in skeleton.joints], dtype=np.bool_)
+    columns["determined"] = np.tile(determined, motion.n_frames)
     return _table(motion, {"joint": skeleton.joint_names}, columns)
 
 

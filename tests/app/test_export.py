@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from skelgen_formats.registry import find_format
-from skelgen_formats.writing import PARTS
+from skelgen_formats.writing import PARTS, choices_in
 
 from skelgen.app.export import (
     REPORT,
@@ -145,6 +145,48 @@ def test_joints_whose_place_is_a_choice_are_said_and_marked(small_project, tmp_p
     if name in {"opensim", "urdf", "mjcf"}:
         written = export_project(project, entry, path, {})
         assert f"<!--{said}-->" in written[0].read_text()
+
+
+@pytest.fixture
+def with_open_joint(small_project):
+    """The motion does not determine where the first joint is; it determines the others."""
+    first, *others = (replace(one, open_directions=0) for one in small_project.skeleton.joints)
+    skeleton = replace(small_project.skeleton, joints=(replace(first, open_directions=3), *others))
+    return replace(small_project, _skeleton=skeleton)
+
+
+@pytest.mark.parametrize(("name", "file"), [("cal3d", 0), ("opensim", 0), ("opensim", 1), ("tree", 0)])
+def test_files_with_comments_name_the_joints_that_motion_does_not_determine(with_open_joint, tmp_path, name, file):
+    entry = entry_of(name)
+    (sentence,) = choices_in(with_open_joint)
+    assert with_open_joint.skeleton.joint_names[0] in sentence
+    assert sentence in export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})[file].read_text()
+
+
+@pytest.mark.parametrize("name", ["joints-csv", "angles-csv"])
+def test_wide_tables_have_a_column_for_each_joint_if_motion_leaves_one_open(with_open_joint, tmp_path, name):
+    entry = entry_of(name)
+    (path,) = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})
+    header, *rows = (line.split(",")[-2:] for line in path.read_text().splitlines())
+    assert header == [f"{joint}_determined" for joint in with_open_joint.skeleton.joint_names]
+    assert rows == [["0", "1"]] * with_open_joint.motion.n_frames
+
+
+def test_long_tables_have_a_column_of_joints_that_motion_determines(with_open_joint, tmp_path):
+    entry = entry_of("table-csv")
+    joints = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})[1]
+    header, first, second, *_ = (line.split(",")[-1] for line in joints.read_text().splitlines())
+    assert (header, first, second) == ("determined", "0", "1")
+
+
+def test_bvh_says_that_it_has_no_place_for_joints_left_open(with_open_joint, tmp_path):
+    remarks = preview_export(with_open_joint, entry_of("bvh"), tmp_path / "x.bvh", {}).remarks
+    assert any("a summary-json beside it does" in sentence for sentence in remarks)
+
+
+def test_every_format_with_joints_says_where_it_marks_those_left_open():
+    silent = {entry.name for entry in export_formats() if "joints" in entry.keeps and not entry.marks_open}
+    assert silent == {"bvh"}
 
 
 def test_hinges_whose_place_along_their_axes_is_a_choice_are_said(small_project, tmp_path):

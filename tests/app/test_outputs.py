@@ -72,6 +72,14 @@ def test_failure_leaves_everything_as_it_was(small_project, tmp_path, error):
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("walk.skelgen", "precious")]
 
 
+def test_raw_joints_say_in_their_descriptions_which_motion_does_not_determine(small_project, tmp_path):
+    joints = tuple(replace(joint, open_directions=3) for joint in small_project.skeleton.joints)
+    project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
+    raw = tuple(output for output in OUTPUTS if output.suffix == ".raw-joints.c3d")
+    write_outputs(project, tmp_path, "a", outputs=raw)
+    assert (tmp_path / "a.raw-joints.c3d").read_bytes().count(b"not determined by the motion") == len(joints)
+
+
 def test_failure_removes_the_folders_it_made(small_project, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_outputs(small_project, tmp_path / "a" / "b", "walk", outputs=failing_last(KeyboardInterrupt()))

@@ -54,6 +54,15 @@ def project(request, make_project):
     }[request.param]()
 
 
+def test_comments_on_joints_left_open_do_not_disturb_the_loader(loader, small_project, tmp_path):
+    joints = tuple(replace(joint, open_directions=3, name="hip -- über") for joint in small_project.skeleton.joints)
+    marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
+    files = write_cal3d(marked, tmp_path / "walk.xsf")
+    assert files[0].read_text().endswith("hip - &#252;ber.-->\n")
+    truth = play(loader, write_cal3d(small_project, tmp_path / "plain.xsf"), marked.motion.times)
+    np.testing.assert_array_equal(play(loader, files, marked.motion.times), truth)
+
+
 def test_bones_are_where_the_limbs_are_at_every_frame(loader, project, tmp_path):
     played = play(loader, write_cal3d(project, tmp_path / "walk.xsf"), project.motion.times)
     truth = project.motion.world_from_limb[:, project.skeleton.outward][..., :3, 3]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skelgen_formats.articulated import capsule_of, plain_names
@@ -41,6 +43,18 @@ def test_bodies_and_markers_are_where_the_motion_has_them(jointed_project, tmp_p
         for marker, name in enumerate(plain_names(truth.trajectories.names[:-1])):
             place = in_mm(model.getMarkerSet().get(name).getLocationInGround(state))
             assert np.abs(place - truth.motion.marker_positions[frame, marker]).max() < POSITION_MM
+
+
+def test_sentences_on_joints_left_open_do_not_disturb_opensim(jointed_project, files, tmp_path):
+    joints = tuple(replace(joint, open_directions=3, name="") for joint in jointed_project.skeleton.joints)
+    marked = replace(jointed_project, _skeleton=replace(jointed_project.skeleton, joints=joints))
+    motion_file = write_file(marked, tmp_path / "open.osim")[1]
+    assert "their places are a choice: limb1-limb0, " in motion_file.read_text().partition("endheader")[0]
+    marked_columns, columns = opensim_columns(motion_file), opensim_columns(files[1])
+    assert list(marked_columns) == list(columns)
+    np.testing.assert_array_equal(list(marked_columns.values()), list(columns.values()))
+    stored = opensim.Storage(str(motion_file))  # the older reader, of OpenSim's tools
+    assert (stored.getSize(), stored.isInDegrees()) == (marked.motion.n_frames, True)
 
 
 def test_joints_are_of_the_kinds_found(files):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen.model import Joint, Project
+from skelgen.model import Project
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.c3d.companions import companions_of
@@ -34,6 +34,7 @@ from skelgen_formats.writing import (
     check_markers,
     marker_files,
     markers_to_write,
+    place_remark,
     positions_of,
     trajectories_of,
     write_table,
@@ -49,12 +50,6 @@ __all__ = [
 
 PLAIN = Options()
 """Options of a file in mm with what was measured."""
-
-NOT_DETERMINED = "not determined by the motion"
-"""Description of a joint whose place is a choice."""
-
-NOT_DETERMINED_ALONG_AXIS = "place along the axis not determined by the motion"
-"""Description of a hinge whose place along its axis is."""
 
 _TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
@@ -155,17 +150,10 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     )
     measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
-    marks = [_mark(joint) for joint in project.skeleton.joints]
+    marks = [place_remark(joint) for joint in project.skeleton.joints]
     descriptions = [""] * markers.n_markers + marks
     write_points(points, path, unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
     return [path]
-
-
-def _mark(joint: Joint) -> str:
-    """The description of a joint: whether its place is a choice, or that along its axis."""
-    if joint.is_fully_determined:
-        return ""
-    return NOT_DETERMINED_ALONG_AXIS if joint.is_determined else NOT_DETERMINED
 
 
 def _remarks_on_joints(project: Project, options: Options) -> tuple[str, ...]:
@@ -181,6 +169,7 @@ C3D_JOINTS = Format(
     write=lambda value, path, options, monitor: write_c3d_joints(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("markers", "names", "joints"),
+    marks_open="description of the point, in `POINT:DESCRIPTIONS`",
     remarks=_remarks_on_joints,
     options=(AXES, RATE, UNIT),
     note="Markers as measured, and the joints' centres as virtual points named after parent and child limb.",
