@@ -196,6 +196,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "not_determined": observed[index].sentence or None,
             "to_do": observed[index].advice or None,
             **_fields(joint, "is_determined", "is_fully_determined", "open_directions"),
+            "is_placed_by_marker_set": joint.is_placed_by_marker_set,
         }
         for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))
     ]
@@ -264,6 +265,6 @@ FORMAT = Format(
     write=lambda value, path, options, monitor: write_summary_json(value, path, monitor),
     check=lambda value, options: _project(value),
     keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
-    marks_open="`is_determined`, `is_fully_determined` and `not_determined` of each joint",
+    marks_open="`is_determined`, `is_placed_by_marker_set`, `not_determined` of each joint",
     note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",
 )

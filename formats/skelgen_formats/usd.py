@@ -55,6 +55,7 @@ from skelgen_formats.options import (
     moving_project,
     per_mm,
 )
+from skelgen_formats.writing import place_remark
 
 _TITLE = "USD"
 _CODES = 24.0  # per second: Blender's frame rate, and USD's own default
@@ -186,6 +187,8 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
         ("jointIsDetermined", {joint.child: joint.is_determined for joint in skeleton.joints}),
         ("jointIsFullyDetermined", {joint.child: joint.is_fully_determined for joint in skeleton.joints}),
     )
+    remarks = {joint.child: place_remark(joint) for joint in skeleton.joints}
+    _state(prim, "jointPlaceRemarks", types.StringArray, [remarks.get(limb, "") for limb in bones.limbs])
     for name, of_limb in stated:
         _state(prim, name, types.BoolArray, [of_limb.get(limb, True) for limb in skeleton.outward.tolist()])
     return prim
@@ -285,7 +288,7 @@ FORMAT = Format(
     write=_write,
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
-    marks_open="attributes `skelgen:jointIsDetermined`, `skelgen:jointIsFullyDetermined` of the skeleton",
+    marks_open="attributes `skelgen:jointIsDetermined`, `skelgen:jointPlaceRemarks` of the skeleton",
     remarks=_remarks,
     options=(AXES, METRES, RATE, TIME_CODES, BONE_NAMES, REST),
     note="Skeleton, animation and measured markers as points; needs `skelgen-mocap[usd]`; .usda is text.",

@@ -303,22 +303,36 @@ NOT_DETERMINED_ALONG_AXIS = "place along the axis not determined by the motion"
 """What they say of a hinge whose place along its axis is one."""
 
 
+PLACED_BY_MARKER_SET = "placed by the marker set, not determined by the motion"
+"""What they say of a joint whose place rests on the marker set that is worn."""
+
+
 def place_remark(joint: Joint) -> str:
     """Say what the motion does not determine of a joint's place; empty if it determines all."""
     if joint.is_fully_determined:
         return ""
+    if joint.is_placed_by_marker_set:
+        return PLACED_BY_MARKER_SET
     return NOT_DETERMINED_ALONG_AXIS if joint.is_determined else NOT_DETERMINED
 
 
 def choices_in(project: Project) -> tuple[str, ...]:
-    """Say which joints are drawn where the motion does not determine them, and which hinges along their axes."""
+    """Say which joints the motion does not determine, and which of these the marker set places.
+
+    Parameters
+    ----------
+    project : Project
+        With or without a skeleton.
+    """
     if not project.has("skeleton"):
         return ()
-    named = [*zip(project.skeleton.joint_names, project.skeleton.joints, strict=True)]
-    anywhere = ", ".join(name for name, joint in named if not joint.is_determined)
-    along = ", ".join(name for name, joint in named if joint.is_determined and not joint.is_fully_determined)
-    sentences = (
-        (anywhere, "The motion does not determine where these joints are; their places are a choice"),
-        (along, "The motion does not determine where these hinges are along their axes; that is a choice"),
-    )
-    return tuple(f"{sentence}: {names}." for names, sentence in sentences if names)
+    sentences = {
+        NOT_DETERMINED: "The motion does not determine where these joints are; their places are a choice",
+        PLACED_BY_MARKER_SET: "The motion does not determine where these joints are; the marker set places them",
+        NOT_DETERMINED_ALONG_AXIS: "The motion does not determine where these hinges are along their axes; that is a"
+        " choice",
+    }
+    names: dict[str, list[str]] = {remark: [] for remark in sentences}
+    for name, joint in zip(project.skeleton.joint_names, project.skeleton.joints, strict=True):
+        names.get(place_remark(joint), []).append(name)
+    return tuple(f"{sentences[remark]}: {', '.join(of)}." for remark, of in names.items() if of)

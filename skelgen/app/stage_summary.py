@@ -212,7 +212,10 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     types = [joint.kind for joint in project.skeleton.joints]
     listed_types = ", ".join(f"{types.count(kind)} {kind}" for kind in dict.fromkeys(types))
     yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
-    n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
+    n_by_set = sum(joint.is_placed_by_marker_set for joint in project.skeleton.joints)
+    if n_by_set:
+        yield f"The marker set places {counted(n_by_set, 'joint')}, as the motion does not."
+    n_open = sum(not joint.is_determined for joint in project.skeleton.joints) - n_by_set
     if n_open:
         verb = "lies" if n_open == 1 else "lie"
         yield f"Where {counted(n_open, 'joint')} {verb} is a choice: the motion does not determine it."

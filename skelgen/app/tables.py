@@ -282,6 +282,7 @@ def _joint_rows(project: Project) -> list[Row]:
             row["turns_deg"] = [round(float(turn), 1) for turn in np.rad2deg(observed[index].motion.ranges)]
             row["is_determined"] = joint.is_determined
             row["is_fully_determined"] = joint.is_fully_determined
+            row["is_placed_by_marker_set"] = joint.is_placed_by_marker_set
             row["not_determined"] = observed[index].sentence or None
             row["to_do"] = observed[index].advice or None
         rows.append(row)

@@ -96,6 +96,9 @@ class Joint:
     open_directions : int
         In how many of three directions the motion does not determine the position in the parent: where it is drawn
         along them is a choice, and the deviation is as large as the limb. A hinge has one, its axis.
+    is_placed_by_marker_set : bool
+        Whether the place rests on the marker set that a person wears, whose joints are known, because the motion alone
+        does not determine it.
     name : str
         What the user calls it; empty: by the limbs that it joins.
 
@@ -119,6 +122,7 @@ class Joint:
     turn_covariance: Floats | None = None
     open_directions: int = 0
     name: str = ""
+    is_placed_by_marker_set: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_TYPES:
@@ -136,12 +140,12 @@ class Joint:
     @property
     def is_determined(self) -> bool:
         """Whether motion determines the position, but for the place of a hinge along its axis."""
-        return self.open_directions <= (self.kind == "hinge")
+        return not self.is_placed_by_marker_set and self.open_directions <= (self.kind == "hinge")
 
     @property
     def is_fully_determined(self) -> bool:
         """Whether motion determines the position, that of a hinge along its axis, too."""
-        return self.open_directions == 0
+        return not self.is_placed_by_marker_set and self.open_directions == 0
 
     @property
     def std_in_child(self) -> Floats | None:

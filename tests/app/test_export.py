@@ -184,6 +184,20 @@ def test_bvh_says_that_it_has_no_place_for_joints_left_open(with_open_joint, tmp
     assert any("a summary-json beside it does" in sentence for sentence in remarks)
 
 
+@pytest.mark.parametrize("name", ["cal3d", "opensim", "gltf", "usd", "c3d-joints", "summary-json", "classic-xml"])
+def test_joints_that_the_marker_set_places_are_marked_as_such(small_project, tmp_path, name):
+    first, *others = (replace(one, open_directions=0) for one in small_project.skeleton.joints)
+    skeleton = replace(small_project.skeleton, joints=(replace(first, is_placed_by_marker_set=True), *others))
+    project = replace(small_project, _skeleton=skeleton)
+    entry = entry_of(name)
+    suffix = ".usda" if name == "usd" else entry.suffixes[0]  # the usual one is compressed
+    path = export_project(project, entry, tmp_path / f"x{suffix}", {})[0]
+    plain = export_project(small_project, entry, tmp_path / f"y{suffix}", {})[0]
+    words = b'"is_placed_by_marker_set": true' if name == "summary-json" else b"marker set"
+    assert words in path.read_bytes()
+    assert words not in plain.read_bytes()
+
+
 def test_every_format_with_joints_says_where_it_marks_those_left_open():
     silent = {entry.name for entry in export_formats() if "joints" in entry.keeps and not entry.marks_open}
     assert silent == {"bvh"}

@@ -31,6 +31,18 @@ def test_limbs_and_tree_are_those_of_the_set(walking):
     assert edges_of(project) <= {frozenset(pair) for pair in PARENTS.items()}
 
 
+def test_joints_that_motion_alone_does_not_determine_are_placed_by_the_set(walking):
+    project = skelgen.reconstruct(walking.take)
+    placed = {joint.child for joint in project.skeleton.joints if joint.is_placed_by_marker_set}
+    names = dict(zip(project.skeleton.joint_names, project.skeleton.joints, strict=True))
+    assert {names["waist"].child, names["neck"].child} <= placed  # a walk turns trunk and head by some degrees
+    assert not any(joint.is_determined for joint in project.skeleton.joints if joint.child in placed)
+    said = [notice for notice in project.reports["skeleton"].notices if "is placed by the marker set" in notice]
+    assert len(said) == len(placed)
+    unknown = skelgen.reconstruct(walking.take, parameters={"skeleton": {"known_build": False}})
+    assert not any(joint.is_placed_by_marker_set for joint in unknown.skeleton.joints)
+
+
 def test_nothing_is_known_of_the_build_without_marker_sets(walking):
     def joints(skeleton):
         parameters = {"limbs": {"marker_set": "none"}, "skeleton": skeleton}

@@ -174,6 +174,14 @@ def test_directions_that_motion_leaves_open_come_back(small_project, tmp_path):
     assert not any(joint.is_determined for joint in back)
 
 
+def test_joints_that_the_marker_set_places_come_back_as_such(small_project, tmp_path):
+    first, *others = small_project.skeleton.joints
+    skeleton = replace(small_project.skeleton, joints=(replace(first, is_placed_by_marker_set=True), *others))
+    written = write_classic_xml(replace(small_project, _skeleton=skeleton), tmp_path / "set.xml")[0]
+    back = [joint.is_placed_by_marker_set for joint in read_classic_xml(written).skeleton.joints]
+    assert back == [True, *[False] * len(others)]
+
+
 def test_raw_joints_come_back_exactly_with_unknown_frames(file, small_project):
     back = read_classic_xml(file).raw_joint_positions
     assert np.array_equal(back, small_project.topology.raw_joint_positions, equal_nan=True)

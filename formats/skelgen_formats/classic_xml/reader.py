@@ -19,7 +19,7 @@ from skelgen_formats.classic_xml.contents import (
     MarkerDistance,
     assemble,
 )
-from skelgen_formats.classic_xml.writer import ALL, DEVIATIONS, JOINTS, MOTION, ROOT, VERSION
+from skelgen_formats.classic_xml.writer import ALL, BY_MARKER_SET, DEVIATIONS, JOINTS, MOTION, ROOT, VERSION
 from skelgen_formats.xml_text import SAFE_XML
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
@@ -235,6 +235,7 @@ class _Reader:
         return JointFacts(
             kind=self._text(element, "KIND"),
             open_directions=self._int(element, "OPENDIRECTIONS") if "OPENDIRECTIONS" in element.attrib else 0,
+            is_placed_by_marker_set=element.get("PLACEDBY") == BY_MARKER_SET,
             position_in_parent=self._vector(element, "POSITIONINPARENT", 3),
             position_in_child=self._vector(element, "POSITIONINBONE", 3),
             std=self._vector(element, "STANDARDDEVIATION", 3),

@@ -33,6 +33,9 @@ MOTION, JOINTS, ALL = "motion", "joints", "all"
 _LEFT_OUT_BONE = -1
 _EXACT, _SHORT = "%r", "%.9g"  # all digits of a double; a millionth of a millimetre within ten metres
 
+BY_MARKER_SET = "marker set"
+"""What the attribute ``PLACEDBY`` says of joints that the marker set places."""
+
 DEVIATIONS = {
     "COVARIANCE": "covariance",
     "COVARIANCEINBONE": "covariance_in_child",
@@ -161,7 +164,8 @@ def _skeleton(project: Project, path: Path) -> Iterator[str]:
         if limb in joint_of_child:
             joint = joint_of_child[limb]
             name = _quoted(skeleton.joint_name(joint), path)
-            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}" NAME={name}>\n'
+            placed = f' PLACEDBY="{BY_MARKER_SET}"' if joint.is_placed_by_marker_set else ""
+            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}"{placed} NAME={name}>\n'
             yield _row("POSITIONINPARENT", joint.position_in_parent)
             yield _row("POSITIONINBONE", joint.position_in_child)
             yield _row("STANDARDDEVIATION", joint.std)

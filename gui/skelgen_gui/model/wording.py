@@ -75,7 +75,9 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     if project.has("skeleton"):
         fitted = project.skeleton.joints[joint]
         lines.append(_kind(fitted.kind))
-        if not fitted.is_determined:
+        if fitted.is_placed_by_marker_set:
+            lines.append(_tr("the marker set places it: the motion does not determine where it is"))
+        elif not fitted.is_determined:
             lines.append(_tr("its place is a choice: the motion does not determine it"))
         elif not fitted.is_fully_determined:
             lines.append(_tr("its place along its axis is a choice: the motion does not determine it"))

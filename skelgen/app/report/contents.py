@@ -153,11 +153,13 @@ def _tree_sentence(project: Project) -> str:
     types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
     named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
-    n_doubtful, n_open = len(topology.doubtful), 0
+    n_doubtful, n_open, by_set = len(topology.doubtful), 0, ""
     if project.has("skeleton"):
+        n_by_set = sum(joint.is_placed_by_marker_set for joint in project.skeleton.joints)
+        by_set = f"; the marker set places {n_by_set} of them" if n_by_set else ""
         n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
     doubts = f" {counted(n_doubtful, 'edge')} of the tree may be another." if n_doubtful else ""
-    doubts += f" The motion does not determine where {counted(n_open, 'joint')} lie." if n_open else ""
+    doubts += f" The motion does not determine where {counted(n_open, 'joint')} lie{by_set}." if n_open else ""
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
     return f"{joints} connect them to {shape} with {roots} as root.{_bodies(project)}{doubts}"
 

@@ -96,7 +96,8 @@ def _fitted(joint: Joint) -> Content:
     axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
     covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
     stds = {"std": _place_std(joint, covariance), "child_std": _place_std(joint, joint.covariance_in_child)}
-    return {"is_determined": joint.is_determined, "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+    how = "by the marker set" if joint.is_placed_by_marker_set else "" if joint.is_determined else "a choice"
+    return {"placed": how, "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
 
 
 def _place_std(joint: Joint, covariance: Floats | None) -> str:

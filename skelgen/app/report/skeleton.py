@@ -300,6 +300,8 @@ def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
 
 def _joint(joint: Joint, index: int, x: float, y: float) -> Markup:
     """A ring; dashed where the motion does not determine the place, or that of a hinge along its axis."""
+    if joint.is_placed_by_marker_set:
+        return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: placed by the marker set")
     if joint.is_fully_determined:
         return svg.circle(x, y, 3.5, "joint", f"joint J{index}")
     along = " along its axis" if joint.is_determined else ""

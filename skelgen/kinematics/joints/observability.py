@@ -1,5 +1,6 @@
 """What the motion of a joint does not determine of its position, in plain sentences."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import relative_vectors
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.model import Motion, Skeleton
+from skelgen.model import Joint, Motion, Skeleton
 from skelgen.model.arrays import Floats, evenly_spread
 
 DETERMINED_PART = 0.1
@@ -116,13 +117,11 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
         limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
-        sentence = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
-        if joint.kind == "undetermined":
-            unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its type"
-            sentence = f"{unknown}; {sentence}" if sentence else unknown
+        parts = (*_not_by_motion(joint), _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size))
+        sentence = "; ".join(part for part in parts if part)
         n_open = int((values > (DETERMINED_PART * size) ** 2).sum())
         advice = ""
-        if n_open > (joint.kind == "hinge") or joint.kind == "undetermined":
+        if n_open > (joint.kind == "hinge") or joint.kind == "undetermined" or joint.is_placed_by_marker_set:
             markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
             along = (
                 middle_of(relative) @ (markers - joint.position_in_child).mean(axis=0) if len(markers) else np.zeros(3)
@@ -130,6 +129,15 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
             advice = _missing_motion(joint.child, turned, vectors[:, -1] if n_open else None, along)
         found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence, advice))
     return tuple(found)
+
+
+def _not_by_motion(joint: Joint) -> Iterator[str]:
+    """Say that a joint is placed by the marker set, and that its type is open."""
+    called = f"the joint between limb {joint.parent} and {joint.child}"
+    if joint.is_placed_by_marker_set:
+        yield f"{called} is placed by the marker set: the motion alone does not determine where it is"
+    if joint.kind == "undetermined":
+        yield f"{called} turns too little to tell its type"
 
 
 def middle_of(relative: Floats) -> Floats:

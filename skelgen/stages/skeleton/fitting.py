@@ -83,6 +83,8 @@ class FittedBody:
         How markers slide on the limbs, if they do.
     astray : tuple of int
         Limbs below joints that motion alone places out of reach: they lie where they are expected.
+    by_marker_set : tuple of int
+        Limbs below joints that the marker set places because motion alone does not determine them.
     """
 
     body: BodyOfTake
@@ -100,6 +102,7 @@ class FittedBody:
     loops: ClosedLoops | None = None
     tissue: SoftTissue | None = None
     astray: tuple[int, ...] = ()
+    by_marker_set: tuple[int, ...] = ()
 
     @property
     def constrained(self) -> ConstrainedChain:
@@ -163,6 +166,7 @@ def fit_body(body: BodyOfTake, parameters: SkeletonParameters, loops: Ints, are_
         loops=None if closed is None else closed.turned(rotation),
         tissue=None if found.tissue is None else found.tissue.turned(chain, rotation),
         astray=found.astray,
+        by_marker_set=found.by_marker_set,
     )
 
 
@@ -188,8 +192,8 @@ class _Fit:
         Loops that were closed.
     tissue : SoftTissue, optional
         The slides.
-    astray : tuple of int
-        Limbs below joints that motion alone places out of reach: they lie where they are expected.
+    astray, by_marker_set : tuple of int
+        As in `FittedBody`.
     """
 
     last: Calibration
@@ -201,6 +205,7 @@ class _Fit:
     loops: ClosedLoops | None = None
     tissue: SoftTissue | None = None
     astray: tuple[int, ...] = ()
+    by_marker_set: tuple[int, ...] = ()
 
 
 def _fitted_chain(
@@ -221,10 +226,13 @@ def _fitted_chain(
         worn = worn_body(body.positions, body.limb_of_marker) if parameters.known_build else None
         segments = segments_by_shape(found.last) if parameters.known_build else {}
         astray = sorted({*astray, *out_of_reach(found.last)})
+        by_motion = found.last.known_information
         found, astray = _within_reach(found, astray, worn=worn, segments=segments)
-        chain = found.last.chain
-        placed = joints_of_limbs(chain, known_limbs(chain, worn)) if worn is not None else set()
-        found = replace(found, astray=tuple(limb for limb in astray if limb not in placed))
+        last = found.last
+        placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn is not None else set()
+        helped = body_joints.determined_by_prior(last, by_motion, found.types, found.correlated) if placed else set()
+        by_set = tuple(sorted(placed & helped.union(astray)))
+        found = replace(found, astray=tuple(limb for limb in astray if limb not in placed), by_marker_set=by_set)
     return fitter.closed(found, loops), seen, lasts
 
 

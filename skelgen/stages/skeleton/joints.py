@@ -14,6 +14,7 @@ from skelgen.kinematics.chain.chain import Chain, ObservedChain, observed, resid
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
+from skelgen.kinematics.joints.observability import DETERMINED_PART
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
 from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats, spread_frames
@@ -255,6 +256,37 @@ def errors_of_limbs(
         axes[:, limb], distances[limb] = (types[limb - 1].axis_in_parent, types[limb - 1].axis_in_child), shift
     along = HingeShifts(axes, distances, _along_hinges(chain, types, freedom))
     return limb_errors(last, along, correlation_time)
+
+
+def determined_by_prior(
+    last: Calibration, by_motion: Floats | None, types: list[JointType], correlation_time: float
+) -> set[int]:
+    """Return the limbs below joints that motion and prior determine together, and motion alone leaves open.
+
+    Parameters
+    ----------
+    last : Calibration
+        The fit, with the information of both.
+    by_motion : ndarray, shape (n_constants, n_constants), or None
+        `Calibration.known_information` of the motion alone.
+    types : list of JointType
+        Of the joints above limbs 1, 2, ...
+    correlation_time : float
+        Frames of residuals that are worth one independent frame.
+    """
+    alone = replace(last, known_information=by_motion)
+    return _left_open(alone, types, correlation_time) - _left_open(last, types, correlation_time)
+
+
+def _left_open(last: Calibration, types: list[JointType], correlation_time: float) -> set[int]:
+    """Limbs below joints that a fit does not determine, but for hinges' places along their axes."""
+    errors = errors_of_limbs(last, types, {}, np.zeros(last.chain.n_limbs), correlation_time)
+    found = set()
+    for limb, kind in enumerate(types, start=1):
+        known = np.linalg.svd(errors.joint(limb, int(last.chain.parents[limb])), compute_uv=False)
+        n_open = int((known > DETERMINED_PART * limb_size(last.chain, limb)).sum())
+        found |= {limb} if n_open > (kind.kind == "hinge") else set()
+    return found
 
 
 def _along_hinges(chain: Chain, types: list[JointType], freedom: Floats) -> Floats:

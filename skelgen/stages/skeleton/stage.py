@@ -271,6 +271,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
             axis_std=_axis_std(one, limb, parent),
             second_axis_std=_axis_std(one, limb, limb),
             turn_covariance=one.rotation_covariances[limb],
+            is_placed_by_marker_set=limb in one.by_marker_set,
         )
     return found
 
