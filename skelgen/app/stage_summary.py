@@ -9,11 +9,14 @@ import numpy as np
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted
 from skelgen.app.limb_names import with_names_of_limbs
-from skelgen.model import Limbs, PointCloud, Poses, Project, Take
+from skelgen.model import Joint, Limbs, PointCloud, Poses, Project, Take
 
 _MOST_POINTERS = 200
 """Warnings that are listed; nobody reads more."""
 
+_OPEN_AXIS = 0.1
+"""rad; an axis that errs by more moves the end of its limb by more than a tenth of the limb's size, beyond which places
+are called not determined."""
 
 _LIMBS = re.compile(r"\blimbs? (\d+)(?: and (?:limb )?(\d+))?")
 _FRAME = re.compile(r"\bframes? (\d+)")
@@ -112,8 +115,18 @@ def has_doubts(project: Project, stage: str) -> bool:
     if stage == "labels":
         return project.has_labelling and bool(project.labelling.doubts)
     if stage == "skeleton":
-        return not all(joint.is_determined for joint in project.skeleton.joints)
+        return any(map(_is_doubtful, project.skeleton.joints))
     return len(project.limbs.doubtful if stage == "limbs" else project.topology.doubtful) > 0
+
+
+def _is_doubtful(joint: Joint) -> bool:
+    """Whether motion leaves a joint's place, type or axis open; along a hinge's axis no motion shows the place."""
+    return not joint.is_determined or joint.kind == "undetermined" or _has_open_axis(joint)
+
+
+def _has_open_axis(joint: Joint) -> bool:
+    stds = [std for std in (joint.axis_std, joint.second_axis_std) if std is not None and joint.axis is not None]
+    return any(np.linalg.norm(std) > _OPEN_AXIS for std in stds)
 
 
 def _least_sure(limbs: Limbs, names: Sequence[str]) -> str:
@@ -212,6 +225,12 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     types = [joint.kind for joint in project.skeleton.joints]
     listed_types = ", ".join(f"{types.count(kind)} {kind}" for kind in dict.fromkeys(types))
     yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
+    n_untyped = types.count("undetermined")
+    if n_untyped:
+        yield f"{counted(n_untyped, 'joint')} turn{'s' * (n_untyped == 1)} too little to tell the type."
+    n_axes = sum(map(_has_open_axis, project.skeleton.joints))
+    if n_axes:
+        yield f"The motion does not determine the axis of {counted(n_axes, 'joint')}."
     n_by_set = sum(joint.is_placed_by_marker_set for joint in project.skeleton.joints)
     if n_by_set:
         yield f"The marker set places {counted(n_by_set, 'joint')}, as the motion does not."

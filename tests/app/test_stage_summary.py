@@ -70,6 +70,23 @@ def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done
     assert "Along its axis the place of 1 hinge is a choice" in " ".join(stage_sentences(hinged, "skeleton"))
 
 
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"kind": "undetermined"}, "1 joint turns too little to tell the type."),
+        ({"is_placed_by_marker_set": True}, "The marker set places 1 joint, as the motion does not."),
+        ({"kind": "hinge", "axis": [1.0, 0.0, 0.0], "axis_std": [0.0, 0.1, 0.1]}, "determine the axis of 1 joint."),
+    ],
+)
+def test_a_joint_whose_type_place_or_axis_motion_leaves_open_is_doubtful(done, changed, sentence):
+    plain = {"kind": "ball", "axis": None, "second_axis": None, "open_directions": 0}
+    first, *others = (replace(joint, **plain) for joint in done.skeleton.joints)
+    skeleton = replace(done.skeleton, joints=(replace(first, **changed), *others))
+    project = replace(done, _skeleton=skeleton)
+    assert has_doubts(project, "skeleton")
+    assert sentence in " ".join(stage_sentences(project, "skeleton"))
+
+
 def test_one_tree_is_told_in_the_singular():
     project = run_stages(Project(simulate("rods", n_frames=60, noise=0.2).take))
     assert stage_sentences(project, "joints")[0] == "2 joints in 1 tree."

@@ -9,7 +9,9 @@ from PySide6.QtWidgets import QScrollArea
 from skelgen_gui.page_stack import SIZE
 from skelgen_gui.pages.stage import StagePage
 
+import skelgen
 from skelgen.model.corrections import Correction
+from skelgen.simulation import simulate
 
 STAGES = ("labels", "limbs", "joints", "skeleton")
 
@@ -21,14 +23,23 @@ def done(window):
     return {key for key, text in texts.items() if text.endswith(": done")}
 
 
-def test_steps_are_ticked_once_their_results_are_there(window, person, rods):
+def test_steps_are_ticked_once_their_results_are_there(window, person, tmp_path):
+    path = tmp_path / "rods.c3d"
+    skelgen.write(simulate("rods", n_frames=240, noise=0.2).take, path)  # long enough to tell the types of both joints
     assert done(window) == set()
-    person.opens(rods)
+    person.opens(path)
     window.runner.run("limbs")
     person.waits(lambda: window.session.project.has("limbs"))
     assert done(window) == {"labels", "limbs"}
     person.runs_all()
     assert done(window) == set(STAGES)
+
+
+def test_a_skeleton_with_a_joint_of_undetermined_type_has_no_plain_tick(window, person, rods):
+    person.opens(rods)
+    person.runs_all()
+    assert "undetermined" in {joint.kind for joint in window.session.project.skeleton.joints}
+    assert done(window) == {*STAGES} - {"skeleton"}
 
 
 def test_a_tick_is_seen(window, person, rods):
