@@ -80,7 +80,8 @@ class Observed:
     sentence : str
         What is not determined, in words; empty if all is.
     advice : str
-        Which motion would determine it; empty if all is determined, or no motion of a hinge would.
+        Which motion would determine it, or which limb needs a second marker; empty if all is determined, or no motion
+        of a hinge would.
     """
 
     motion: RangeOfMotion
@@ -123,10 +124,10 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         advice = ""
         if n_open > (joint.kind == "hinge") or joint.kind == "undetermined" or joint.is_placed_by_marker_set:
             markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
-            along = (
-                middle_of(relative) @ (markers - joint.position_in_child).mean(axis=0) if len(markers) else np.zeros(3)
-            )
-            advice = _missing_motion(joint.child, turned, vectors[:, -1] if n_open else None, along)
+            middle = (markers - joint.position_in_child).mean(axis=0) if len(markers) else np.zeros(3)
+            open_direction = vectors[:, -1] if n_open else None
+            advice = _missing_marker(skeleton, limbs)
+            advice = advice or _missing_motion(joint.child, turned, open_direction, middle_of(relative) @ middle)
         found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence, advice))
     return tuple(found)
 
@@ -143,6 +144,12 @@ def _not_by_motion(joint: Joint) -> Iterator[str]:
 def middle_of(relative: Floats) -> Floats:
     """Return the mean of rotations, shape (n_frames, 3, 3); none at all if there are no frames."""
     return nearest_rotation(relative.mean(axis=0)) if len(relative) else np.eye(3)
+
+
+def _missing_marker(skeleton: Skeleton, limbs: tuple[int, int]) -> str:
+    """Say which of two limbs need a second marker: no motion shows how a limb with one marker turns."""
+    alone = [f"limb {limb}" for limb in limbs if len(skeleton.markers_of(limb)) == 1]
+    return f"one marker only: put a second one on {' and '.join(alone)}" if alone else ""
 
 
 def _missing_motion(limb: int, motion: RangeOfMotion, open_direction: Floats | None, along: Floats) -> str:

@@ -35,7 +35,7 @@ def test_limbs_that_never_move_have_no_range():
 def joined():
     """`joined(kind, ranges [deg], deviations [mm])`: two limbs of `SIZE` whose joint turns and is known as stated."""
 
-    def make(kind, ranges, deviations, along=(0, 0, 0)):
+    def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1)):
         turns = swing(ranges)
         world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
         world[:, 1, :3, :3] = turns
@@ -44,7 +44,7 @@ def joined():
         joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.array(deviations), covariance=covariance)
         offsets = np.array([[SIZE, 0, 0], [0, SIZE, 0], [0, 0, SIZE]] * 2)
         offsets[3:] += 3 * SIZE * np.array(along)
-        labels, pose = np.repeat([0, 1], 3), np.tile(np.eye(4), (2, 1, 1))
+        labels, pose = np.array(limb_of_marker), np.tile(np.eye(4), (2, 1, 1))
         skeleton = Skeleton(np.array([-1, 0]), (joint,), labels, offsets, np.zeros(6), pose)
         nothing = np.zeros((len(turns), 6, 3))
         seen = np.ones((len(turns), 2), dtype=bool)
@@ -111,3 +111,11 @@ def test_no_motion_is_asked_of_a_hinge(joined):
 
 def test_joint_without_frames_that_show_it_has_no_range():
     assert (range_of_motion(np.zeros((0, 3, 3))).ranges == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("limb_of_marker", "limbs"), [((0, 0, 0, 1, -1, -1), "limb 1"), ((0, -1, -1, 1, -1, -1), "limb 0 and limb 1")]
+)
+def test_a_limb_with_one_marker_is_advised_a_second_and_no_motion(joined, limb_of_marker, limbs):
+    seen = joined("ball", (60, 30, 2), [80, 1, 1], (0, 0, 1), limb_of_marker)
+    assert seen.advice == f"one marker only: put a second one on {limbs}"
