@@ -118,9 +118,10 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
         limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
-        parts = (*_not_by_motion(joint), _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size))
-        sentence = "; ".join(part for part in parts if part)
         n_open = int((values > (DETERMINED_PART * size) ** 2).sum())
+        place = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
+        place = place if len(shown) else _never_shown(limbs, worst, size)
+        sentence = "; ".join(part for part in (*_not_by_motion(joint, len(shown) > 0), place) if part)
         advice = ""
         if n_open > (joint.kind == "hinge") or joint.kind == "undetermined" or joint.is_placed_by_marker_set:
             markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
@@ -132,12 +133,12 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
     return tuple(found)
 
 
-def _not_by_motion(joint: Joint) -> Iterator[str]:
-    """Say that a joint is placed by the marker set, and that its type is open."""
+def _not_by_motion(joint: Joint, is_shown: bool) -> Iterator[str]:
+    """Say that a joint is placed by the marker set, and that its type is open although frames show how it turns."""
     called = f"the joint between limb {joint.parent} and {joint.child}"
     if joint.is_placed_by_marker_set:
         yield f"{called} is placed by the marker set: the motion alone does not determine where it is"
-    if joint.kind == "undetermined":
+    if joint.kind == "undetermined" and is_shown:
         yield f"{called} turns too little to tell its type"
 
 
@@ -189,6 +190,12 @@ def size_of_limb(skeleton: Skeleton, limb: int) -> float:
     own = skeleton.markers_of(limb)
     offsets = skeleton.marker_offsets[own if len(own) else skeleton.limb_of_marker >= 0]
     return float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
+
+
+def _never_shown(limbs: tuple[int, int], std: float, size: float) -> str:
+    """Say that no frame shows how a joint turns, and how well its place is known if that is not determined."""
+    place = f": its place is not determined, +-{std:.0f} mm" if std > DETERMINED_PART * size else ""
+    return f"no frame shows how the joint between limb {limbs[0]} and {limbs[1]} turns{place}"
 
 
 def _undetermined(

@@ -35,7 +35,7 @@ def test_limbs_that_never_move_have_no_range():
 def joined():
     """`joined(kind, ranges [deg], deviations [mm])`: two limbs of `SIZE` whose joint turns and is known as stated."""
 
-    def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1)):
+    def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1), is_seen=True):
         turns = swing(ranges)
         world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
         world[:, 1, :3, :3] = turns
@@ -47,7 +47,7 @@ def joined():
         labels, pose = np.array(limb_of_marker), np.tile(np.eye(4), (2, 1, 1))
         skeleton = Skeleton(np.array([-1, 0]), (joint,), labels, offsets, np.zeros(6), pose)
         nothing = np.zeros((len(turns), 6, 3))
-        seen = np.ones((len(turns), 2), dtype=bool)
+        seen = np.full((len(turns), 2), is_seen)
         motion = Motion(world, np.zeros((len(turns), 1, 3)), nothing, nothing[..., 0], seen, 100.0)
         return observed_joints(skeleton, motion)[0]
 
@@ -119,3 +119,10 @@ def test_joint_without_frames_that_show_it_has_no_range():
 def test_a_limb_with_one_marker_is_advised_a_second_and_no_motion(joined, limb_of_marker, limbs):
     seen = joined("ball", (60, 30, 2), [80, 1, 1], (0, 0, 1), limb_of_marker)
     assert seen.advice == f"one marker only: put a second one on {limbs}"
+
+
+def test_a_joint_that_no_frame_shows_is_not_said_to_stand_still(joined):
+    """A limb with one marker is posed by interpolation: how it turns is not measured."""
+    seen = joined("undetermined", (60, 30, 2), [80, 1, 1], limb_of_marker=(0, 0, 0, 1, -1, -1), is_seen=False)
+    shown = "no frame shows how the joint between limb 0 and 1 turns: its place is not determined, +-80 mm"
+    assert seen.notice == f"{shown}; one marker only: put a second one on limb 1"
