@@ -5,6 +5,7 @@ import io
 import re
 import struct
 import zlib
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import matplotlib.image
@@ -19,6 +20,7 @@ from skelgen.app.drawing.wording import as_many_as_fit, counted, digits, duratio
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
 from skelgen.app.report.pictures import png_uri
+from skelgen.app.report.skeleton import tree_figure
 from skelgen.errors import WriteError
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport, Topology, Trajectories
 from tests.app.known_project import N_FRAMES, NAMES, RATE, build_project
@@ -316,3 +318,21 @@ def test_joints_and_limbs_are_called_by_their_names():
     first, second = project.topology.edges[0].tolist()
     assert f"J0 &lt;part {first}&gt;-&lt;part {second}&gt;" in text
     assert not re.search("between limb [0-9]", text)
+
+
+def test_boxes_of_the_tree_show_the_names_of_limbs_that_have_one():
+    project = build_project()
+    names = ("left upper arm", *project.limbs.names[1:])
+    tree = str(tree_figure(project.with_limb_names(names), measures.joint_lengths(project)))
+    assert re.findall(r'<text [^>]*class="strong">([^<]*)<', tree) == ["left upper arm", *["3 markers"] * 3]
+
+
+def test_joints_of_the_tree_that_motion_leaves_open_are_coloured_and_say_who_places_them():
+    project = build_project()
+    first, second, *others = (replace(joint, open_directions=0) for joint in project.skeleton.joints)
+    placed = (replace(first, open_directions=3), replace(second, is_placed_by_marker_set=True), *others)
+    skeleton = replace(project.skeleton, joints=placed)
+    tree = str(tree_figure(replace(project, _skeleton=skeleton), measures.joint_lengths(project)))
+    assert "<title>joint J0: its place is a choice</title>" in tree
+    assert "<title>joint J1: placed by the marker set</title>" in tree
+    assert tree.count('class="small doubtful"') == 2

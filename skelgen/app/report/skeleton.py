@@ -1,7 +1,7 @@
 """The skeleton drawn twice: as a tree from its roots outward, and in its reference pose.
 
-The tree has one box per limb, one joint sign per edge, and lengths of the limbs between. The pose is seen from two
-sides at right angles, with markers, joints and bones.
+The tree has one box per limb, with its name if it has one, one joint sign per edge, and lengths of the limbs between.
+The pose is seen from two sides at right angles, with markers, joints and bones.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _MARGIN = 8.0
 _SIGN = 5.5  # px, half the height of a joint's sign
 _LABEL_SPACE = 20.0  # above a box, for its joint
 _NAME_ROOM = 18  # characters beside the limb's number
+_STRONG_ROOM = 15  # bold ones, which are wider
 _LEAST_COMMON = 4  # characters that make a common beginning a name
 _LEAST_SCALE = 0.8  # below this the labels are no longer readable: the drawing scrolls instead
 
@@ -89,13 +90,16 @@ def _box(project: Project, limb: int, place: _Place) -> Markup:
     markers = project.limbs.markers_of(limb)
     names = [project.trajectories.names[marker] for marker in markers]
     middle = place.y + _BOX_HEIGHT / 2
+    called, count = project.limbs.called(limb), counted(len(markers), "marker")
+    is_named = called == project.limbs.names[limb]
+    strong, small = (clipped(called, _STRONG_ROOM), count) if is_named else (count, _caption(names))
     parts = [
-        svg.tag("title", f"{project.limbs.called(limb)}: {', '.join(names)}"),
+        svg.tag("title", f"{called}: {', '.join(names)}"),
         svg.rect(place.x, place.y, _BOX_WIDTH, _BOX_HEIGHT, "box outline", rx=7),
         svg.circle(place.x + 20, middle, 12, "fill"),
         svg.text(place.x + 20, middle + 4, str(limb), "on-fill", anchor="middle"),
-        svg.text(place.x + 38, middle - 3, counted(len(markers), "marker"), "strong"),
-        svg.text(place.x + 38, middle + 10, _caption(names), "small"),
+        svg.text(place.x + 38, middle - 3, strong, "strong"),
+        svg.text(place.x + 38, middle + 10, small, "small"),
     ]
     return svg.group(*parts, cls=f"limb{limb}")
 
@@ -122,14 +126,16 @@ def _edge(project: Project, lengths: list[measures.Length], places: list[_Place]
     is_doubtful = joint in project.topology.doubtful
     if is_doubtful and project.topology.edge_probability is not None:
         words.append(f"{100 * project.topology.edge_probability[joint]:.0f} %")
+    where = _where(project.skeleton.joints[joint]) if project.has("skeleton") else ""
     parts = [
+        svg.tag("title", f"joint J{joint}{where}"),
         svg.tag("path", d=curve, cls="edge doubtful" if is_doubtful else "edge"),
         sign_figure(kind, end.x - 12, end.y),
         svg.text(
             places[child].x + 2,
             places[child].y - 6,
             " · ".join(filter(None, words)),
-            "small doubtful" if is_doubtful else "small",
+            "small doubtful" if is_doubtful or where else "small",
         ),
     ]
     return svg.group(*parts)
@@ -300,12 +306,16 @@ def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
 
 def _joint(joint: Joint, index: int, x: float, y: float) -> Markup:
     """A ring; dashed where the motion does not determine the place, or that of a hinge along its axis."""
-    if joint.is_placed_by_marker_set:
-        return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: placed by the marker set")
-    if joint.is_fully_determined:
-        return svg.circle(x, y, 3.5, "joint", f"joint J{index}")
-    along = " along its axis" if joint.is_determined else ""
-    return svg.circle(x, y, 3.5, "joint open", f"joint J{index}: its place{along} is a choice")
+    along = "" if joint.is_fully_determined or not joint.is_determined else ": its place along its axis is a choice"
+    cls = "joint" if joint.is_fully_determined else "joint open"
+    return svg.circle(x, y, 3.5, cls, f"joint J{index}{along or _where(joint)}")
+
+
+def _where(joint: Joint) -> str:
+    """What its tooltip adds to the number of a joint that the motion does not determine."""
+    if joint.is_determined:
+        return ""
+    return ": placed by the marker set" if joint.is_placed_by_marker_set else ": its place is a choice"
 
 
 def _limb(project: Project, limb: int, body: _Body) -> Markup:
