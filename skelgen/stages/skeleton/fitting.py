@@ -146,8 +146,7 @@ def fit_body(body: BodyOfTake, parameters: SkeletonParameters, loops: Ints, are_
     shared = evenly_spread(found.used, ROTATION_FRAMES)
     covariances = errors.turns(poses[shared], found.inliers[shared])
     everywhere = observed(chain, last.articulation, poses, found.inliers)
-    unseen = np.asarray(~seen.all(axis=1))
-    deviations = body_joints.joint_deviations(last, everywhere, unseen, found.correlated, lasts)
+    deviations = body_joints.joint_deviations(last, everywhere, np.asarray(~seen.all(axis=1)), found.correlated, lasts)
     chain, poses, rotation = _with_reference_axes(chain, poses, reference)
     above = rotation[np.maximum(chain.parents, 0)]
     return FittedBody(

@@ -12,6 +12,7 @@ from skelgen_gui.model.selection import BONE, JOINT, MARKER, Pick, distances_to_
 from skelgen_gui.model.view_camera import find_floor, round_step
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import DOWN, Viewpoint
+from skelgen_gui.model.wording import about
 
 from skelgen.app.drawing.poses import find_bones
 from skelgen.model import PointCloud, Poses, Project, Trajectories
@@ -278,3 +279,18 @@ def test_the_floor_of_an_axis_that_points_down_lies_where_that_is_largest(scene)
 )
 def test_the_axis_that_points_up_is_found_in_recordings(recording, path, up):
     assert Scene(Project(recording(path))).up == up
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"open_directions": 3}, "its place is a choice: the motion does not determine it"),
+        ({"is_placed_by_marker_set": True}, "the marker set places it: the motion does not determine where it is"),
+    ],
+)
+def test_a_joint_that_motion_does_not_determine_is_marked_and_says_who_places_it(walked, changed, words):
+    first, *others = (replace(joint, open_directions=0) for joint in walked[0].skeleton.joints)
+    skeleton = replace(walked[0].skeleton, joints=(replace(first, **changed), *others))
+    scene = Scene(replace(walked[0], _skeleton=skeleton))
+    assert scene.open_joints == {0}
+    assert words in about(Pick(JOINT, 0), scene, scene.at(0))
