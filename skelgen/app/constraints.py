@@ -191,16 +191,18 @@ def joint_constraints(
     """
     from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
 
-    is_joint = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project))
-    root = project.limbs.names.index("pelvis") if is_joint and "pelvis" in project.limbs.names else None
+    of_person = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project))
+    stated: dict[tuple[int, int], bool] = {}
+    root = project.limbs.names.index("pelvis") if of_person and "pelvis" in project.limbs.names else None
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
         if correction.kind == "root":
             root = limbs[0]
         else:
-            is_joint[min(limbs), max(limbs)] = correction.kind == "join"
+            stated[min(limbs), max(limbs)] = correction.kind == "join"
     for pairs, wanted in ((options.joined, True), (options.parted, False)):
-        is_joint |= dict.fromkeys((_limb_pair(project, pair) for pair in pairs), wanted)
+        stated |= dict.fromkeys((_limb_pair(project, pair) for pair in pairs), wanted)
+    is_joint = of_person | stated
     if options.hierarchy is not None and options.root is not None:
         raise InputError("a hierarchy says which limb is the root: give either of both")
     names = project.limbs.names
@@ -209,6 +211,7 @@ def joint_constraints(
         parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
         parents=None if options.hierarchy is None else parents_from_names(names, _by_name(names, options.hierarchy)),
         root=root if options.root is None else _limb_called(project, options.root),
+        of_person=tuple(pair for pair in of_person if pair not in stated),
     )
 
 

@@ -214,4 +214,7 @@ def with_tree(
             taken.append(pair)
     if refused:
         monitor.notice(f"otherwise than in a person, limbs are surely not joined: {', '.join(refused)}")
-    return replace(constraints, joined=(*constraints.joined, *taken)) if taken else None
+    if not taken:
+        return None
+    of_person = (*constraints.of_person, *taken)
+    return replace(constraints, joined=(*constraints.joined, *taken), of_person=of_person)

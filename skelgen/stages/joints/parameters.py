@@ -12,6 +12,7 @@ from skelgen.errors import InputError
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import declare
+from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.conjugate_gradients import DescentParameters
 
 PAIR_SEPARATOR, NAME_SEPARATOR = ";", ","
@@ -110,12 +111,51 @@ class JointConstraints:
         The whole tree, -1 for roots; found if not given.
     root : int, optional
         Limb that is the root of its tree; found by `spanning_forest` if not given.
+    of_person : sequence of pairs of int
+        Those of `joined` that a marker set adds: they are left out where too few frames show both limbs.
     """
 
     joined: Sequence[Pair] = ()
     parted: Sequence[Pair] = ()
     parents: Ints | None = None
     root: int | None = None
+    of_person: Sequence[Pair] = ()
+
+    def edges(self, n_limbs: int) -> list[Pair]:
+        """Return the pairs of limbs whose joint is stated, by itself or by the whole tree, the lower index first.
+
+        Parameters
+        ----------
+        n_limbs : int
+            How many limbs there are.
+
+        Raises
+        ------
+        InputError
+            If the tree is one of more or fewer limbs.
+        """
+        parents = [] if self.parents is None else self.parents.tolist()
+        if self.parents is not None and len(parents) != n_limbs:
+            raise InputError(f"the hierarchy has {len(parents)} limbs, the take {n_limbs}")
+        of_tree = [(min(limb, parent), max(limb, parent)) for limb, parent in enumerate(parents) if parent >= 0]
+        return [*self.joined, *of_tree]
+
+    def seen(self, costs: Floats, monitor: Monitor = SILENT) -> JointConstraints:
+        """Return these constraints without the joints that a marker set adds but too few frames show.
+
+        Parameters
+        ----------
+        costs : ndarray, shape (n_limbs, n_limbs), mm^2
+            Joint costs; infinite where two limbs cannot be joined.
+        monitor : Monitor
+            Receives a notice of each of these joints.
+        """
+        unseen = [pair for pair in self.of_person if not np.isfinite(costs[pair])]
+        for first, second in unseen:
+            monitor.notice(
+                f"limb {first} and limb {second} are not joined as in a person: too few frames show both of them"
+            )
+        return replace(self, joined=tuple(pair for pair in self.joined if pair not in unseen))
 
     def with_parameters(self, parameters: JointParameters, names: Sequence[str], limbs: Limbs) -> JointConstraints:
         """Return these constraints and those that the parameters hold as text.

@@ -1,7 +1,7 @@
 """Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
 
 import multiprocessing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -94,6 +94,17 @@ class PairSearch:
         for pair in [pair for pair in self._put_off if self._rank(pair) >= NEAREST]:
             del self._guesses[pair]
         self._guess([pair for pair in self._guesses if pair in self._put_off])
+        return self._guesses
+
+    def guesses_with(self, pairs: Iterable[Pair]) -> dict[Pair, JointGuess]:
+        """Guess those of some pairs that were not tried, because others are likelier; return the joints of all pairs.
+
+        Parameters
+        ----------
+        pairs : iterable of pairs of int
+            Limbs whose joint is stated, the lower index first.
+        """
+        self._guess([pair for pair in pairs if pair not in self._guesses])
         return self._guesses
 
     def _is_near(self, pair: Pair) -> bool:

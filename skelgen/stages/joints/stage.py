@@ -17,7 +17,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs, with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
-from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair
+from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.tree import (
@@ -86,7 +86,7 @@ class JointSearch:
         self._trajectories, self._limbs = trajectories, limbs
         self._parameters = parameters or JointParameters()
         self._how = Guessing(self._parameters, seed)
-        self._tried: dict[bytes, tuple[Floats, Floats, dict[Pair, JointGuess]]] = {}
+        self._tried: dict[bytes, tuple[Floats, Floats, PairSearch]] = {}
 
     @cached_property
     def _segments(self) -> tuple[list[Segment], Ints]:
@@ -95,14 +95,16 @@ class JointSearch:
         frames = sample_frames(len(markers[0]), self._parameters)
         return make_segments(markers, frames), frames
 
-    def _guesses(self, body_of_limb: Ints, monitor: Monitor) -> tuple[Floats, Floats, dict[Pair, JointGuess]]:
-        """Log odds that limbs are neighbours, what is worn says of that, and the joints of all pairs."""
+    def _pairs(self, body_of_limb: Ints, monitor: Monitor) -> tuple[Floats, Floats, PairSearch]:
+        """Log odds that limbs are neighbours, what is worn says of that, and the search for the joints of all pairs."""
         key = body_of_limb.tobytes()
         if key not in self._tried:
             segments, frames = self._segments
             worn = self._worn(body_of_limb)
             odds = neighbour_odds(segments, frames, body_of_limb) + worn
-            self._tried = {key: (odds, worn, PairSearch(segments, frames, self._how, monitor, odds).guesses())}
+            search = PairSearch(segments, frames, self._how, monitor, odds)
+            search.guesses()
+            self._tried = {key: (odds, worn, search)}
         return self._tried[key]
 
     def _worn(self, body_of_limb: Ints) -> Floats:
@@ -133,8 +135,10 @@ class JointSearch:
         stated = (constraints or JointConstraints()).with_parameters(parameters, trajectories.names, limbs)
         segments, frames = self._segments
         body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
-        odds, worn, guesses = self._guesses(body_of_limb, monitor)
+        odds, worn, search = self._pairs(body_of_limb, monitor)
+        guesses = search.guesses_with(stated.edges(limbs.n_limbs))
         costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
+        stated = stated.seen(costs.order, monitor)
         parting = Parting(usual_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
         tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)

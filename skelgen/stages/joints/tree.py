@@ -377,8 +377,6 @@ def _weak_joint(parent: int, child: int, guess: JointGuess) -> Iterator[str]:
 
 
 def _check_parents(parents: Ints, costs: Floats) -> None:
-    if len(parents) != len(costs):
-        raise InputError(f"the hierarchy has {len(parents)} limbs, the take {len(costs)}")
     for child in np.flatnonzero(parents >= 0):
         if not np.isfinite(costs[child, parents[child]]):
             raise InputError(

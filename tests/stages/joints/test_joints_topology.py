@@ -191,6 +191,27 @@ def test_joint_that_is_asked_for_is_in_the_tree(simulated, true_limbs, wish):
     assert frozenset((1, 2)) in edges(topology)
 
 
+def test_joint_that_is_asked_for_is_in_the_tree_although_others_are_likelier(simulated, true_limbs):
+    case = simulated("tree:8", 1, n_frames=600, **TISSUE)
+    nearest = JointParameters(n_nearest=1)
+    costs = find_joints(case.take, true_limbs(case), nearest).joint_costs
+    first, second = np.argwhere(np.isnan(np.triu(costs)))[0].tolist()  # not tried
+    stated = JointConstraints(joined=[(first, second)])
+    assert frozenset((first, second)) in edges(find_joints(case.take, true_limbs(case), nearest, constraints=stated))
+
+
+def test_joint_that_only_a_marker_set_asks_for_is_left_out_if_no_frame_shows_both_limbs(true_limbs, simulated, notices):
+    case = simulated("rods")
+    positions = case.take.positions.copy()
+    limb = case.truth.limb_of_marker
+    positions[::2, limb == 1], positions[1::2, limb == 2] = np.nan, np.nan
+    take = dataclasses.replace(case.take, positions=positions)
+    stated = JointConstraints(joined=[(1, 2)], of_person=[(1, 2)])
+    topology = find_joints(take, true_limbs(case), constraints=stated, monitor=notices)
+    assert frozenset((1, 2)) not in edges(topology)
+    assert any("too few frames show both" in notice for notice in notices.sentences)
+
+
 def test_joint_that_is_refused_is_not_in_the_tree(simulated, true_limbs):
     case = simulated("rods")
     topology = find_joints(case.take, true_limbs(case), JointParameters(parted="limb0, limb2", separate=False))
