@@ -4,7 +4,8 @@ Joined limbs have a place where they stay together, and some marker of one stays
 distance that hardly changes. Two bodies have no such place. Markers are joined to a tree, each step as short and as
 steady as it can be; every step parts the markers in two, and how likely these are two bodies depends on the pair of
 markers across that stays nearest, and the pair that stays near and steady, beside the other steps of the tree. How
-much each of this says is learned.
+much each of this says is learned. Markers of two people who come one after the other are never seen together: they are
+parted before, by the frames that they share.
 """
 
 from collections.abc import Iterator
@@ -68,7 +69,48 @@ class Cuts:
         return np.asarray(BIAS + self.features @ np.array(WEIGHTS))
 
 
-def find_bodies(positions: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
+def seen_together(positions: Floats, n_bodies: int = 0) -> Ints:
+    """Part markers where no chain of markers that are seen together long enough leads from one to the other.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    n_bodies : int
+        How many parts there may be at most; 0 for any number.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        Part of each marker, the largest first. Fewer than `LEAST_MARKERS` are a part if no frame shows them with
+        others; else they are of the part with which they are seen most.
+    """
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
+
+    is_seen = ~np.isnan(positions[:, :, 0])
+    looked_at = _common_frames(is_seen[evenly_spread(np.arange(len(is_seen)), LOOKED_AT)])
+    n_parts, part = connected_components(looked_at >= LEAST_COMMON, directed=False)
+    if n_parts == 1:
+        return np.zeros(len(part), dtype=np.intp)
+    is_of_part = np.eye(n_parts)[part]
+    common = is_of_part.T @ _common_frames(is_seen) @ is_of_part
+    np.fill_diagonal(common, 0.0)
+    sizes = is_of_part.sum(axis=0)
+    order = np.argsort(-sizes, kind="stable")
+    is_body = (sizes >= LEAST_MARKERS) | ~common.any(axis=1)
+    bodies = (order[is_body[order]] if is_body.any() else order[:1])[: n_bodies or None]
+    nearest = common[:, bodies].argmax(axis=1)
+    nearest[bodies] = np.arange(len(bodies))
+    return np.asarray(nearest[part])
+
+
+def _common_frames(is_seen: Bools) -> Floats:
+    """Number of frames that show both of two markers, shape (n_markers, n_markers)."""
+    seen = is_seen.astype(np.float32)
+    return np.asarray(seen.T @ seen, dtype=np.float64)
+
+
+def find_bodies(positions: Floats, n_bodies: int = 0, parts: Ints | None = None) -> tuple[Ints, Floats]:
     """Find the body that each marker is on.
 
     Parameters
@@ -77,6 +119,8 @@ def find_bodies(positions: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
         NaN where unseen.
     n_bodies : int
         How many there are; 0 finds it.
+    parts : ndarray of intp, shape (n_markers,), optional
+        Parts that are on different bodies in any case, numbered without holes.
 
     Returns
     -------
@@ -85,26 +129,28 @@ def find_bodies(positions: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
     probability : ndarray, shape (n_bodies,)
         That each is a body of its own and no part of another one.
     """
-    return bodies_by_distances(*marker_distances(positions), n_bodies)
+    return bodies_by_distances(*marker_distances(positions), n_bodies, parts)
 
 
-def bodies_by_distances(far: Floats, unsteady: Floats, n_bodies: int = 0) -> tuple[Ints, Floats]:
+def bodies_by_distances(
+    far: Floats, unsteady: Floats, n_bodies: int = 0, parts: Ints | None = None
+) -> tuple[Ints, Floats]:
     """Find the body that each marker is on from how far markers are from each other, and how steadily.
 
     Parameters
     ----------
     far, unsteady
         As for `cuts`.
-    n_bodies : int
-        How many there are; 0 finds it.
+    n_bodies, parts
+        As for `find_bodies`.
 
     Returns
     -------
     body_of_marker, probability
         As of `find_bodies`.
     """
-    body = np.zeros(len(far), dtype=np.intp)
-    odds_of = [np.inf]
+    body = np.zeros(len(far), dtype=np.intp) if parts is None else parts.copy()
+    odds_of = [np.inf] * (int(body.max(initial=0)) + 1)
     while len(odds_of) != n_bodies:
         found = [_best_cut(np.flatnonzero(body == one), far, unsteady) for one in range(len(odds_of))]
         best = max(range(len(found)), key=lambda one: found[one][0])

@@ -18,7 +18,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
-from skelgen.stages.limbs.bodies import find_bodies
+from skelgen.stages.limbs.bodies import find_bodies, seen_together
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
@@ -175,11 +175,14 @@ def _bodies(
         raise InputError("give either the number of limbs or that of bodies: how limbs are shared is not known")
     if parameters.n_bodies == 1 or n_limbs is not None or parameters.method != "rigidity":
         return body_of_marker, np.ones(1)
-    body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies)
+    parts = seen_together(positions[:, usable], parameters.n_bodies)
+    body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies, parts)
     if len(sure) < parameters.n_bodies:
         raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
     if len(sure) > 1 and parameters.n_bodies == 0 and parameters.marker_set != "none":
-        body_of_marker[usable] = with_whole_people(positions[:, usable], body_of_marker[usable])
+        for markers in [usable[parts == part] for part in range(int(parts.max()) + 1)]:
+            numbers, body = np.unique(body_of_marker[markers], return_inverse=True)
+            body_of_marker[markers] = numbers[with_whole_people(positions[:, markers], body)]
     for block in named.blocks:
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
@@ -201,7 +204,7 @@ def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
         yield (
             f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-            "stays near one of another"
+            "stays near one of another, or they are never seen together"
         )
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError
+from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
-from skelgen.stages.limbs.bodies import find_bodies
+from skelgen.stages.limbs.bodies import find_bodies, seen_together
 from skelgen.stages.limbs.worn_places import with_whole_people
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
@@ -66,6 +67,35 @@ def test_number_of_bodies_may_be_given(two_people):
     assert find_limbs(two_people.take, LimbParameters(n_bodies=1)).n_bodies == 1
     with pytest.raises(InputError, match="can be told apart"):
         find_limbs(dataclasses.replace(two_people.take), LimbParameters(n_bodies=40))
+
+
+def one_after_the_other(first, second, shared=0):
+    """Two simulated takes as one: the second begins where the first ends, less some frames that show both."""
+    begin = first.take.n_frames - shared
+    positions = np.full((begin + second.take.n_frames, first.take.n_markers + second.take.n_markers, 3), np.nan)
+    positions[: first.take.n_frames, : first.take.n_markers] = first.take.positions
+    positions[begin:, first.take.n_markers :] = second.take.positions
+    names = (*(f"a {name}" for name in first.take.names), *(f"b {name}" for name in second.take.names))
+    limbs = np.concatenate([first.truth.limb_of_marker, second.truth.limb_of_marker + first.truth.n_limbs])
+    return Trajectories(positions, names, first.take.rate, "both"), limbs
+
+
+@pytest.mark.parametrize("kind", ["human", "quadruped"])
+@pytest.mark.parametrize("shared", [0, 5])
+def test_two_that_come_one_after_the_other_are_two_bodies_with_the_limbs_that_each_has(kind, shared):
+    first = simulate(kind, seed=1, n_frames=250, noise=0.3)
+    take, limbs = one_after_the_other(first, simulate("human", seed=2, **OPTIONS), shared)
+    found = find_limbs(take)
+    assert found.n_bodies == 2
+    assert np.array_equal(found.limb_of_marker, limbs)
+
+
+def test_few_markers_that_are_seen_for_a_short_time_belong_to_the_body_that_is_seen_then():
+    positions = np.zeros((400, 14, 3))
+    positions[200:, :6] = positions[:200, 6:12] = np.nan
+    positions[3:, 12] = positions[:397, 13] = np.nan
+    assert seen_together(positions).tolist() == [0] * 6 + [1] * 6 + [0, 1]
+    assert seen_together(positions, 1).tolist() == [0] * 14
 
 
 BELOW_KNEE = ("SHN", "ANK", "HEE", "MT5", "TOE")
