@@ -11,7 +11,6 @@ reliable it is, below 0 where the segment was not seen.
 """
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -20,6 +19,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.files import open_regular
+from skelgen.geometry.computed_points import are_axes
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
@@ -47,7 +47,6 @@ from skelgen_formats.options import ALL_POINTS, MARKERS
 
 _OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS", "USERMOS")
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
-_BONE = re.compile(r"(PEL|HED|TRX|SPI|[LR](?:FE|TI|FO|TO|HU|RA|HN|CL))([OALP])")  # origin and axes of a segment
 
 
 class _Points(NamedTuple):
@@ -119,12 +118,8 @@ def _are_outputs(layout: C3dLayout, names: Sequence[str], read: _Points) -> Bool
     groups = {*_OUTPUT_GROUPS, *layout.texts("POINT", "TYPE_GROUPS")} - {"LABELS"}  # the latter names further ones
     listed = {text.rpartition(":")[2] for group in groups for text in layout.texts("POINT", group)} - {""}
     unmeasured = (read.measured == 0) & (read.computed > 0)
-    bones = Counter(match[1] for name in set(short) if (match := _BONE.fullmatch(name)))
-    named = [
-        _OUTPUT.fullmatch(name) is not None or ((bone := _BONE.fullmatch(name)) is not None and bones[bone[1]] == 4)
-        for name in short
-    ]
-    outputs = np.array([name in listed for name in short]) | (unmeasured & np.array(named))
+    named = np.array([_OUTPUT.fullmatch(name) is not None for name in short]) | are_axes(short)
+    outputs = np.array([name in listed for name in short]) | (unmeasured & named)
     others = unmeasured & ~outputs
     if others.sum() < (read.measured > 0).sum():  # else the file marks measured points so
         outputs |= others

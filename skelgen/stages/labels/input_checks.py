@@ -1,10 +1,14 @@
-"""Checks of an unlabelled take: what cannot be labelled is refused, and what is odd is noticed."""
+"""Checks of a take: what cannot be labelled is refused, what is no marker left out, and what is odd is noticed."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model import PointCloud
+from skelgen.geometry.computed_points import are_computed
+from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, check_coordinates
+from skelgen.progress import Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 
 MISSING_FRAME = 1.5
@@ -37,6 +41,27 @@ def check_cloud(cloud: PointCloud, n_markers: int | None) -> None:
     if cloud.n_points == 0:
         raise InputError(f"{cloud.name or 'the take'} holds no points in its {cloud.n_frames} frames")
     check_coordinates(cloud.points, cloud.name or "the take")
+
+
+def without_computed(take: Trajectories, monitor: Monitor) -> Trajectories:
+    """Return a take without the points that a model computed, by their names.
+
+    Parameters
+    ----------
+    take : Trajectories
+        A labelled take.
+    monitor : Monitor
+        Receives a notice that names them.
+    """
+    computed = are_computed(take.names)
+    if not computed.any():
+        return take
+    names = np.array(take.names)
+    monitor.notice(
+        f"left out, by their names computed and no markers: {', '.join(names[computed])} "
+        "(`--set labels.computed_points=yes` takes them)"
+    )
+    return replace(take, positions=take.positions[:, ~computed], names=tuple(names[~computed].tolist()))
 
 
 def with_jitter(positions: Floats, parameters: LabelParameters, seed: int) -> Floats:

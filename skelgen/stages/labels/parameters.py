@@ -30,6 +30,8 @@ class LabelParameters(StageParameters):
         How the classic method groups Marker Sets into markers.
     method, rounds, compare
         How tracklets become markers, and whether the classic method is compared.
+    computed_points
+        Whether points that a model computed are markers.
     repair, swap_evidence, slips, slip_seconds, slip_evidence
         How errors are searched for in takes that are labelled already.
     add_random, max_jitter, time_one_frame
@@ -166,6 +168,11 @@ class LabelParameters(StageParameters):
         unit="mm",
         within=(0.0, 1e6),
         acts_with=" or ".join(f"{one} and clustering=global-spectral" for one in _SETS.split(" or ")),
+    )
+    computed_points: bool = declare(
+        False,
+        "Whether points whose names say that a model computed them (LHJC, COM, PELO) are taken for markers, too.",
+        acts_with="take=labelled",
     )
     repair: bool = declare(
         RepairParameters.repair,

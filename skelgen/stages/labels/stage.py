@@ -26,6 +26,7 @@ from skelgen.stages.labels.input_checks import (
     thin_frames,
     too_few_wanted,
     with_jitter,
+    without_computed,
 )
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
@@ -112,12 +113,14 @@ def check_labels(
 ) -> tuple[Trajectories, Labelling]:
     """Look for errors in the labels of a take that carries some, repair them, and say how sure the labels are.
 
+    Points that a model computed, by their names, are no markers, and are left out.
+
     Parameters
     ----------
     take : Trajectories
         The labelled take.
     parameters : LabelParameters
-        Which errors are looked for.
+        Which errors are looked for, and whether computed points stay.
     identities : Identities or None
         What the user states of some points; the result obeys it.
     seed : int
@@ -125,6 +128,8 @@ def check_labels(
     monitor : Monitor
         Receives notices, and may cancel.
     """
+    if not parameters.computed_points:
+        take = without_computed(take, monitor)
     if parameters.add_random:
         take = replace(take, positions=with_jitter(take.positions, parameters, seed))
     repair = repair_take(take, parameters.repair_parameters, monitor=monitor)

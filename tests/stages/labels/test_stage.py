@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from skelgen.errors import InputError, ParameterError, SkelgenError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_markers
+from skelgen.stages.labels import LabelParameters, check_labels, label_markers
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data"
 DEFAULTS = LabelParameters()
@@ -51,6 +52,15 @@ def test_takes_without_occlusion_are_labelled_exactly(structure):
     assert agreement(trajectories, simulated.take, simulated.truth.marker_of_point) == (1.0, 1.0)
     assert trajectories.n_markers == len(simulated.truth.marker_names)
     assert trajectories.notices == ()
+
+
+def test_points_that_a_model_computed_are_no_markers_unless_they_are_asked_for():
+    take = simulate("rods", n_frames=50).take
+    named = replace(take, names=(*take.names[:-1], "LHJC"))
+    notes = Notes()
+    assert check_labels(named, DEFAULTS, monitor=notes)[0].names == take.names[:-1]
+    assert "computed and no markers: LHJC (`--set labels.computed_points=yes` takes them)" in notes.sentences[0]
+    assert check_labels(named, LabelParameters(computed_points=True))[0].names == named.names
 
 
 @pytest.mark.parametrize("structure", ["rods", "classic-human", "human"])
