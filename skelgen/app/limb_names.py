@@ -234,12 +234,19 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
     elif marker_set == "none":
         names = replace(limbs, names=()).names
     else:
-        from skelgen.stages.names import find_marker_set, name_limbs, recognised_set  # noqa: PLC0415 - reads tables
+        from skelgen.stages.names import (  # noqa: PLC0415 - reads tables
+            find_marker_set,
+            name_limbs,
+            recognised_set,
+            set_among_others,
+        )
 
         markers = project.trajectories.names
         worn = recognised_set(markers) if marker_set == "auto" else find_marker_set(marker_set, markers)
         if worn is not None:
             monitor.notice(worn.sentence)
+        elif (likely := set_among_others(markers)) is not None:
+            monitor.notice(likely.hint)
         names = name_limbs(limbs, markers, worn)
     return replace(limbs, names=_with_stated(names, stated_names(project, limbs)))
 

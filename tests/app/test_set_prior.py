@@ -111,3 +111,12 @@ def test_a_hand_hangs_on_the_forearm_without_names_where_motion_is_not_surer():
     true_of_limb = dict(zip(project.limbs.limb_of_marker.tolist(), case.truth.limb_of_marker.tolist(), strict=True))
     edges = [[true_of_limb[limb] for limb in edge] for edge in project.topology.edges.tolist()]
     assert {frozenset(edge) for edge in edges} == {frozenset(edge) for edge in case.truth.edges.tolist()}
+
+
+def test_set_among_many_other_markers_is_left_to_the_user_with_a_note(walking):
+    take = walking.take
+    others = tuple(f"M{number:03d}" for number in range(26))
+    positions = np.concatenate([take.positions, take.positions[:, :26] + 20.0], axis=1)
+    wide = replace(take, positions=positions, names=(*take.names, *others))
+    project = skelgen.reconstruct(wide, until="limbs")
+    assert any("`--marker-set plug-in-gait` makes use of it" in notice for notice in project.reports["limbs"].notices)

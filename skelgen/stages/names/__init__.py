@@ -10,6 +10,7 @@ from skelgen.stages.names.marker_sets import (
     marker_names,
     plain_name,
     recognised_set,
+    set_among_others,
 )
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     "recognised_set",
     "segments_by_shape",
     "segments_of_markers",
+    "set_among_others",
 ]

@@ -36,6 +36,9 @@ _LEAST_HITS = 8
 _LEAST_PART = 0.75
 """Of the take's markers that are those of a set; fewer are no reason to say that it is worn."""
 
+_MOST_OF_SET = 0.75
+"""Of the markers of a set; so many make it likely that it is worn among others."""
+
 
 @dataclass(frozen=True)
 class MarkerSet:
@@ -65,6 +68,15 @@ class MarkerSet:
         whole = "" if len(self.segments) == self.n_markers else f" ({len(self.segments)} of its {self.n_markers})"
         return f"{len(self.segments)} of {self.n_taken} markers: {self.title}{whole}"
 
+    @property
+    def hint(self) -> str:
+        """What the user may know of a set that is worn among other markers, and what to do then."""
+        others = self.n_taken - len(self.segments)
+        return (
+            f"{len(self.segments)} of the {self.n_markers} markers of {self.title} are there, but {others} others, "
+            f"too: too many to believe that it is worn. If it is, `--marker-set {self.name}` makes use of it"
+        )
+
 
 def recognised_set(names: Sequence[str]) -> MarkerSet | None:
     """Return the marker set that a take wears, or None if its names belong to none that is known.
@@ -81,6 +93,21 @@ def recognised_set(names: Sequence[str]) -> MarkerSet | None:
     best = max(found, key=lambda one: 2 * len(one.segments) / (one.n_markers + one.n_taken))
     enough = len(best.segments) >= max(_LEAST_HITS, _LEAST_PART * best.n_taken)
     return best if enough else None
+
+
+def set_among_others(names: Sequence[str]) -> MarkerSet | None:
+    """Return the marker set most of whose markers a take has, among others; None if it has most of no set.
+
+    Such a set is not `recognised_set`, as too many markers are no part of it; the user may know that it is worn.
+
+    Parameters
+    ----------
+    names : sequence of str
+        All markers of the take.
+    """
+    found = [find_marker_set(name, names) for name in (*MARKER_SETS, *OTHER_SETS)]
+    best = max(found, key=lambda one: (len(one.segments) / one.n_markers, len(one.segments)))
+    return best if len(best.segments) >= max(_LEAST_HITS, _MOST_OF_SET * best.n_markers) else None
 
 
 def find_marker_set(name: str, names: Sequence[str]) -> MarkerSet:

@@ -13,7 +13,14 @@ from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.errors import InputError, ParameterError
 from skelgen.model import Limbs
 from skelgen.simulation.people.tables import MARKER_SETS, worn_markers
-from skelgen.stages.names import find_marker_set, name_limbs, recognised_set, segments_of_markers
+from skelgen.stages.names import (
+    find_marker_set,
+    marker_names,
+    name_limbs,
+    recognised_set,
+    segments_of_markers,
+    set_among_others,
+)
 
 
 def limbs_of(groups):
@@ -55,6 +62,14 @@ def test_names_of_no_set_are_none():
     assert recognised_set([f"M{number:03d}" for number in range(40)]) is None
     with pytest.raises(ParameterError, match="there is no marker set 'mine'"):
         find_marker_set("mine", ["a"])
+
+
+def test_set_that_is_worn_among_many_other_markers_is_told_with_what_to_do():
+    names = [*marker_names("plug-in-gait")[:35], *(f"M{number:03d}" for number in range(26))]
+    assert recognised_set(names) is None
+    assert set_among_others(names).hint.startswith("35 of the 39 markers of Plug-in Gait full body are there, but 26")
+    assert "`--marker-set plug-in-gait`" in set_among_others(names).hint
+    assert set_among_others(names[15:]) is None
 
 
 @pytest.mark.parametrize(
