@@ -52,15 +52,36 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
         If the shape or a number is wrong.
     """
     if not _is_frozen(values):
-        try:
-            given = np.asarray(values)
-            values = given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{what} must be numbers in {len(shape)} axes that are even") from error
+        values = as_floats(values, what, f"{len(shape)} axes")
     array = _frozen(np.asarray(values), shape, what)
     if np.isinf(array).any() or (finite and np.isnan(array).any()):
         raise InputError(f"{what} holds values that are not finite numbers")
     return array
+
+
+def as_floats(values: ArrayLike, what: str, shape: str) -> Floats:
+    """Return a float64 copy of what can be one.
+
+    Parameters
+    ----------
+    values : array_like
+        The numbers, of any shape.
+    what : str
+        Name of the value in errors.
+    shape : str
+        What it must be, in errors: ``3 axes``.
+
+    Raises
+    ------
+    InputError
+        If there is something else than real numbers, or rows are unlike in length.
+    """
+    try:
+        given = np.asarray(values)
+        return given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
+    except (TypeError, ValueError) as error:
+        what = f"{what} must be an array of real numbers with {shape}, all rows of one length"
+        raise InputError(f"{what}; it is {values!r:.40}") from error
 
 
 def check_probabilities(values: ArrayLike, shape: Sequence[int | None], what: str) -> Floats:
@@ -164,8 +185,8 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
     InputError
         If there are more or fewer, or one is empty or stands twice.
     """
-    if not isinstance(names, Iterable):
-        raise InputError(f"{what} names must be texts, not {type(names).__name__}")
+    if not isinstance(names, Iterable) or isinstance(names, str | bytes):
+        raise InputError(f"{what} names must be several texts, as in a list, not {names!r:.40}")
     clean = tuple(displayable(str(name)) for name in names)
     if len(clean) != count:
         raise InputError(f"{len(clean)} {what} names where {count} belong")

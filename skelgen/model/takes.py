@@ -16,6 +16,7 @@ from skelgen.model.arrays import (
     Bools,
     Floats,
     Ints,
+    as_floats,
     check_floats,
     check_ints,
     check_names,
@@ -176,7 +177,8 @@ class Trajectories:
         Raises
         ------
         InputError
-            If the array has another shape or holds infinities, the unit is unknown, or names or rate are wrong.
+            If the array holds no frame, no marker, another shape or anything but real numbers that are finite or NaN,
+            the unit is unknown, or names or rate are wrong.
 
         Examples
         --------
@@ -186,12 +188,15 @@ class Trajectories:
         """
         if unit not in UNITS:
             raise InputError(f"there is no unit {unit!r}; units are {', '.join(UNITS)}")
-        array = np.array(positions, dtype=np.float64)
+        array = as_floats(positions, "positions", "the shape (n_frames, n_markers, 3)")
         if array.ndim != 3 or array.shape[2] != 3:
             raise InputError(
                 f"positions has shape {array.shape}; it must be (n_frames, n_markers, 3), so reshape it first, e.g. "
                 "positions.reshape(n_frames, n_markers, 3) where a row holds x, y, z of one marker after the other"
             )
+        for count, what in zip(array.shape, ("frame", "marker"), strict=False):
+            if count == 0:
+                raise InputError(f"positions has shape {array.shape}, that is no {what}; it must hold one at least")
         array = check_floats(array, array.shape, "positions") * UNITS[unit]
         notices = []
         zeros: Bools = np.asarray((array == 0.0).all(axis=2))
@@ -201,8 +206,8 @@ class Trajectories:
         notices += [*_odd_size(array, unit)]
         for notice in notices:
             warnings.warn(notice, stacklevel=2)
-        labels = [f"M{index + 1}" for index in range(array.shape[1])] if names is None else names
-        return cls(array, tuple(labels), rate, name, tuple(notices))
+        labels = tuple(f"M{index + 1}" for index in range(array.shape[1])) if names is None else names
+        return cls(array, check_names(labels, array.shape[1], "marker"), rate, name, tuple(notices))
 
     @property
     def n_frames(self) -> int:

@@ -165,8 +165,18 @@ def test_array_in_another_unit_than_stated_is_warned_of(scale, unit, sentence):
         (np.zeros((5, 6)), "mm", r"shape \(5, 6\); it must be \(n_frames, n_markers, 3\), so reshape it"),
         (np.ones((5, 2, 3)), "km", "no unit 'km'; units are mm, cm, m, inch"),
         (np.full((5, 2, 3), np.inf), "mm", "not finite"),
+        (np.zeros((0, 2, 3)), "mm", r"shape \(0, 2, 3\), that is no frame"),
+        (np.zeros((5, 0, 3)), "mm", r"shape \(5, 0, 3\), that is no marker"),
+        ("walk.c3d", "mm", r"real numbers with the shape \(n_frames, n_markers, 3\), .*; it is 'walk.c3d'"),
+        ([[[1, 2, 3]], [[1, 2]]], "mm", "all rows of one length"),
+        (np.ones((5, 2, 3)) + 1j, "mm", "real numbers"),
     ],
 )
 def test_array_that_is_no_take_is_refused(array, unit, sentence):
     with pytest.raises(InputError, match=sentence):
         Trajectories.from_array(array, 100.0, unit)
+
+
+def test_a_text_is_no_list_of_names():
+    with pytest.raises(InputError, match="must be several texts, as in a list, not 'abc'"):
+        Trajectories.from_array(np.ones((5, 3, 3)), 100.0, names="abc", zeros_are_gaps=False)
