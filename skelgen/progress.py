@@ -82,3 +82,21 @@ def with_progress(items: Iterable[_T], n_items: int, monitor: Monitor, every: in
 
 
 __all__ = ["SILENT", "Cancelled", "Monitor", "SilentMonitor", "with_progress"]
+
+
+def counted(count: int, singular: str, plural: str = "") -> str:
+    """Return a count with its noun.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    singular, plural : str
+        The noun; the plural with an s if left out.
+
+    Examples
+    --------
+    >>> counted(1, "limb"), counted(1200, "frame"), counted(0, "body", "bodies")
+    ('1 limb', '1200 frames', '0 bodies')
+    """
+    return f"{count} {singular if count == 1 else plural or singular + 's'}"

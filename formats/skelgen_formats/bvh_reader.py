@@ -15,6 +15,7 @@ from skelgen.errors import FormatError, ParameterError
 from skelgen.geometry.rotations import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
+from skelgen.progress import counted
 from skelgen_formats.bones import LARGEST_MM, bone_unit
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.markers import distinct_names
@@ -149,7 +150,7 @@ class _Hierarchy:
 
     def _offset(self, number: int, words: list[str]) -> None:
         if len(words) != 4:
-            raise FormatError(self._path, number, f"{len(words) - 1} numbers after OFFSET where 3 belong")
+            raise FormatError(self._path, number, f"{counted(len(words) - 1, 'number')} after OFFSET where 3 belong")
         place = np.array([number_in(self._path, number, word, "an OFFSET") for word in words[1:]])
         if self._open and self._open[-1] is None:
             owner = next(bone for bone in reversed(self._open) if bone is not None)

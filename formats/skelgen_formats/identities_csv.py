@@ -18,6 +18,7 @@ from pathlib import Path
 
 from skelgen.errors import FormatError, InputError
 from skelgen.model.corrections import Identities, Identity
+from skelgen.progress import counted
 from skelgen_formats.lines import read_lines
 from skelgen_formats.text import count_in, number_in, split_cells
 
@@ -69,7 +70,9 @@ def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:
 def _entry(path: Path, number: int, line: str, columns: tuple[str, ...]) -> Identity:
     cells = split_cells(path, line, number, ",")
     if len(cells) != len(columns):
-        raise FormatError(path, number, f"{len(cells)} cells where {len(columns)} belong: {', '.join(columns)}")
+        raise FormatError(
+            path, number, f"{counted(len(cells), 'cell')} where {len(columns)} belong: {', '.join(columns)}"
+        )
     row = dict(zip(columns, cells, strict=True))
     by_position = any(row.get(axis) for axis in _AXES)
     position = tuple(number_in(path, number, row[axis], axis) for axis in _AXES) if by_position else None

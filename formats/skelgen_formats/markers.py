@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
+from skelgen.progress import counted
 from skelgen_formats.lines import Lines
 from skelgen_formats.options import MM_PER_UNIT
 
@@ -219,9 +220,21 @@ def check_frames(path: Path, place: str | int, announced: int, found: int, notic
         Gets a sentence if there are more.
     """
     if found < announced:
-        raise FormatError(path, place, f"{announced} frames are announced and {found} are there; the file is cut off")
+        what = f"{counted(announced, 'frame is', 'frames are')} announced and {found} are there; the file is cut off"
+        raise FormatError(path, place, what)
     if found > announced:
-        notices.append(f"{found} frames were read although the header announces {announced}")
+        notices.append(more_than_announced(found, announced))
+
+
+def more_than_announced(found: int, announced: int) -> str:
+    """Return the notice of a file that holds more frames than its header says.
+
+    Parameters
+    ----------
+    found, announced : int
+        Numbers of frames.
+    """
+    return f"{counted(found, 'frame was', 'frames were')} read although the header announces {announced}"
 
 
 def uncut(lines: Lines, rows: Floats, announced: int, notices: list[str]) -> Floats:
@@ -240,9 +253,10 @@ def uncut(lines: Lines, rows: Floats, announced: int, notices: list[str]) -> Flo
     """
     if lines.count(rows) < announced:
         rows = rows[:-1] if lines[-1].strip() and not any("is cut off" in notice for notice in notices) else rows
-        notices.append(f"{announced} frames are announced and {lines.count(rows)} are there: the file is cut off")
+        frames = counted(announced, "frame is", "frames are")
+        notices.append(f"{frames} announced and {lines.count(rows)} are there: the file is cut off")
     elif lines.count(rows) > announced:
-        notices.append(f"{lines.count(rows)} frames were read although the header announces {announced}")
+        notices.append(more_than_announced(lines.count(rows), announced))
     return rows
 
 

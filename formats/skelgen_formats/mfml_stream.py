@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import open_regular, replacing
+from skelgen.progress import counted
 
 FRAME_HEADER = np.dtype({"names": ["n_markers", "time"], "formats": ["<u4", "<u8"], "offsets": [0, 4], "itemsize": 12})
 """Layout of a frame's header."""
@@ -253,7 +254,9 @@ def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, in
         count, stamp = _HEADER.unpack_from(view, position)
         start = position + _HEADER.size
         if start + count * marker_size > size:
-            raise UnparsableError(position, n_markers, f"frame {number} announces {count} markers and is cut off")
+            raise UnparsableError(
+                position, n_markers, f"frame {number} announces {counted(count, 'marker')} and is cut off"
+            )
         if stamp < last_stamp:
             problem = f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}"
             raise UnparsableError(position, n_markers, problem)

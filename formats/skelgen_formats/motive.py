@@ -24,6 +24,7 @@ from pathlib import Path
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.lines import Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
@@ -181,7 +182,8 @@ def _bodies(path: Path, header: Mapping[str, str], titles: _Titles, notices: lis
     if space == "Local":
         raise FormatError(path, 1, "coordinates are local to the parent; export with global (world) coordinates")
     if len(whole) < len(items):
-        notices.append(f"{len(items) - len(whole)} bodies without a rotation are left out")
+        one, several = "body without a rotation is left out", "bodies without a rotation are left out"
+        notices.append(counted(len(items) - len(whole), one, several))
     return whole
 
 

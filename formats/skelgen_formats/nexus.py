@@ -30,6 +30,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
@@ -191,7 +192,8 @@ def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[
             break
         yield number, line + delimiter * missing
     if padded:
-        notices.append(f"{padded} rows end before the last column; what they lack is unseen")
+        rows = counted(padded, "row ends", "rows end")
+        notices.append(f"{rows} before the last column; markers without cells are unseen there")
 
 
 def _every_frame(rows: Floats, notices: list[str]) -> Floats:
@@ -202,7 +204,9 @@ def _every_frame(rows: Floats, notices: list[str]) -> Floats:
     n_frames = int(frames[-1] - frames[0]) + 1
     if n_frames == len(rows) or n_frames > _MOST_TIMES * len(rows):
         return rows
-    notices.append(f"{n_frames - len(rows)} frames are left out in the file; they are unseen")
+    notices.append(
+        f"{counted(n_frames - len(rows), 'frame is', 'frames are')} left out in the file: nothing is seen then"
+    )
     every = np.full((n_frames, rows.shape[1]), np.nan)
     every[(frames - frames[0]).astype(np.intp)] = rows
     return every

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model import PointCloud, Trajectories
+from skelgen.progress import counted
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import POINTS, Format
 
@@ -102,7 +103,7 @@ def _trajectories(path: Path, held: _Value) -> tuple[NDArray[np.float64], list[s
         labels = [labels] if isinstance(labels, str) else labels if isinstance(labels, list) else []
         texts = [label if isinstance(label, str) else "" for label in labels]
         if kind == "Labeled" and len(texts) != len(data):
-            raise FormatError(path, "Labeled.Labels", f"{len(texts)} names for {len(data)} trajectories")
+            raise FormatError(path, "Labeled.Labels", f"{counted(len(texts), 'name')} for {len(data)} trajectories")
         names += texts if kind == "Labeled" else [f"unlabelled {n + 1}" for n in range(len(data))]
         blocks.append(data[:, :3].astype(np.float64).transpose(2, 0, 1))
     if not blocks or len({len(block) for block in blocks}) > 1:

@@ -11,6 +11,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats
+from skelgen.progress import counted
 
 _UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a"})
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
@@ -197,7 +198,9 @@ def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: 
         hint = "; if numbers have decimal commas, export with decimal points"
     elif len(cells) < n_cells:
         hint = "; the file may be cut off"
-    found, wanted = (f"{len(cells)} cells", n_cells) if delimiter else (f"{len(cells)} numbers", f"{n_cells} numbers")
+    found, wanted = (
+        (counted(len(cells), "cell"), n_cells) if delimiter else (counted(len(cells), "number"), f"{n_cells} numbers")
+    )
     raise FormatError(path, number, f"{found} where {wanted} belong{hint}")
 
 

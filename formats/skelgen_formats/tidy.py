@@ -14,6 +14,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
+from skelgen.progress import counted
 from skelgen_formats.lines import decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in
@@ -54,7 +55,9 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud:
         text = QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
         cells = text.split(delimiter)
         if len(cells) <= max(at.values()):
-            raise FormatError(path, number, f"{len(cells)} cells are too few; the file may be cut off")
+            raise FormatError(
+                path, number, f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
+            )
         frames.append(_number(path, number, cells[at["frame"]], "the frame"))
         points.append(
             names.setdefault(tuple(cells[at[what]].strip() for what in ("name", "group") if what in at), len(names))

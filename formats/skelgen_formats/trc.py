@@ -32,7 +32,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
-from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.markers import mm_per_unit, more_than_announced, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
 from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 from skelgen_formats.writing import (
@@ -265,7 +265,7 @@ def _check_length(lines: Lines, announced: int, rows: Floats, notices: list[str]
     n_frames = lines.count(rows)
     if n_frames == announced:
         return
-    notices.append(f"{n_frames} frames were read although the header announces {announced}")
+    notices.append(more_than_announced(n_frames, announced))
     if 0 < n_frames < announced and lines[-1].strip():
         rows[-1, -1] = np.nan  # the marker's other coordinates follow when half-seen markers become unseen
         notices.append("the last line has no line end, so its last marker, which may be cut off, is taken as unseen")

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import numpy as np
 
-from skelgen.app.drawing.wording import counted
 from skelgen.app.set_prior import HeldNotices
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Identities, Limbs, PointCloud, Poses, Project, Take, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints, check_coordinates
-from skelgen.progress import Monitor
+from skelgen.progress import Monitor, counted
 
 if TYPE_CHECKING:
     from skelgen.stages.joints import JointConstraints

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
-from skelgen.app.drawing.wording import counted
 from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.model import Joint, Limbs, PointCloud, Poses, Project, Take
+from skelgen.progress import counted
 
 _MOST_POINTERS = 200
 """Warnings that are listed; nobody reads more."""
@@ -46,9 +46,9 @@ class Pointer:
 def take_sentences(take: Take) -> tuple[str, ...]:
     """Return what was read, in sentences."""
     what = (
-        f"{take.n_points} points without labels, {take.n_points / max(take.n_frames, 1):.1f} in a frame"
+        f"{counted(take.n_points, 'point')} without labels, {take.n_points / max(take.n_frames, 1):.1f} in a frame"
         if isinstance(take, PointCloud)
-        else f"{take.n_bodies} bodies with orientation"
+        else f"{counted(take.n_bodies, 'body', 'bodies')} with orientation"
         if isinstance(take, Poses)
         else f"{counted(take.n_markers, 'marker')} with labels"
     )

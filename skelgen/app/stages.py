@@ -43,7 +43,7 @@ from skelgen.model import (
     Topology,
     Trajectories,
 )
-from skelgen.progress import Monitor
+from skelgen.progress import Monitor, counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +146,8 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
     take = project.take
     if isinstance(take, Trajectories) and options.n_markers not in (None, take.n_markers):
         raise InputError(
-            f"{project.name}: {options.n_markers} markers are asked for, but the take has {take.n_markers} with names; "
-            "the number of markers is for takes without names"
+            f"{project.name}: {counted(options.n_markers or 0, 'marker is', 'markers are')} asked for, but the take "
+            f"has {take.n_markers} with names; the number of markers is for takes without names"
         )
     if isinstance(take, PointCloud):
         found = _labels_of_points(project, take, settings, options, monitor)
@@ -357,8 +357,8 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
 def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:
     if options.n_limbs not in (None, poses.n_bodies):
         raise InputError(
-            f"{project.name}: the take holds {poses.n_bodies} bodies, each of which is a limb; "
-            f"{options.n_limbs} limbs cannot be made of them"
+            f"{project.name}: the take holds {counted(poses.n_bodies, 'body', 'bodies')}, each of which is a limb; "
+            f"{counted(options.n_limbs or 0, 'limb')} cannot be made of them"
         )
     monitor.notice("each body of the take is a limb: this stage is skipped")
     return LimbResult(named_limbs(project, limbs_from_poses(poses, project.trajectories), "none"))

@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import svg
 from skelgen.app.drawing.svg import Axes
-from skelgen.app.drawing.wording import counted
 from skelgen.app.files import write_html
 from skelgen.benchmark.machine import machine_line
 from skelgen.evaluation import Table
+from skelgen.progress import counted
 
 REACHED, MISSED = "reached", "MISSED"
 

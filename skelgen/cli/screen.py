@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from skelgen.errors import printable
-from skelgen.progress import SILENT, Monitor, SilentMonitor
+from skelgen.progress import SILENT, Monitor, SilentMonitor, counted
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -224,6 +224,9 @@ _TITLES = {
     "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }
+_KINDS = {"points": ("point",), "markers": ("marker",), "poses": ("body", "bodies")}
+"""What one, and several, of what a take holds are called."""
+
 _MOST_ASKED = 3  # questions; all are in the JSON and more in the report
 _LONG = (
     "not_determined",
@@ -241,8 +244,8 @@ def show_take(screen: Screen, facts: TakeFacts) -> None:
     facts : TakeFacts
         What is known of it.
     """
-    count = f"{facts['count']} {facts['kind'] if facts['kind'] != 'poses' else 'bodies'}"
-    screen.say(f"{facts['name']}: {count}, {facts['frames']} frames at {facts['rate_hz']:g} Hz")
+    count = counted(facts["count"], *_KINDS[facts["kind"]])
+    screen.say(f"{facts['name']}: {count}, {counted(facts['frames'], 'frame')} at {facts['rate_hz']:g} Hz")
 
 
 def show_project(screen: Screen, tables: ProjectTables) -> None:
@@ -271,13 +274,13 @@ def show_project(screen: Screen, tables: ProjectTables) -> None:
 
 def _show_labelling(screen: Screen, facts: LabellingFacts) -> None:
     """Print how sure the labels are in a line, and what could be done about it."""
-    parts = [f"{facts['markers']} markers"]
+    parts = [counted(facts["markers"], "marker")]
     if "tracklets" in facts:
-        parts[0] += f" from {facts['tracklets']} tracklets"
-    spans = "1 doubtful span" if facts["doubtful_spans"] == 1 else f"{facts['doubtful_spans']} doubtful spans"
+        parts[0] += f" from {counted(facts['tracklets'], 'tracklet')}"
+    spans = counted(facts["doubtful_spans"], "doubtful span")
     parts.append(f"{spans} ({100 * facts['doubtful_share']:.2g} % of the positions)")
     if "left_out" in facts:
-        parts.append(f"{facts['left_out']} points left out ({100 * facts['left_out_share']:.2g} %)")
+        parts.append(f"{counted(facts['left_out'], 'point')} left out ({100 * facts['left_out_share']:.2g} %)")
     if "classic_markers" in facts:
         agreement = 100 * facts["classic_agreement"]
         parts.append(

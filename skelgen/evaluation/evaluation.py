@@ -24,6 +24,7 @@ from skelgen.evaluation.matching import (
 )
 from skelgen.model import Poses, Project
 from skelgen.model.arrays import Ints
+from skelgen.progress import counted
 from skelgen.simulation.truth import Truth
 
 _NOTHING = "-"
@@ -134,11 +135,15 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
     """
     take = project.take
     if take.n_frames != truth.n_frames:
-        raise InputError(f"the truth has {truth.n_frames} frames, the take {take.n_frames}: it belongs to another take")
+        raise InputError(
+            f"the truth has {counted(truth.n_frames, 'frame')}, the take {take.n_frames}: it belongs to another take"
+        )
     if not project.has("labels"):
         return Evaluation()
     if project.trajectories.n_frames != truth.n_frames:
-        raise InputError(f"the result has {project.trajectories.n_frames} frames where the truth has {truth.n_frames}")
+        raise InputError(
+            f"the result has {counted(project.trajectories.n_frames, 'frame')} where the truth has {truth.n_frames}"
+        )
     if isinstance(take, Poses):
         return _of_bodies(project, take.names, truth)
     true_of_marker, labels = find_identity(project, truth)
@@ -243,7 +248,7 @@ def _overview(evaluation: Evaluation) -> Table:
         rows.append(("label precision, recall", f"{labels.precision:.4f}, {labels.recall:.4f}"))
         rows.append(("markers", f"{labels.n_markers_found} of {labels.n_markers_true}"))
     if (limbs := evaluation.limbs) is not None:
-        exact = ", exact" if limbs.is_exact else f", {limbs.n_left_out} markers left out"
+        exact = ", exact" if limbs.is_exact else f", {counted(limbs.n_left_out, 'marker')} left out"
         rows.append(("limb agreement (adjusted Rand)", f"{limbs.adjusted_rand:.4f}{exact}"))
         rows.append(("limbs", f"{limbs.n_limbs_found} of {limbs.n_limbs_true}"))
     if (topology := evaluation.topology) is not None:

@@ -18,6 +18,7 @@ from skelgen.geometry.orientation import Rotator, fit_transform, means_in_body, 
 from skelgen.geometry.rotations import cross_matrix, transform_from
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
+from skelgen.progress import counted
 
 MAX_ROUNDS = 30
 SHAPE_TOLERANCE, NOISE_TOLERANCE = 1e-6, 1e-3
@@ -220,7 +221,9 @@ def calibrate_rigid_body(positions: Floats) -> RigidBody:
     """
     positions = check_floats(positions, (None, None, 3), "positions of a rigid body")
     if positions.shape[1] < FEWEST_POINTS:
-        raise InputError(f"a rigid body of {positions.shape[1]} points has no shape; it needs {FEWEST_POINTS}")
+        raise InputError(
+            f"a rigid body of {counted(positions.shape[1], 'point')} has no shape; it needs {FEWEST_POINTS}"
+        )
     shape = fit_shape(positions, np.arange(len(positions)))
     if not shape.has_pose:
         raise InputError("no frame shows three points of the body that are off a line, so that it has no shape")

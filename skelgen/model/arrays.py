@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelgen.errors import InputError, ParameterError
+from skelgen.progress import counted
 
 _Number = TypeVar("_Number", bound=np.generic)
 Floats = NDArray[np.float64]
@@ -189,7 +190,7 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
         raise InputError(f"{what} names must be several texts, as in a list, not {names!r:.40}")
     clean = tuple(displayable(str(name)) for name in names)
     if len(clean) != count:
-        raise InputError(f"{len(clean)} {what} names where {count} belong")
+        raise InputError(f"{counted(len(clean), what + ' name')} where {count} belong")
     seen: set[str] = set()
     for name in clean:
         if not name.strip():

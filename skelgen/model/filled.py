@@ -8,6 +8,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, set_fields
 from skelgen.model.takes import Trajectories
+from skelgen.progress import counted
 
 
 class PositionSource(IntEnum):
@@ -89,4 +90,5 @@ class Filled:
             *([f"{counts[PositionSource.PATTERN]} by another marker"] if counts[PositionSource.PATTERN] else []),
             f"{counts[PositionSource.NONE]} left empty",
         ]
-        return f"{int(self.filled.sum())} positions are filled, not measured: {', '.join(parts)}"
+        filled = counted(int(self.filled.sum()), "position is", "positions are")
+        return f"{filled} filled, not measured: {', '.join(parts)}"

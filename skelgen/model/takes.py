@@ -25,6 +25,7 @@ from skelgen.model.arrays import (
     set_fields,
 )
 from skelgen.model.rates import rate_of
+from skelgen.progress import counted
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Units of length that arrays may be in, in mm."""
@@ -202,7 +203,9 @@ class Trajectories:
         zeros: Bools = np.asarray((array == 0.0).all(axis=2))
         if zeros_are_gaps and zeros.any():
             array[zeros] = np.nan
-            notices.append(f"{int(zeros.sum())} positions are exactly (0, 0, 0) and were taken as gaps")
+            one = "position is exactly (0, 0, 0) and was taken as a gap"
+            several = "positions are exactly (0, 0, 0) and were taken as gaps"
+            notices.append(counted(int(zeros.sum()), one, several))
         notices += [*_odd_size(array, unit)]
         for notice in notices:
             warnings.warn(notice, stacklevel=2)

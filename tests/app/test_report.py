@@ -16,13 +16,14 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import find_cost_graph
 from skelgen.app.drawing.poses import find_views
 from skelgen.app.drawing.scales import envelope, limb_colour, ramp_rgba, ticks
-from skelgen.app.drawing.wording import as_many_as_fit, counted, digits, duration, percent
+from skelgen.app.drawing.wording import as_many_as_fit, digits, duration, percent
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
 from skelgen.app.report.pictures import png_uri
 from skelgen.app.report.skeleton import tree_figure
 from skelgen.errors import WriteError
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport, Topology, Trajectories
+from skelgen.progress import counted
 from tests.app.known_project import N_FRAMES, NAMES, RATE, build_project
 
 SECTIONS = {

@@ -68,8 +68,8 @@ def test_rows_that_end_early_and_frames_that_are_left_out_are_unseen(put):
     text = TRAJECTORIES.replace("2,0,1.6,2.6,3.6,,,\n", "").replace(",4.5,5.5,6.5", "")
     take = read_take(put("gaps.csv", text))
     assert take.seen.tolist() == [[True, False], [False, False], [True, True]]
-    assert any("1 rows end before" in notice for notice in take.notices)
-    assert any("1 frames are left out" in notice for notice in take.notices)
+    assert any("1 row ends before" in notice for notice in take.notices)
+    assert any("1 frame is left out" in notice for notice in take.notices)
 
 
 def test_last_line_that_is_cut_off_is_left_out(put):

@@ -60,7 +60,7 @@ def test_unidentified_trajectories_are_left_out_or_alone_a_cloud(put):
         ({"FrameRate": 0.0}, "frame rate"),
         ({"Frames": 9}, "cut off"),
         ({"Trajectories": {"Labeled": {"Labels": LABELS, "Data": DATA[:, :2]}}}, "markers, 4, frames"),
-        ({"Trajectories": {"Labeled": {"Labels": LABELS[:1], "Data": DATA}}}, "1 names for 2"),
+        ({"Trajectories": {"Labeled": {"Labels": LABELS[:1], "Data": DATA}}}, "1 name for 2"),
         ({"Trajectories": 3}, "not of Qualisys"),
     ],
 )

@@ -55,7 +55,7 @@ def test_empty_lists_are_whole_numbers():
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
-        (["a"], "1 marker names where 2 belong"),
+        (["a"], "1 marker name where 2 belong"),
         (["a", " "], "empty name"),
         (["a", "a"], "two markers are called 'a'"),
     ],

@@ -30,7 +30,7 @@ def test_filled_positions_are_those_that_are_neither_measured_nor_empty(parts):
 def test_complete_trajectories_say_in_a_notice_what_is_filled(parts):
     filled = Filled(*parts)
     assert filled.trajectories.notices == (filled.sentence,)
-    assert filled.sentence.startswith("1 positions are filled, not measured: 1 from the limb")
+    assert filled.sentence.startswith("1 position is filled, not measured: 1 from the limb")
 
 
 def test_a_changed_measurement_is_refused(parts):

@@ -97,7 +97,7 @@ def test_positions_are_a_read_only_copy():
     ("change", "sentence"),
     [
         ({"names": ("a", "a")}, "two markers are called 'a'"),
-        ({"names": ("a",)}, "1 marker names where 2 belong"),
+        ({"names": ("a",)}, "1 marker name where 2 belong"),
         ({"rate": 0.0}, "must be above 0"),
         ({"positions": np.zeros((3, 2))}, "positions has shape"),
         ({"positions": np.full((3, 2, 3), np.inf)}, "not finite"),
@@ -144,10 +144,10 @@ def test_zeros_in_an_array_are_gaps_and_a_notice_says_so():
     array = np.full((3, 2, 3), 100.0)
     array[:, 1] = 900.0
     array[1, 0] = 0.0
-    with pytest.warns(UserWarning, match=r"1 positions are exactly \(0, 0, 0\) and were taken as gaps"):
+    with pytest.warns(UserWarning, match=r"1 position is exactly \(0, 0, 0\) and was taken as a gap"):
         take = Trajectories.from_array(array, 100.0)
     assert take.seen.tolist() == [[True, True], [False, True], [True, True]]
-    assert "taken as gaps" in take.notices[0]
+    assert "taken as a gap" in take.notices[0]
     assert Trajectories.from_array(array, 100.0, zeros_are_gaps=False).seen.all()
     assert not np.isnan(array).any()
 
@@ -179,4 +179,4 @@ def test_array_that_is_no_take_is_refused(array, unit, sentence):
 
 def test_a_text_is_no_list_of_names():
     with pytest.raises(InputError, match="must be several texts, as in a list, not 'abc'"):
-        Trajectories.from_array(np.ones((5, 3, 3)), 100.0, names="abc", zeros_are_gaps=False)
+        Trajectories.from_array(100.0 * np.arange(1.0, 46.0).reshape(5, 3, 3), 100.0, names="abc")

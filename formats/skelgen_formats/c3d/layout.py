@@ -35,6 +35,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.files import open_regular
+from skelgen.progress import counted
 from skelgen_formats.c3d.parameters import Parameters, float_of, number_of, parameters_of, strings_of
 
 BLOCK = 512
@@ -181,7 +182,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
         elif last < first:
             raise FormatError(path, "byte 6", f"the first frame is {first} and the last {last}; the header is damaged")
         elif used != n_points:
-            what = f"the header says {n_points} points and POINT:USED {used:g}; one is damaged"
+            what = f"the header says {counted(n_points, 'point')} and POINT:USED {used:g}; one is damaged"
             raise FormatError(path, "byte 2", what)
     elif used != n_points:
         notices.append(f"POINT:USED says {used:g} points; the {n_points} of the header are what the file has")

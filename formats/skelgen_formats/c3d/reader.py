@@ -22,6 +22,7 @@ from skelgen.files import open_regular
 from skelgen.geometry.computed_points import are_axes
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
@@ -100,8 +101,9 @@ def read_c3d(
     left_out = outputs & (points != ALL_POINTS)
     generated = int(read.computed[~left_out].sum())
     if generated and read.measured.any():
-        some = generated if len(chosen) == layout.n_frames else "some"
-        notices.append(f"{some} positions are marked as computed (residual 0), and taken as if they were measured")
+        whole = len(chosen) == layout.n_frames
+        some = counted(generated, "position is", "positions are") if whole else "some positions are"
+        notices.append(f"{some} marked as computed (residual 0), and taken as if measured")
     kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
     factor = _mm_per_unit(path, layout, kept, notices)
     if kept is read.positions:
@@ -131,7 +133,12 @@ def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
     labels += [""] * (layout.n_points - len(labels))
     unnamed = [number for number, label in enumerate(labels, start=1) if not label]
     if unnamed:
-        notices.append(f"{len(unnamed)} points have no label and are called 'point {unnamed[0]}' and so on")
+        first = f"'point {unnamed[0]}'"
+        one, several = (
+            f"point has no label and is called {first}",
+            f"points have no label and are called {first} and so on",
+        )
+        notices.append(counted(len(unnamed), one, several))
     return [label or f"point {number}" for number, label in enumerate(labels, start=1)]
 
 
@@ -186,7 +193,10 @@ def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
         return
     stated_frames = float(stated.reshape(-1)[0]) % (MOST_HEADER_FRAMES + 1)
     if found <= MOST_HEADER_FRAMES and stated_frames != found:
-        notices.append(f"{found} frames were read as the header says, although POINT:FRAMES says {stated_frames:g}")
+        notices.append(
+            f"{counted(found, 'frame was', 'frames were')} read as the header says, although POINT:FRAMES says "
+            f"{stated_frames:g}"
+        )
 
 
 def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list[str]) -> float:

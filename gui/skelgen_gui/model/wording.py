@@ -31,7 +31,8 @@ def about(picked: Pick, scene: Scene, snapshot: Snapshot) -> str:
         return "\n".join(_joint(picked.index, scene.project, snapshot))
     limb = int(scene.bones.limb[picked.index])
     count = int((scene.limb_of_marker == limb).sum())
-    return f"{limb_words(scene.project, limb)}\n" + _tr("{count} markers").format(count=count)
+    markers = _tr("1 marker") if count == 1 else _tr("{count} markers").format(count=count)
+    return f"{limb_words(scene.project, limb)}\n{markers}"
 
 
 def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:

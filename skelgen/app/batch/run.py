@@ -22,11 +22,11 @@ from skelgen.app.batch.records import (
 from skelgen.app.batch.takes import Entry, find_entries
 from skelgen.app.batch.work import Job, Outcome, blank_record, check_formats
 from skelgen.app.batch.workers import in_processes
-from skelgen.app.drawing.wording import counted, duration, millimetres
+from skelgen.app.drawing.wording import duration, millimetres
 from skelgen.app.files import write_html
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.errors import InputError, SkelgenError, WriteError
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 
 Pool = Callable[[Job, Sequence[Entry]], Generator[Outcome, None, None]]
 """Does all takes of a batch somewhere, and yields what became of each."""

@@ -97,24 +97,6 @@ def percent(share: float) -> str:
     return f"{min(max(100 * share, 0.1), 99.9):.1f}{_FIXED_SPACE}%"
 
 
-def counted(count: int, singular: str, plural: str = "") -> str:
-    """Return a count with its noun.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-    singular, plural : str
-        The noun; the plural with an s if left out.
-
-    Examples
-    --------
-    >>> counted(1, "limb"), counted(1200, "frame"), counted(0, "body", "bodies")
-    ('1 limb', '1200 frames', '0 bodies')
-    """
-    return f"{count} {singular if count == 1 else plural or singular + 's'}"
-
-
 def whole_percent(probability: float) -> str:
     """Return a probability as whole percent; what is not quite sure or impossible does not read so.
 

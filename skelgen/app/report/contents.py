@@ -16,7 +16,7 @@ from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
+from skelgen.app.drawing.wording import digits, duration, listed, millimetres, percent, plain
 from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
@@ -28,7 +28,7 @@ from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 
 Content = dict[str, Any]
 

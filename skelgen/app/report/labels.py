@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import counted, duration, percent
+from skelgen.app.drawing.wording import duration, percent
 from skelgen.app.report.pictures import (
     BOTTOM,
     LEAST_WIDTH,
@@ -32,6 +32,7 @@ from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
 from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
 from skelgen.model.questions import questions_on
+from skelgen.progress import counted
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""

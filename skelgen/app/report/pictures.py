@@ -18,10 +18,11 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.lanes import State, find_lanes
 from skelgen.app.drawing.measures import DeviationMatrix, find_deviation_matrix
 from skelgen.app.drawing.scales import LogScale, bin_edges, ramp_rgba, ticks
-from skelgen.app.drawing.wording import clipped, counted, digits, percent, plain
+from skelgen.app.drawing.wording import clipped, digits, percent, plain
 from skelgen.model import Labelling, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, PositionSource
+from skelgen.progress import counted
 
 _WIDTH = 640.0  # of the matrix of markers, without its labels
 _LARGEST_CELL, _SMALLEST_LABELLED_CELL = 26.0, 8.5

@@ -24,9 +24,9 @@ from skelgen.app.drawing.poses import (
     reference_joints,
     reference_markers,
 )
-from skelgen.app.drawing.wording import counted
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import counted
 
 MOST_VALUES = 600_000
 """Coordinates that a page carries, somewhat more than a byte each: of longer takes it shows every n-th frame."""

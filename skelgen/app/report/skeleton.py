@@ -17,9 +17,10 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
 from skelgen.app.drawing.poses import Bones, View, find_bones, find_views, reference_joints, reference_markers
 from skelgen.app.drawing.scales import limb_colour, round_below
-from skelgen.app.drawing.wording import as_many_as_fit, clipped, counted, digits, plain
+from skelgen.app.drawing.wording import as_many_as_fit, clipped, digits, plain
 from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
+from skelgen.progress import counted
 
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
 _COLUMN, _ROW = 190.0, 62.0

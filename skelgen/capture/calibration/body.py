@@ -21,7 +21,7 @@ from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_
 from skelgen.kinematics import calibrate_rigid_body
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import BodyTarget
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import SILENT, Monitor, counted, with_progress
 
 MIN_FRAMES = 3
 ENOUGH_FRAMES = 10
@@ -235,7 +235,7 @@ def _shape(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], nam
     shown = [(frame, bodies[0]) for frame, bodies in zip(frames, found, strict=True) if bodies]
     if len(shown) < MIN_FRAMES:
         raise InputError(
-            f"body {name!r} was found in {len(shown)} frames; {MIN_FRAMES} are the least, "
+            f"body {name!r} was found in {counted(len(shown), 'frame')}; {MIN_FRAMES} are the least, "
             f"{ENOUGH_FRAMES} or more from many sides are better"
         )
     positions = np.full((len(shown), n_balls, 3), np.nan)
@@ -252,7 +252,7 @@ def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
     notices = []
     if len(shape.world_from_body) < ENOUGH_FRAMES:
         notices.append(
-            f"body {name!r} rests on {len(shape.world_from_body)} frames; {ENOUGH_FRAMES} or more are better"
+            f"body {name!r} rests on {counted(len(shape.world_from_body), 'frame')}; {ENOUGH_FRAMES} or more are better"
         )
     if turn < LEAST_TURN:
         notices.append(

@@ -24,6 +24,7 @@ from skelgen.kinematics.joints.relative_poses import relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_TYPES, TargetJoint
+from skelgen.progress import counted
 
 MIN_FRAMES = 20
 """Frames that show all targets of a chain at once, below which its joints are not fitted together."""
@@ -133,7 +134,7 @@ def _chosen(frames: Sequence[_T], use: int | Sequence[int]) -> Sequence[_T]:
     """So many frames, evenly spaced, or those of some indices."""
     if isinstance(use, int):
         if use < 2:
-            raise InputError(f"{use} frames cannot show a motion; use 2 or more, {MIN_FRAMES} are better")
+            raise InputError(f"{counted(use, 'frame')} cannot show a motion; use 2 or more, {MIN_FRAMES} are better")
         return thinned(frames, use)
     missing = [index for index in use if not 0 <= index < len(frames)]
     if missing:
@@ -217,8 +218,8 @@ def _fit_chains(
         poses, covariances = _poses_in_common(frames, names)
         if len(poses[names[0]]) < MIN_FRAMES:
             notices.append(
-                f"{', '.join(names)} are seen together in {len(poses[names[0]])} frames; below {MIN_FRAMES} their "
-                "joints are fitted one by one"
+                f"{', '.join(names)} are seen together in {counted(len(poses[names[0]]), 'frame')}; below "
+                f"{MIN_FRAMES} their joints are fitted one by one"
             )
             continue
         chain = fit_whole_chain(joints, poses, covariances)

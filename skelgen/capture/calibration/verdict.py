@@ -8,6 +8,7 @@ import numpy as np
 from skelgen.capture.calibration.bundle_adjustment import Adjusted
 from skelgen.capture.calibration.chessboard import BoardView, uncovered
 from skelgen.model.rig import StereoRig
+from skelgen.progress import counted
 
 GOOD, USABLE, REPEAT = "good", "usable", "repeat"
 """Grades, best first."""
@@ -109,7 +110,7 @@ def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequen
         advice.append("Errors of more than a pixel are no noise: see that the board is flat, still, and counted right.")
     advice += _left_out(pairs)
     if len(used) < ENOUGH_PAIRS:
-        advice.append(f"{len(used)} pairs are few: take {ENOUGH_PAIRS} to 20.")
+        advice.append(f"{counted(len(used), 'pair is', 'pairs are')} few: take {ENOUGH_PAIRS} to 20.")
     normals = adjusted.bundle.first_from_board[:, :3, 2]
     lean = np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
     if lean < LEAST_LEAN:
@@ -151,7 +152,9 @@ def _are_blurred(pairs: Sequence[PairSeen]) -> list[bool]:
 
 
 def _few(n_used: int) -> list[str]:
-    return [] if n_used >= ENOUGH_PAIRS else [f"{n_used} pairs are few: take {ENOUGH_PAIRS} to 20."]
+    return (
+        [] if n_used >= ENOUGH_PAIRS else [f"{counted(n_used, 'pair is', 'pairs are')} few: take {ENOUGH_PAIRS} to 20."]
+    )
 
 
 def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:

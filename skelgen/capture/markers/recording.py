@@ -18,7 +18,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CaptureSettings, StereoRig
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import SILENT, Monitor, counted, with_progress
 
 N_BLOBS = 2
 """Balls of a marker that both cameras see."""
@@ -176,8 +176,10 @@ class ImageHealth:
             for side, (count, first, fault) in self._faulty.items()
         ]
         if self._n_dropped:
-            share = 100 * self._n_dropped / (self._n_dropped + self._n_pairs)
-            notices.append(f"{self._n_dropped} pairs of images were lost ({share:.1f} %); their time stays empty")
+            share = f"({100 * self._n_dropped / (self._n_dropped + self._n_pairs):.1f} %)"
+            one = f"pair of images was lost {share}; its time stays empty"
+            several = f"pairs of images were lost {share}; their time stays empty"
+            notices.append(counted(self._n_dropped, one, several))
         return tuple(notices)
 
 

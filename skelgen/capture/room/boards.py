@@ -20,6 +20,7 @@ from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats, Ints, evenly_spread, spread_frames
 from skelgen.model.rig import Camera
+from skelgen.progress import counted
 
 FEWEST_CORNERS = 6
 """Corners of a view that place a board."""
@@ -173,8 +174,9 @@ def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Ca
     views = np.flatnonzero(shown.sum(axis=1) >= FEWEST_CORNERS)
     if len(views) < FEWEST_VIEWS:
         raise InputError(
-            f"{name} shows the board in {len(views)} images; at least {FEWEST_VIEWS} are needed: hold it where this "
-            "camera looks, turned about different axes; is the camera dark, are the board's squares counted right?"
+            f"{name} shows the board in {counted(len(views), 'image')}; at least {FEWEST_VIEWS} are needed: "
+            "hold it where this camera looks, turned about different axes; is the camera dark, "
+            "are the board's squares counted right?"
         )
     views = evenly_spread(views, MOST_VIEWS)
     points, pixels = zip(*((board.points[shown[view]], seen[view, shown[view]]) for view in views), strict=True)

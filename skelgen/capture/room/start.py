@@ -22,6 +22,7 @@ from skelgen.geometry.rotations import nearest_rotation, transform_from
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.model.rig import Camera
+from skelgen.progress import counted
 
 LEAST_SHARED = 30
 """Views that a camera must share with others to be placed."""
@@ -134,9 +135,9 @@ def check_overlap(shows: Bools, names: list[str]) -> None:
     """
     for camera in np.flatnonzero(shows.sum(axis=0) < LEAST_SHARED):
         raise InputError(
-            f"{names[camera]} shows the wand in {int(shows[:, camera].sum())} images; at least {LEAST_SHARED} are "
-            "needed: is it covered, dark or blinded, do the settings say the right distances of the wand's balls, does "
-            "it show other bright things?"
+            f"{names[camera]} shows the wand in {counted(int(shows[:, camera].sum()), 'image')}; at least "
+            f"{LEAST_SHARED} are needed: is it covered, dark or blinded, do the settings say the right "
+            "distances of the wand's balls, does it show other bright things?"
         )
     shared = shows.T.astype(np.intp) @ shows
     reached = {0}

@@ -14,6 +14,7 @@ from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import check_wand, find_wand
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.progress import counted
 
 FIRST_LOOK, MOST_FRAMES = 60, 400
 """Views of each camera before the room is looked at for the first time, and frames that this takes at most."""
@@ -81,7 +82,7 @@ class WandProgress:
         return [*out, self.problem] if self.problem else out
 
     def __str__(self) -> str:
-        return f"after {self.n_frames} frames: {'; '.join(self.sentences()) or 'enough'}"
+        return f"after {counted(self.n_frames, 'frame')}: {'; '.join(self.sentences()) or 'enough'}"
 
 
 @dataclass

@@ -14,6 +14,7 @@ from skelgen.capture.sources.pairs import check_same_size
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content
+from skelgen.progress import counted
 
 _SIDES = (("left", "right"), ("_l", "_r"), ("-l", "-r"), ("cam0", "cam1"), ("cam1", "cam2"))
 
@@ -168,7 +169,7 @@ def _why_no_pairs(folder: Path, left: dict[str, Path], right: dict[str, Path]) -
         return f"{folder}: {one} and {other} do not belong together, nor do any others; {how}"
     if left or right:
         side, there = ("right", left) if left else ("left", right)
-        return f"{folder}: {len(there)} images of one camera, but none of the {side} one; {how}"
+        return f"{folder}: {counted(len(there), 'image')} of one camera, but none of the {side} one; {how}"
     return f"{folder}: no pairs of images; {how}"
 
 

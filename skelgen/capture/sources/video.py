@@ -11,6 +11,7 @@ from skelgen.capture.sources.options import VideoOptions
 from skelgen.capture.sources.pairs import check_same_size
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
+from skelgen.progress import counted
 
 _SAME_RATE = 0.001  # part by which the rates of two files may differ: containers round 59.94
 _COUNT_SLACK = 1  # frames: some containers know their number of frames only from the duration
@@ -94,8 +95,8 @@ class VideoPairs:
                 raise FormatError(
                     path,
                     f"frame {n_read}",
-                    f"ends after {n_read} frames, before the other video; if those belong together, take them "
-                    f"with ?frames={n_read}",
+                    f"ends after {counted(n_read, 'frame')}, before the other video; if those belong together, "
+                    f"take them with ?frames={n_read}",
                 )
         if n_read + _COUNT_SLACK < min(self._counts):
             raise FormatError(

@@ -15,6 +15,7 @@ from skelgen.geometry.orientation import fit_transform
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import seen_runs
+from skelgen.progress import counted
 
 _EDGE_SECONDS = 0.08  # of motion beside a gap, which give its velocity
 _FEWEST_EDGE = 4  # frames of it
@@ -91,8 +92,8 @@ def fill_marker(
         raise InputError(f"single gaps are filled by {', '.join(_METHODS)}, not by {method!r}")
     least, most = {"spline": (0, 0), "rigid": (_FEWEST_MATES, len(donors)), "pattern": (1, 1)}[method]
     if not least <= len(donors) <= most or marker in donors:
-        wanted = f"at least {least}" if method == "rigid" else str(least)
-        raise InputError(f"filling by {method} needs {wanted} other markers; {len(donors)} are named")
+        wanted = ("at least " if method == "rigid" else "") + counted(least, "other marker")
+        raise InputError(f"filling by {method} needs {wanted}; {len(donors)} named")
     carried = _Marker(trajectories.positions[:, marker], trajectories.positions[:, list(donors)], trajectories.rate)
     parts, n_trials, longest = [], 0, 0
     for first, last in gaps_of(trajectories.seen[:, marker]):

@@ -22,6 +22,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, transform_from, vector_from_matrix
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints, check_floats
+from skelgen.progress import counted
 
 BODY_SIZE = 100.0
 """mm from a body's origin to the points that represent it, where frames do not show it: the size of marker targets."""
@@ -116,8 +117,8 @@ def relative_poses(
     seen = ~np.isnan(world[:, first, 0, 0]) & ~np.isnan(world[:, second, 0, 0])
     if seen.sum() < MIN_FRAMES:
         raise InputError(
-            f"{poses.names[first]!r} and {poses.names[second]!r} are seen together in {int(seen.sum())} frames; "
-            f"a joint needs {MIN_FRAMES}"
+            f"{poses.names[first]!r} and {poses.names[second]!r} are seen together in "
+            f"{counted(int(seen.sum()), 'frame')}; a joint needs {MIN_FRAMES}"
         )
     own = _body_covariances(poses, covariances, noise_size(poses) if size is None else size)[:, [first, second]]
     frames = np.flatnonzero(seen)

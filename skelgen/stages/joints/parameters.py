@@ -12,7 +12,7 @@ from skelgen.errors import InputError
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import declare
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.classic.conjugate_gradients import DescentParameters
 
 PAIR_SEPARATOR, NAME_SEPARATOR = ";", ","
@@ -136,7 +136,7 @@ class JointConstraints:
         """
         parents = [] if self.parents is None else self.parents.tolist()
         if self.parents is not None and len(parents) != n_limbs:
-            raise InputError(f"the hierarchy has {len(parents)} limbs, the take {n_limbs}")
+            raise InputError(f"the hierarchy has {counted(len(parents), 'limb')}, the take {n_limbs}")
         of_tree = [(min(limb, parent), max(limb, parent)) for limb, parent in enumerate(parents) if parent >= 0]
         return [*self.joined, *of_tree]
 

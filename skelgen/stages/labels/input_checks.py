@@ -7,8 +7,8 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.computed_points import are_computed
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, check_coordinates
-from skelgen.progress import Monitor
+from skelgen.model.arrays import Bools, Floats, Ints, check_coordinates
+from skelgen.progress import Monitor, counted
 from skelgen.stages.labels.parameters import LabelParameters
 
 MISSING_FRAME = 1.5
@@ -114,7 +114,8 @@ def _odd_times(cloud: PointCloud) -> tuple[str, ...]:
         )
     if len(rising) < len(steps):
         notices.append(
-            f"{len(steps) - len(rising)} time stamps repeat the one before; frames are taken as evenly spaced"
+            f"{counted(len(steps) - len(rising), 'time stamp repeats', 'time stamps repeat')} the one before; frames "
+            "are taken as evenly spaced"
         )
     return tuple(notices)
 
@@ -178,6 +179,36 @@ def too_few_wanted(n_markers: int | None, at_once: int) -> tuple[str, ...]:
     if n_markers is None or at_once <= n_markers:
         return ()
     return (
-        f"{n_markers} markers were asked for, but {at_once} are seen at once: the {at_once - n_markers} that are seen "
-        "in the fewest frames are left out",
+        f"{counted(n_markers, 'marker was', 'markers were')} asked for, but {at_once} are seen at once: the "
+        f"{at_once - n_markers} that are seen in the fewest frames are left out",
     )
+
+
+def losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
+    """Return notices of what labelling has left out.
+
+    Parameters
+    ----------
+    found : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    n_found : int
+        Number of markers.
+    n_removed : int
+        Tracklets of enough length that are no marker's.
+    n_markers : int or None
+        Number of markers that the user asks for.
+    """
+    notices = []
+    left_out = int((found < 0).sum())
+    if left_out:
+        sentence = (
+            f"{left_out} of {len(found)} points ({100.0 * left_out / len(found):.1f} %) belong to no marker and are "
+            "left out"
+        )
+        long_enough = counted(n_removed, "tracklet that was", "tracklets that were")
+        notices.append(f"{sentence}, among them {long_enough} long enough" if n_removed else sentence)
+    if n_markers is not None and n_found < n_markers:
+        notices.append(
+            f"{counted(n_markers, 'marker was', 'markers were')} asked for, but only {n_found} can be told apart"
+        )
+    return tuple(notices)

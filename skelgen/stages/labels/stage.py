@@ -23,6 +23,7 @@ from skelgen.stages.labels.input_checks import (
     check_cloud,
     frame_rate,
     guessed_identities,
+    losses,
     thin_frames,
     too_few_wanted,
     with_jitter,
@@ -234,7 +235,7 @@ def _labelled(
         found = np.where(np.repeat(thin, cloud.points_per_frame), -1, found)
         positions = np.where(thin[:, np.newaxis, np.newaxis], np.nan, positions)
         notices += cleaned
-    notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
+    notices += losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
     notices += guessed_identities(positions, take.spacing)
     for sentence in notices:
         monitor.notice(sentence)
@@ -388,18 +389,3 @@ def _most_seen(found: Ints, n_markers: int) -> Ints:
     keep = np.zeros(len(counts), dtype=bool)
     keep[np.argsort(-counts, kind="stable")[:n_markers]] = True
     return point_labels.renumbered(found, keep & (counts > 0))
-
-
-def _losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
-    """Notices of what was left out."""
-    notices = []
-    left_out = int((found < 0).sum())
-    if left_out:
-        sentence = (
-            f"{left_out} of {len(found)} points ({100.0 * left_out / len(found):.1f} %) belong to no marker and are "
-            "left out"
-        )
-        notices.append(f"{sentence}, among them {n_removed} tracklets that were long enough" if n_removed else sentence)
-    if n_markers is not None and n_found < n_markers:
-        notices.append(f"{n_markers} markers were asked for, but only {n_found} can be told apart")
-    return tuple(notices)

@@ -7,6 +7,7 @@ import numpy as np
 
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints, evenly_spread
+from skelgen.progress import counted
 
 RARE_FRAMES = 30
 """Frames below which the limb of a marker is doubtful; half the take, where that is shorter."""
@@ -47,7 +48,8 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
     few = min(RARE_FRAMES, trajectories.n_frames // 2)
     for marker in np.flatnonzero((limb_of_marker >= 0) & (n_seen < few)).tolist():
         limb = int(limb_of_marker[marker])
-        yield f"{names[marker]} is seen in {n_seen[marker]} frames only: that it is on limb {limb} rests on these"
+        seen = counted(int(n_seen[marker]), "frame")
+        yield f"{names[marker]} is seen in {seen} only: that it is on limb {limb} rests on what is seen there"
     sampled = positions[frames]
     for first, second in _at_one_place(sampled):
         yield (

@@ -11,6 +11,7 @@ import numpy as np
 
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.progress import counted
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
 
@@ -79,7 +80,8 @@ def doubt_notices(limbs: Limbs, names: Sequence[str]) -> Iterator[str]:
         limb = limbs.called(int(limbs.limb_of_marker[marker]))
         yield f"{names[marker]} is on {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %)"
     if len(limbs.doubtful) > MOST_NAMED:
-        yield f"{len(limbs.doubtful) - MOST_NAMED} more markers are perhaps on another limb"
+        others = counted(len(limbs.doubtful) - MOST_NAMED, "more marker is", "more markers are")
+        yield f"{others} perhaps on another limb"
 
 
 def limb_odds(positions: Floats, is_member: Bools) -> Floats:

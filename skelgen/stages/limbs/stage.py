@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.bodies import find_bodies, seen_together
@@ -151,7 +151,7 @@ def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
     if n_usable < 2:
         raise InputError(f"{name or 'the take'}: no two markers are seen together; there is no limb to find")
     if n_limbs is not None and not 1 <= n_limbs <= n_usable:
-        raise InputError(f"{n_limbs} limbs cannot be made of {n_usable} markers")
+        raise InputError(f"{counted(n_limbs, 'limb')} cannot be made of {n_usable} markers")
 
 
 def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, named: MarkerConstraints) -> Floats:
@@ -315,8 +315,8 @@ class _Grouping:
         n_found = len(np.unique(groups))
         if self._n_limbs not in (None, n_found):
             raise InputError(
-                f"{self._n_limbs} limbs are asked for, but with the markers that must share a limb or must not there "
-                f"are {n_found}; ask for less of both"
+                f"{counted(self._n_limbs or 0, 'limb is', 'limbs are')} asked for, but with the markers that must "
+                f"share a limb or must not there are {n_found}; ask for less of both"
             )
         return groups
 

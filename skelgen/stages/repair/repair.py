@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from skelgen.model import Trajectories
 from skelgen.model.labelling import Finding
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.repair.limb_distances import robust_limbs
 from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
@@ -99,13 +99,16 @@ def repair_take(
 
 def _outcome(n_swaps: int, n_moves: int, slips: tuple[Slip, ...]) -> str:
     n_split = sum(slip.sure for slip in slips)
-    parts = [f"{n_swaps} exchanges of labels are repaired" if n_swaps else "no exchanged labels are found"]
+    exchanges = counted(n_swaps, "exchange of labels is", "exchanges of labels are")
+    parts = [f"{exchanges} repaired" if n_swaps else "no exchanged labels are found"]
     if n_moves:
-        parts.append(f"{n_moves} labels on other markers are given back")
+        others = counted(n_moves, "label on another marker is", "labels on other markers are")
+        parts.append(f"{others} given back")
     if n_split:
-        parts.append(f"{n_split} slipped markers are split")
+        parts.append(f"{counted(n_split, 'slipped marker is', 'slipped markers are')} split")
     if len(slips) > n_split:
-        parts.append(f"{len(slips) - n_split} more may have slipped and are left as they are")
+        left = "is left as it is" if len(slips) == n_split + 1 else "are left as they are"
+        parts.append(f"{len(slips) - n_split} more may have slipped and {left}")
     return ", ".join(parts)
 
 
@@ -113,7 +116,7 @@ def _warn_of_twins(trajectories: Trajectories, monitor: Monitor) -> None:
     pairs = indistinguishable_pairs(trajectories)
     if pairs:
         named = ", ".join(f"{first} and {second}" for first, second in pairs[:MOST_NAMED])
-        more = f" and {len(pairs) - MOST_NAMED} more pairs" if len(pairs) > MOST_NAMED else ""
+        more = f" and {counted(len(pairs) - MOST_NAMED, 'more pair')}" if len(pairs) > MOST_NAMED else ""
         monitor.notice(
             f"no distance tells apart {named}{more}: their labels are exchanged back only where they are seen jumping"
         )

@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject import changes as take_changes
@@ -245,8 +245,9 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
         yield f"markers that the skeleton does not know: {parts}"
     n_left = int((labels.marker_of_point < 0).sum())
     if n_left:
-        part = 100 * n_left / len(labels.marker_of_point)
-        yield f"{n_left} points ({part:.1f} %) belong to no marker and are left out"
+        part = f"({100 * n_left / len(labels.marker_of_point):.1f} %)"
+        one, several = "belongs to no marker and is left out", "belong to no marker and are left out"
+        yield counted(n_left, f"point {part} {one}", f"points {part} {several}")
     yield from _renamed_notices(labels, names)
 
 

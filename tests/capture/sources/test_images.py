@@ -53,7 +53,7 @@ def test_an_image_without_partner_is_a_dropped_pair(tmp_path, save, marks):
 
 def test_one_camera_missing_is_said(tmp_path, save):
     save(tmp_path / "left0.png", 0, 1)
-    with pytest.raises(CaptureError, match="1 images of one camera, but none of the right one"):
+    with pytest.raises(CaptureError, match="1 image of one camera, but none of the right one"):
         open_source(f"folder:{tmp_path}")
 
 

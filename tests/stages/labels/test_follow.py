@@ -208,7 +208,7 @@ def test_gaps_count_in_time_and_repeated_stamps_are_told():
     assert steps[0] == 1
     assert steps[2] == 1
     assert steps[-1] > 3
-    assert "1 frames repeat the time stamp" in monitor.sentences[0]
+    assert "1 frame repeats the time stamp" in monitor.sentences[0]
 
 
 def test_steps_of_a_regular_take_are_one():

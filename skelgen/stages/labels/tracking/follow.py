@@ -16,7 +16,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.tracklets import TrackletPoints
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import blocks_of
 from skelgen.stages.labels.tracking.statistics import (
@@ -104,7 +104,9 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
         rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, SQUARES), prior_weight=SQUARES)
     followed, n_crowded = take.follow(rules, monitor)
     if n_crowded:
-        monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
+        one = "frame holds too many points close together to be followed, and is left out"
+        several = "frames hold too many points close together to be followed, and are left out"
+        monitor.notice(counted(n_crowded, one, several))
     if len(followed) == cloud.n_points:
         return followed, rules.reach
     track_of_point = np.full(cloud.n_points, -1, dtype=followed.dtype)
@@ -192,7 +194,7 @@ def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice,
     )
     if crowded.all():
         raise InputError(f"{what}, and so do all others; raise the tracker's threshold or remove stray points")
-    monitor.notice(f"{int(crowded.sum())} frames are left out: {what}")
+    monitor.notice(f"{counted(int(crowded.sum()), 'frame is', 'frames are')} left out: {what}")
     return np.repeat(~crowded, counts), np.where(crowded, 0, counts)
 
 

@@ -17,7 +17,7 @@ from scipy.special import fdtri, gammaln
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 
 MIDDLE, FAR = 0.5, (0.95, 0.99)
 """Quantiles of the innovations from which the tail is found; the heavier counts. Farther out, wrong links dominate."""
@@ -326,7 +326,9 @@ def time_steps(cloud: PointCloud, monitor: Monitor = SILENT) -> Ints:
     passed = np.diff(cloud.times)
     n_repeated = int((passed == 0).sum())
     if 0 < n_repeated < len(passed):
-        monitor.notice(f"{n_repeated} frames repeat the time stamp of the frame before; they count as one frame later")
+        one = "frame repeats the time stamp of the frame before; it counts as one frame later"
+        several = "frames repeat the time stamp of the frame before; they count as one frame later"
+        monitor.notice(counted(n_repeated, one, several))
     periods = np.minimum(np.round(passed * cloud.rate), LONGEST_PAUSE)
     return np.concatenate([[1], np.maximum(periods, 1)])[: cloud.n_frames].astype(np.intp)
 

@@ -8,7 +8,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Identities, Identity
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import all_positions, find_points, marker_names, renumbered
 from skelgen.stages.labels.tracking.follow import follow_points
@@ -51,7 +51,7 @@ def apply_constraints(
     """
     if n_markers is not None and len(constraints.names) > n_markers:
         raise InputError(
-            f"{len(constraints.names)} names are stated by hand, more than the {n_markers} markers asked for"
+            f"{len(constraints.names)} names are stated by hand, more than the {counted(n_markers, 'marker')} asked for"
         )
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     n_before = max(int(marker_of_point.max(initial=-1)) + 1, len(labels))
@@ -104,9 +104,12 @@ def constrain_labelled(
     constraints = statements.find_constraints(cloud, tracks, dataclasses.replace(identities, entries=entries))
     found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
-    sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
+    stated = counted(len(identities.entries), "identity stated by hand is", "identities stated by hand are")
+    sentence = f"{stated} obeyed"
     if lost:
-        sentence += f"; {lost} positions that had to make room or are nobody's are left out"
+        one = "position that had to make room or is nobody's is left out"
+        several = "positions that had to make room or are nobody's are left out"
+        sentence += f"; {counted(lost, one, several)}"
     monitor.notice(sentence)
     positions = all_positions(cloud, found, len(names))
     return Trajectories(positions, names, file.rate, file.name, (*repaired.notices, sentence))

@@ -12,6 +12,7 @@ from skelgen.model import Labelling, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.labelling import Doubt, Tracklets
+from skelgen.progress import counted
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
 from skelgen.stages.labels.confidence.label_quality import doubtful_spans
 
@@ -143,7 +144,8 @@ class _Editor:
             n_lost += int(((self.source[:, marker] >= 0) & ~free).sum())
             self.source[free, kept] = self.source[free, marker]
         if n_lost:
-            self.notices.append(f"{correction.sentence}: {n_lost} positions seen at the same time are left out")
+            lost = counted(n_lost, "position seen at the same time is", "positions seen at the same time are")
+            self.notices.append(f"{correction.sentence}: {lost} left out")
         self.touched[:, kept] = True
         self._drop(markers[1:])
 
