@@ -16,6 +16,7 @@ from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import run_stages
 from skelgen.app.subject import check_subject
 from skelgen.errors import InputError
+from skelgen.geometry.statistics import median_of_known, pair_lengths
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
@@ -247,8 +248,10 @@ def _distances(take: Trajectories, names: Sequence[str]) -> tuple[Floats, Floats
     """Median and standard deviation of the distance between each two markers [mm]; infinite deviations if unknown."""
     columns: Ints = np.array([take.names.index(name) for name in names], dtype=np.intp)
     shown = take.positions[spread_frames(take.n_frames, LOOKED_AT)][:, columns]
-    gaps = np.linalg.norm(shown[:, :, np.newaxis] - shown[:, np.newaxis], axis=3)
-    known = ~np.isnan(gaps).all(axis=0) & ~np.eye(len(names), dtype=np.bool_)
-    gaps = np.where(known, gaps, 0.0)
-    middle = np.nanmedian(gaps, axis=0)
-    return np.where(known, middle, np.inf), np.where(known, np.nanstd(gaps, axis=0), np.inf)
+    first, second = np.triu_indices(len(names), 1)
+    gaps = pair_lengths(shown, first, second)
+    known = ~np.isnan(gaps).all(axis=1)
+    usual, deviation = np.full((2, len(names), len(names)), np.inf)
+    for table, values in ((usual, median_of_known(gaps[known].T)), (deviation, np.nanstd(gaps[known], axis=1))):
+        table[first[known], second[known]] = table[second[known], first[known]] = values
+    return usual, deviation

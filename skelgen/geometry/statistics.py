@@ -1,16 +1,24 @@
 """Middle and spread that a few wild values do not spoil, and the distances they are taken of."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 
 SORTED_AT_ONCE = 1_000_000
 """Distances that are sorted at once: 8 MB."""
 
 MOST_PLACES = 4
 """Places up to which a part of the order costs less than all of it."""
+
+FARTHEST = 0.95
+"""Quantile of the distance of two markers that counts as their largest: labels may jump in the other frames."""
+
+LEAST_COMMON = 8
+"""Frames that must show both markers of a pair."""
 
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of normal numbers with a median absolute deviation of 1."""
@@ -112,3 +120,76 @@ def sorted_pair_lengths(positions: Floats, first: Ints, second: Ints) -> Iterato
     for start in range(0, len(first), step):
         part = slice(start, start + step)
         yield part, np.ascontiguousarray(np.sort(pair_lengths(positions, first[part], second[part]), axis=1).T)
+
+
+@dataclass(frozen=True, eq=False)
+class PairDistances:
+    """How far the two markers of each pair are from each other over the frames of a take.
+
+    Attributes
+    ----------
+    n_common : ndarray of intp, shape (n_pairs,)
+        Frames that show both.
+    largest : ndarray, shape (n_pairs,), mm
+        Distance below which they usually stay; NaN where no frame shows both.
+    deviation : ndarray, shape (n_pairs,), mm
+        Standard deviation of their distance, as it were if all frames showed both: markers seen together in few frames
+        had little time to move.
+    mean : ndarray, shape (n_pairs,), mm
+        Mean distance; 0 where no frame shows both.
+    """
+
+    n_common: Ints
+    largest: Floats
+    deviation: Floats
+    mean: Floats
+
+    @property
+    def is_known(self) -> Bools:
+        """Return which pairs are seen together long enough, shape (n_pairs,)."""
+        return np.asarray(self.n_common >= LEAST_COMMON)
+
+
+def pair_distances(
+    positions: Floats,
+    first: Ints,
+    second: Ints,
+    within: tuple[float, float] = (0.0, FARTHEST),
+    *,
+    method: Literal["lower", "nearest"] = "lower",
+    clipped: bool = False,
+) -> PairDistances:
+    """Describe the distance of each pair of markers over all frames.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    first, second : ndarray of intp, shape (n_pairs,)
+        Indices of markers.
+    within : tuple of float
+        Quantiles of the distance that count as its least and its largest.
+    method : {"lower", "nearest"}
+        Which frame has a quantile that lies between two, as for `numpy.quantile`.
+    clipped : bool
+        Whether mean and deviation are those of distances clipped to the two quantiles.
+
+    Examples
+    --------
+    >>> positions = np.array([[[0.0, 0.0, 0.0], [gap, 0.0, 0.0]] for gap in (3.0, 5.0)])
+    >>> pair_distances(positions, np.array([0]), np.array([1]), within=(0.0, 1.0)).largest
+    array([5.])
+    """
+    n_common = np.zeros(len(first), dtype=np.intp)
+    largest, deviation, mean = np.empty((3, len(first)))
+    whole = np.floor if method == "lower" else np.rint
+    for part, gaps in sorted_pair_lengths(positions, first, second):
+        n_seen = (~np.isnan(gaps)).sum(axis=0)
+        count, columns = np.maximum(n_seen, 1), np.arange(gaps.shape[1])
+        least, most = (gaps[whole(share * (count - 1)).astype(np.intp), columns] for share in within)
+        kept = np.clip(gaps, least, most) if clipped else gaps
+        middle = np.nansum(kept, axis=0) / count
+        squares = np.nansum((kept - middle) ** 2, axis=0) / count
+        n_common[part], largest[part], mean[part] = n_seen, most, middle
+        deviation[part] = np.sqrt(squares * (len(positions) / count))
+    return PairDistances(n_common, largest, deviation, mean)

@@ -6,6 +6,7 @@ import pytest
 from skelgen.geometry.statistics import (
     lengths_of,
     median_of_known,
+    pair_distances,
     pair_lengths,
     quantile_of,
     sorted_pair_lengths,
@@ -62,3 +63,21 @@ def test_sorted_distances_rise_and_are_those_of_the_pairs(monkeypatch):
     for part, lengths in sorted_pair_lengths(positions, first, second):
         found[:, part] = lengths
     assert np.array_equal(found, np.sort(pair_lengths(positions, first, second).T, axis=0), equal_nan=True)
+
+
+def test_pairs_are_described_by_the_frames_that_show_both():
+    lengths = np.array([3.0, 9.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, np.nan, 11.0])
+    positions = np.zeros((10, 2, 3))
+    positions[:, 1, 0] = lengths
+    pairs = pair_distances(positions, np.array([0]), np.array([1]), within=(0.0, 0.8))
+    assert (pairs.n_common[0], pairs.largest[0], pairs.is_known[0]) == (9, 9.0, True)
+    assert pairs.mean[0] == pytest.approx(np.nanmean(lengths))
+    assert pairs.deviation[0] == pytest.approx(np.nanstd(lengths) * np.sqrt(10 / 9))
+
+
+def test_wild_distances_of_a_pair_do_not_count_where_they_are_clipped():
+    positions = np.zeros((100, 2, 3))
+    positions[:, 1, 0] = 5.0
+    positions[50, 1, 0] = 500.0
+    pairs = pair_distances(positions, np.array([0]), np.array([1]), (0.03, 0.97), method="nearest", clipped=True)
+    assert (pairs.largest[0], pairs.mean[0], pairs.deviation[0]) == (5.0, 5.0, 0.0)

@@ -10,18 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skelgen.geometry.statistics import sorted_pair_lengths
+from skelgen.geometry.statistics import pair_distances
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.stages.joints.segments import Segment
 
 LOOKED_AT = 200
 """Frames: soft tissue and joints are slow, more would repeat each other."""
-
-FARTHEST = 0.95
-"""Quantile of the distance of two markers that counts as their largest: labels may jump in the other frames."""
-
-LEAST_COMMON = 8
-"""Frames that must show both markers."""
 
 ENOUGH_LIMBS = 6
 """Fewer say nothing of what is usual."""
@@ -187,16 +181,11 @@ def _nearest_markers(markers: Sequence[Floats]) -> tuple[Floats, Floats, Floats,
     first, second = np.triu_indices(len(limb_of), 1)
     across = limb_of[first] != limb_of[second]
     first, second = first[across], second[across]
-    for part, gaps in sorted_pair_lengths(places, first, second):
-        n_common = (~np.isnan(gaps)).sum(axis=0)
-        pair = np.flatnonzero(n_common >= LEAST_COMMON)
-        one, other, count = limb_of[first[part][pair]], limb_of[second[part][pair]], n_common[pair]
-        far, shown = gaps[(FARTHEST * (count - 1)).astype(np.intp), pair], gaps[:, pair]
-        # Markers seen together in few frames had little time to move
-        unsteady = np.sqrt(len(gaps) / count) * np.nanstd(shown, axis=0)
-        values = far, unsteady, far**2 * unsteady, np.nanmean(shown, axis=0)
-        for table, value in zip(found, values, strict=True):
-            np.minimum.at(table, (one, other), value)
+    pairs = pair_distances(places, first, second)
+    far, unsteady = pairs.largest, pairs.deviation
+    one, other = limb_of[first], limb_of[second]
+    for table, value in zip(found, (far, unsteady, far**2 * unsteady, pairs.mean), strict=True):
+        np.minimum.at(table, (one, other), np.where(pairs.is_known, value, np.inf))
     found = np.minimum(found, found.transpose(0, 2, 1))
     return found[0], found[1], found[2], found[3]
 

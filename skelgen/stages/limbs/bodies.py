@@ -13,17 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.statistics import sorted_pair_lengths
+from skelgen.geometry.statistics import pair_distances
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 LOOKED_AT = 200
 """Frames: bodies move slowly against each other, more would repeat each other."""
-
-FARTHEST = 0.95
-"""Quantile of the distance of two markers that counts as their largest: labels may jump in the other frames."""
-
-LEAST_COMMON = 8
-"""Frames that must show both markers."""
 
 LEAST_MARKERS = 5
 """Markers of a body that is parted here; smaller things are found from joints, which the next stage looks for."""
@@ -210,16 +204,12 @@ def _best_cut(markers: Ints, far: Floats, unsteady: Floats) -> tuple[float, Ints
 def marker_distances(positions: Floats) -> tuple[Floats, Floats]:
     """Distance below which two markers usually stay, and its deviation [mm]; infinite where not seen together."""
     positions = positions[evenly_spread(np.arange(len(positions)), LOOKED_AT)]
-    n_frames, n_markers = positions.shape[:2]
-    far, unsteady = np.full((2, n_markers, n_markers), np.inf)
+    n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers)
-    for part, gaps in sorted_pair_lengths(positions, first, second):
-        n_common = (~np.isnan(gaps)).sum(axis=0)
-        pair = np.flatnonzero(n_common >= LEAST_COMMON)
-        one, other, count = first[part][pair], second[part][pair], n_common[pair]
-        far[one, other] = far[other, one] = gaps[(FARTHEST * (count - 1)).astype(np.intp), pair]
-        # Markers seen together in few frames had little time to move
-        unsteady[one, other] = unsteady[other, one] = np.sqrt(n_frames / count) * np.nanstd(gaps[:, pair], axis=0)
+    pairs = pair_distances(positions, first, second)
+    far, unsteady = np.full((2, n_markers, n_markers), np.inf)
+    for table, values in ((far, pairs.largest), (unsteady, pairs.deviation)):
+        table[first, second] = table[second, first] = np.where(pairs.is_known, values, np.inf)
     return far, unsteady
 
 

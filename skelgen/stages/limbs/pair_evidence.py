@@ -8,7 +8,7 @@ neighbours, and with how many markers lie between the two.
 
 import numpy as np
 
-from skelgen.geometry.statistics import sorted_pair_lengths
+from skelgen.geometry.statistics import pair_distances
 from skelgen.model.arrays import Bools, Floats, spread_frames
 
 LOOKED_AT = 200
@@ -16,9 +16,6 @@ LOOKED_AT = 200
 
 KEPT = (0.03, 0.97)
 """Quantiles within which distances count: labels may jump."""
-
-LEAST_COMMON = 8
-"""Frames that must show both markers."""
 
 SMALLEST = 0.3
 """Part of the take's noise: smaller deviations of a distance count as this much."""
@@ -139,19 +136,11 @@ def _distances(positions: Floats) -> tuple[Bools, Floats, Floats, Floats]:
     """Whether markers are seen together; deviation, mean and largest usual distance [mm]; the largest of all if not."""
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers)
-    n_common = np.empty((n_markers, n_markers), dtype=np.intp)
+    pairs = pair_distances(positions, first, second, KEPT, method="nearest", clipped=True)
+    known = np.zeros((n_markers, n_markers), dtype=np.bool_)
     spread, mean, farthest = np.empty((3, n_markers, n_markers))
-    for part, gaps in sorted_pair_lengths(positions, first, second):
-        n_seen = (~np.isnan(gaps)).sum(axis=0)
-        places = [np.rint(share * np.maximum(n_seen - 1, 0)).astype(np.intp) for share in KEPT]
-        ends = [gaps[place, np.arange(len(place))] for place in places]
-        kept, count = np.clip(gaps, *ends), np.maximum(n_seen, 1)
-        middle = np.nansum(kept, axis=0) / count
-        # What is seen together for a part of the time has had less time to move
-        deviation = np.sqrt(np.nansum((kept - middle) ** 2, axis=0) / count * (len(positions) / count))
-        pairs = zip((n_common, spread, mean, farthest), (n_seen, deviation, middle, ends[1]), strict=True)
-        for table, values in pairs:
-            table[first[part], second[part]] = table[second[part], first[part]] = values
-    known = n_common >= LEAST_COMMON
+    tables = (known, spread, mean, farthest)
+    for table, values in zip(tables, (pairs.is_known, pairs.deviation, pairs.mean, pairs.largest), strict=True):
+        table[first, second] = table[second, first] = values
     spread, mean, farthest = (np.where(known, one, one[known].max(initial=TINY)) for one in (spread, mean, farthest))
     return known, spread, mean, farthest
