@@ -29,7 +29,6 @@ from skelgen.cli import (
 from skelgen.cli.options import called_command, generated, reader_options, writer_options
 from skelgen.errors import SkelgenError, out_of_memory, shortened
 
-EXIT_BUG = 1
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 EXIT_READER_GONE = 141
@@ -186,7 +185,7 @@ def _failed(sentence: str, code: int) -> int:
 
 
 def _say_that_it_is_a_bug(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Replace Python's traceback; the process ends with `EXIT_BUG` as after any uncaught exception."""
+    """Replace Python's traceback; the process ends with 1 as after any uncaught exception."""
     what = " ".join(str(error).split())
     print(
         f"skelgen: internal error: {kind.__name__}: {what} (a bug; `skelgen --debug ...` shows where)", file=sys.stderr

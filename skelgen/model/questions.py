@@ -17,10 +17,6 @@ LEFT_OUT_SHARE = 0.5
 MOST_SPANS = 4
 """Spans that a question tells; all are in the summary."""
 
-QUESTION_KINDS = ("same", "which", "real", "whose")
-"""``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all? ``whose``:
-which marker is a track that was left out?"""
-
 _KIND_OF_DOUBT = {"piece": "same", "rival": "which", "alone": "real", "rare": "real"}
 
 
@@ -31,7 +27,8 @@ class Question:
     Attributes
     ----------
     kind : str
-        One of `QUESTION_KINDS`.
+        ``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all?
+        ``whose``: which marker is a track that was left out?
     markers : tuple of int
         Markers that it is about: the doubtful one, and for ``same`` and ``which`` the one that it may be; none for
         ``whose``.

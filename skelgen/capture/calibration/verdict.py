@@ -151,12 +151,6 @@ def _are_blurred(pairs: Sequence[PairSeen]) -> list[bool]:
     ]
 
 
-def _few(n_used: int) -> list[str]:
-    return (
-        [] if n_used >= ENOUGH_PAIRS else [f"{counted(n_used, 'pair is', 'pairs are')} few: take {ENOUGH_PAIRS} to 20."]
-    )
-
-
 def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
     advice = []
     for side, size in (("left", rig.left.size), ("right", rig.right.size)):

@@ -42,18 +42,6 @@ def firewire_pairs(guids: tuple[str, ...], options: FireWireOptions) -> LivePair
     return LivePairs(name, lambda stack: _open_pair(stack, numbers, options), options)
 
 
-def firewire_guids() -> list[int]:
-    """Return the numbers of all cameras on all buses, sorted.
-
-    Raises
-    ------
-    CaptureError
-        If libdc1394 is missing.
-    """
-    with ExitStack() as stack:
-        return _guids_of(_context(stack))
-
-
 def why_no_camera(nodes: list[Path]) -> str:
     """Say why nothing was found, from the device files /dev/fw*: the computer's own node has one, too."""
     if not nodes:
@@ -218,4 +206,4 @@ def _listed(offer: Modes) -> str:
     )
 
 
-__all__ = ["common_mode", "firewire_guids", "firewire_pairs", "why_no_camera"]
+__all__ = ["common_mode", "firewire_pairs", "why_no_camera"]
