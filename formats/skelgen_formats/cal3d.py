@@ -25,7 +25,18 @@ from skelgen_formats.bones import (
     scaled_poses,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, BONE_NAMES, RATE, UNIT, Format, Options, Writable, moving_project, per_mm
+from skelgen_formats.options import (
+    AXES,
+    BONE_NAMES,
+    RATE,
+    UNIT,
+    Format,
+    Options,
+    Writable,
+    files_beside,
+    moving_project,
+    per_mm,
+)
 from skelgen_formats.writing import choices_in
 from skelgen_formats.xml_text import comment_text
 
@@ -59,15 +70,11 @@ def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     """
     project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
-    skeleton_path, animation_path = files = _files(path)
+    skeleton_path, animation_path = files = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
         _write(skeleton_file, chain(_skeleton(project.skeleton, unit), _comments(project)))
         _write(animation_file, _animation(project, unit, monitor))
     return list(files)
-
-
-def _files(path: Path) -> tuple[Path, Path]:
-    return path.with_suffix(SKELETON_SUFFIX), path.with_suffix(ANIMATION_SUFFIX)
 
 
 def _write(path: Path, lines: Iterator[str]) -> None:
@@ -138,7 +145,7 @@ FORMAT = Format(
     holds="skeleton",
     write=lambda value, path, options, monitor: write_cal3d(value, path, options.unit, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
-    files=lambda path, options: _files(path),
+    files=lambda path, options: files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX),
     keeps=("joints", "motion"),
     marks_open="comments at the end of the skeleton",
     remarks=_remarks,

@@ -71,7 +71,7 @@ from skelgen_formats.capture_elements import (
     numbers_of_attribute,
     whole_of,
 )
-from skelgen_formats.xml_text import closest_first, read_root, write_lines
+from skelgen_formats.xml_text import closest_first, number_text, read_root, write_lines
 
 __all__ = [
     "read_any_settings",
@@ -254,13 +254,13 @@ def _inside(settings: CaptureSettings | RoomSettings) -> Iterator[str]:
         noise = f' noise="{float(body.noise)!r}"' if body.noise else ""
         yield f"  <body name={quoteattr(body.name)}{noise}>"
         for point, std in zip(body.points, np.asarray(body.std), strict=True):
-            yield f'    <point std="{_text(std)}">{_text(point)}</point>'
+            yield f'    <point std="{number_text(std)}">{number_text(point)}</point>'
         yield "  </body>"
     for joint in settings.joints:
         ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
         yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
         for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
-            std = f' std="{_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
+            std = f' std="{number_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
             yield from _matrix("    ", tag, std, getattr(joint, tag))
         yield "  </joint>"
 
@@ -276,19 +276,15 @@ def _parameter(value: ParameterValue) -> str:
 def _camera_lines(side: str, camera: Camera, std: Floats | None = None) -> Iterator[str]:
     yield f'    <{side} name={quoteattr(camera.name)} width="{camera.width}" height="{camera.height}">'
     yield from _matrix("      ", "matrix", "", camera.matrix)
-    yield f"      <distortion>{_text(camera.distortion)}</distortion>"
+    yield f"      <distortion>{number_text(camera.distortion)}</distortion>"
     yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
     if std is not None and std.any():
-        yield f"      <std>{_text(std)}</std>"
+        yield f"      <std>{number_text(std)}</std>"
     yield f"    </{side}>"
 
 
 def _matrix(indent: str, tag: str, attributes: str, matrix: Floats) -> Iterator[str]:
     yield f"{indent}<{tag}{attributes}>"
     for row in matrix:
-        yield f"{indent}  {_text(row)}"
+        yield f"{indent}  {number_text(row)}"
     yield f"{indent}</{tag}>"
-
-
-def _text(numbers: Floats) -> str:
-    return " ".join(repr(float(number)) for number in numbers)

@@ -31,7 +31,7 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
@@ -69,7 +69,7 @@ def write_mjcf(
     project = moving_project(value, _TITLE)
     links = {link.name: link for link in links_of(project, joints)}
     with arriving_together(path.parent) as folder:
-        model, motion = _files(folder / path.name)
+        model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
         document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
         add_choices(document, project)
         order = [links[name] for name in _add_bodies(document, project, links, density)]
@@ -77,12 +77,7 @@ def write_mjcf(
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
         write_tree(model, document)
         write_motion(motion, [name for link in order for name in _columns(link)], project.motion.times, [qpos])
-    return list(_files(path))
-
-
-def _files(path: Path) -> tuple[Path, Path]:
-    stem = path.name.removesuffix(MODEL_SUFFIX) if path.name.endswith(MODEL_SUFFIX) else path.stem
-    return path.with_name(stem + MODEL_SUFFIX), path.with_name(stem + MOTION_SUFFIX)
+    return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
 def _add_bodies(document: Element, project: Project, links: Mapping[str, Link], density: float) -> list[str]:
@@ -160,7 +155,7 @@ FORMAT = Format(
     up=_UP,
     write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
-    files=lambda path, options: _files(path),
+    files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open="comments of the model",
     remarks=_remarks,

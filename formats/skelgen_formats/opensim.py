@@ -34,7 +34,7 @@ from skelgen_formats.articulated import (
     rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
 from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
@@ -83,7 +83,7 @@ def write_opensim(
     links = links_of(project, joints)
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
-        model, motion, markers, setup = files = _files(folder / path.name)
+        model, motion, markers, setup = files = files_beside(folder / path.name, *SUFFIXES)
         document = _document(replace(project, _trajectories=named), links, density)
         document[0].set("name", plain_names([path.stem])[0])
         write_tree(model, document)
@@ -91,11 +91,7 @@ def write_opensim(
         with motion.open("w", encoding="ascii", errors="replace", newline="\n") as stream:
             stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
         write_trc(named, markers)
-    return list(_files(path))
-
-
-def _files(path: Path) -> tuple[Path, ...]:
-    return tuple(path.with_suffix(suffix) for suffix in SUFFIXES)
+    return list(files_beside(path, *SUFFIXES))
 
 
 def _document(project: Project, links: Sequence[Link], density: float) -> Element:
@@ -242,7 +238,7 @@ FORMAT = Format(
     up=_UP,
     write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
-    files=lambda path, options: _files(path),
+    files=lambda path, options: files_beside(path, *SUFFIXES),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open="comments of the model, header of the motion",
     remarks=_remarks,

@@ -260,6 +260,25 @@ JOINTS = Option(
 """The option of every writer that poses a skeleton by angles."""
 
 
+def files_beside(path: Path, *endings: str) -> tuple[Path, ...]:
+    """Return the files of a format that writes several: one name, with each ending.
+
+    Parameters
+    ----------
+    path : Path
+        The file that was asked for, with the first ending or another suffix.
+    endings : str
+        Of the files, e.g. ``.urdf``.
+
+    Examples
+    --------
+    >>> [file.name for file in files_beside(Path("walk.urdf"), ".urdf", ".csv")]
+    ['walk.urdf', 'walk.csv']
+    """
+    stem = path.name.removesuffix(endings[0]) if path.name.endswith(endings[0]) else path.stem
+    return tuple(path.with_name(stem + ending) for ending in endings)
+
+
 def per_mm(unit: str) -> float:
     """Return how many of the unit a millimetre has, for one of `UNIT.choices`."""
     return 1.0 / MM_PER_UNIT[unit]

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation
+from skelgen.geometry.rotations import nearest_rotation, unit_vectors
 from skelgen.model import Motion, Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import bone_end
@@ -92,8 +92,10 @@ def _standing(project: Project, rest: str) -> Floats:
     for side, outward in zip(_SIDES, (axes.left, -axes.left), strict=True):
         held = outward if rest == T_POSE else (outward - axes.up) / np.sqrt(2.0)
         for chain, along, bends in ((_LEG, -axes.up, axes.left), (_ARM, held, np.cross(held, axes.forward))):
-            ways = [_units(joints[side, after] - joints[side, before]) for before, after in pairwise(chain)]
-            turning = np.cross(ways[0], ways[1]) + (_STRAIGHT * _units(hips[0] - hips[1]) if chain is _LEG else 0.0)
+            ways = [unit_vectors(joints[side, after] - joints[side, before]) for before, after in pairwise(chain)]
+            turning = np.cross(ways[0], ways[1])
+            if chain is _LEG:
+                turning = turning + _STRAIGHT * unit_vectors(hips[0] - hips[1])
             for segment, way in zip(chain[:2], ways, strict=True):
                 wanted[f"{side} {segment}"] = ((way, along), (turning, bends))
     return _turned(skeleton, motion, wanted)
@@ -110,7 +112,7 @@ def _turned(skeleton: Skeleton, motion: Motion, wanted: _Aims) -> Floats:
         own = motion.rotations[:, limb]
         if segment in wanted:
             (first, to_first), (second, to_second) = wanted[segment]
-            means = [np.einsum("fji,fj->i", own, vectors) for vectors in (_units(first), second)]
+            means = [np.einsum("fji,fj->i", own, vectors) for vectors in (unit_vectors(first), second)]
             rotations[limb] = _frame(to_first, to_second) @ _frame(*means).T
         elif skeleton.parents[limb] >= 0:
             parent = int(skeleton.parents[limb])
@@ -121,8 +123,8 @@ def _turned(skeleton: Skeleton, motion: Motion, wanted: _Aims) -> Floats:
 
 def _frame(first: Floats, second: Floats) -> Floats:
     """Axes, as columns, of which the first is along one vector and the second as near to another as can be."""
-    one = _units(first)
-    other = _units(second - (second @ one) * one)
+    one = unit_vectors(first)
+    other = unit_vectors(second - (second @ one) * one)
     return np.stack([one, other, np.cross(one, other)], axis=1)
 
 
@@ -151,7 +153,7 @@ def _segment(skeleton: Skeleton, limb: int) -> str:
 
 def _world(trunk: Floats) -> _Axes:
     """Up is the axis of the world that the trunk points along; faces look along the axis that programs expect."""
-    mean = _units(trunk).mean(axis=0)
+    mean = unit_vectors(trunk).mean(axis=0)
     axis = int(np.abs(mean).argmax())
     up = np.eye(3)[axis] * (1.0 if mean[axis] > 0 else -1.0)
     forward = np.eye(3)[_FACING[axis]] * (-1.0 if axis == 2 else 1.0)
@@ -179,7 +181,3 @@ def _ground(project: Project, pose: Floats) -> Floats:
     up = _world(shoulders - hips).up
     root = pose[int(skeleton.roots[0]), :3, 3]
     return np.asarray(root - (root @ up) * up + (places @ up).min() * up)
-
-
-def _units(vectors: Floats) -> Floats:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))

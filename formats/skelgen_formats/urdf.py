@@ -35,7 +35,7 @@ from skelgen_formats.articulated import (
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, moving_project
+from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
@@ -89,14 +89,10 @@ def write_urdf(
     singles = [single for link in links for single in _singles(link)]
     columns = [f"{single.name}_{single.unit}" for single in singles]
     with arriving_together(path.parent) as folder:
-        model, motion = _files(folder / path.name)
+        model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
         write_tree(model, _robot(project, links, path.stem, density))
         write_motion(motion, columns, project.motion.times, [np.stack([single.values for single in singles], axis=1)])
-    return list(_files(path))
-
-
-def _files(path: Path) -> tuple[Path, Path]:
-    return path.with_suffix(MODEL_SUFFIX), path.with_suffix(MOTION_SUFFIX)
+    return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
 def _robot(project: Project, links: Sequence[Link], name: str, density: float) -> Element:
@@ -208,7 +204,7 @@ FORMAT = Format(
     up=_UP,
     write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, options.density, monitor),
     check=lambda value, options: moving_project(value, _TITLE),
-    files=lambda path, options: _files(path),
+    files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "motion"),
     marks_open="comments of the robot",
     remarks=_remarks,

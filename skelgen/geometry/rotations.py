@@ -8,10 +8,12 @@ it, a and c change fast while the rotation hardly does.
 import warnings
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skelgen._kernels.small_matrices import SMALL_ANGLE
 from skelgen.model.arrays import Bools, Floats, Ints
 
+_NO_LENGTH = 1e-9  # shorter vectors have no direction
 _GIMBAL = 1e-6  # rad: nearer to the gimbal position scipy takes the first and the third axis for one
 
 
@@ -79,6 +81,18 @@ def vector_from_matrix(matrix: Floats) -> Floats:
     angle = 2 * np.arctan2(sine, quaternion[..., :1])
     factor = np.where(sine > SMALL_ANGLE, angle / np.maximum(sine, SMALL_ANGLE), 2.0)
     return np.asarray(quaternion[..., 1:] * factor)
+
+
+def unit_vectors(vectors: ArrayLike) -> Floats:
+    """Return vectors divided by their lengths, shape (..., 3); those of no length stay zero.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (..., 3)
+        NaN gives NaN.
+    """
+    array = np.asarray(vectors, dtype=np.float64)
+    return np.asarray(array / np.maximum(np.linalg.norm(array, axis=-1, keepdims=True), _NO_LENGTH))
 
 
 def cross_matrix(vector: Floats) -> Floats:

@@ -44,6 +44,28 @@ def median_of_known(values: Floats) -> Floats:
     return np.asarray((ordered[columns, lower] + ordered[columns, upper]) / 2)
 
 
+def median_and_deviation(rows: Floats) -> tuple[Floats, Floats, Ints]:
+    """Return median and robust standard deviation of each row without its NaN; of two middle values, the lower one.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_rows, n_values)
+        NaN where unknown.
+
+    Returns
+    -------
+    median, deviation : ndarray, shape (n_rows,)
+        The deviation is that of normal numbers with the same median absolute deviation; NaN without any value.
+    n_known : ndarray of intp, shape (n_rows,)
+        Values that are known.
+    """
+    n_known = (~np.isnan(rows)).sum(axis=1)
+    index, place = np.arange(len(rows)), np.maximum(n_known - 1, 0) // 2
+    middle = np.sort(rows, axis=1)[index, place]
+    away = np.sort(np.abs(rows - middle[:, np.newaxis]), axis=1)[index, place]
+    return middle, SIGMA_OF_MEDIAN * away, n_known
+
+
 def quantile_of(values: Floats, part: float) -> float:
     """Return what a part of some numbers does not exceed, as `numpy.quantile` does, many times as fast.
 

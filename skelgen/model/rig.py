@@ -276,9 +276,7 @@ class CaptureSettings:
     search: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_targets(self.bodies, self.joints)
-        detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
-        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
+        _check_and_freeze(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,13 +299,19 @@ class RoomSettings:
     search: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_targets(self.bodies, self.joints)
-        detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
-        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
+        _check_and_freeze(self)
 
 
 AnySettings = CaptureSettings | RoomSettings
 """Settings of two cameras, or of those of a room."""
+
+
+def _check_and_freeze(settings: AnySettings) -> None:
+    """Check the targets, and hold what was given as tuples and mappings that do not change."""
+    _check_targets(settings.bodies, settings.joints)
+    detection, search = (MappingProxyType(dict(values)) for values in (settings.detection, settings.search))
+    bodies, joints = tuple(settings.bodies), tuple(settings.joints)
+    set_fields(settings, bodies=bodies, joints=joints, detection=detection, search=search)
 
 
 def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model.arrays import Floats, Ints, check_floats, check_names
 from skelgen.model.topology import joint_children
 
@@ -259,7 +260,7 @@ def limb(name: str, attachment: Attachment, capsule: Capsule, n_markers: int) ->
     segment = np.stack([_floats(capsule.start), _floats(capsule.tip)])
     distance, phase = capsule.radius + MARKER_STANDOFF, float(len(name) + len(parent))
     markers = markers_around(segment, distance, n_markers, phase)
-    axes = unit(np.eye(3)[:n_angles] if swing.axes is None else swing.axes)
+    axes = unit_vectors(np.eye(3)[:n_angles] if swing.axes is None else swing.axes)
     amplitudes = _floats(swing.amplitudes)
     offsets = np.zeros(n_angles) if swing.offsets is None else _floats(swing.offsets)
     return LimbModel(name, parent, kind, _floats(joint), segment, capsule.radius, markers, axes, amplitudes, offsets)
@@ -287,8 +288,8 @@ def markers_around(segment: Floats, distance: float, n_markers: int, phase: floa
         raise InputError(f"{n_markers} markers per limb; it must be {_MIN_MARKERS} to {_MAX_MARKERS}")
     fractions = np.linspace(_FIRST_FRACTION, _LAST_FRACTION, n_markers)[:, np.newaxis]
     angles = (phase + _TURN_BETWEEN_MARKERS * np.arange(n_markers))[:, np.newaxis]
-    direction = unit(segment[1] - segment[0])
-    first = unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
+    direction = unit_vectors(segment[1] - segment[0])
+    first = unit_vectors(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
     second = np.cross(direction, first)
     on_axis = segment[0] + fractions * (segment[1] - segment[0])
     return np.asarray(on_axis + distance * (np.cos(angles) * first + np.sin(angles) * second))
@@ -296,12 +297,6 @@ def markers_around(segment: Floats, distance: float, n_markers: int, phase: floa
 
 def _floats(values: ArrayLike) -> Floats:
     return np.asarray(values, dtype=np.float64)
-
-
-def unit(vectors: ArrayLike) -> Floats:
-    """Return vectors divided by their lengths, shape (..., 3)."""
-    array = np.asarray(vectors, dtype=np.float64)
-    return np.asarray(array / np.linalg.norm(array, axis=-1, keepdims=True))
 
 
 def with_spacing(structure: Structure, spacing: float) -> Structure:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.errors import ParameterError
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model.arrays import Floats
 from skelgen.simulation.articulated import (
     DEGREES_OF_FREEDOM,
@@ -16,7 +17,6 @@ from skelgen.simulation.articulated import (
     Swing,
     limb,
     markers_around,
-    unit,
 )
 
 SIDES = {"left": 1.0, "right": -1.0}
@@ -201,7 +201,7 @@ def random_tree(n_limbs: int, seed: int = 0) -> Structure:
     for index in range(1, n_limbs):
         parent = int(rng.choice([i for i, count in enumerate(n_children) if count < len(_TREE_ROOM)]))
         start, tip = limbs[parent].segment
-        aside = unit(np.cross(tip - start, _direction(rng)))
+        aside = unit_vectors(np.cross(tip - start, _direction(rng)))
         joint = start + _TREE_ROOM[n_children[parent]] * (tip - start) + _TREE_ASIDE * aside
         kind = str(rng.choice(["ball", "universal", "hinge"]))
         limbs.append(_random_limb(rng, f"limb {index + 1}", limbs[parent].name, kind, joint))
@@ -216,16 +216,16 @@ def _random_limb(rng: np.random.Generator, name: str, parent: str, kind: str, jo
     markers = markers_around(segment, rng.uniform(*_TREE_STICKS), n_markers, rng.uniform(0, 2 * np.pi))
     amplitudes = rng.uniform(*_TREE_AMPLITUDES, size=DEGREES_OF_FREEDOM[kind])
     first = _direction(rng)
-    while np.linalg.norm(np.cross(first, unit(segment[1]))) < _SMALLEST_SINE:
+    while np.linalg.norm(np.cross(first, unit_vectors(segment[1]))) < _SMALLEST_SINE:
         first = _direction(rng)
-    second = unit(np.cross(first, _direction(rng)))
+    second = unit_vectors(np.cross(first, _direction(rng)))
     axes = np.stack([first, second, np.cross(first, second)])[: DEGREES_OF_FREEDOM[kind]]
     offsets = np.zeros(len(amplitudes))
     return LimbModel(name, parent, kind, joint, segment, _ROD_RADIUS, markers, axes, amplitudes, offsets)
 
 
 def _direction(rng: np.random.Generator) -> Floats:
-    return unit(rng.normal(size=3))
+    return unit_vectors(rng.normal(size=3))
 
 
 _BUILDERS: dict[str, Callable[[], Structure]] = {

@@ -17,9 +17,9 @@ from people import LEAST_TREE, LENGTHS, PLACED, RATE, Person, reconstruct, score
 from scipy.spatial.transform import Rotation
 from shown import show, show_machine
 
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.simulation.articulated import unit
 from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.people import (
@@ -101,11 +101,11 @@ def pose_arm(who: WornPerson, poses: Floats, side: str, wrist: Floats, held: Flo
     to_elbow, to_wrist = (np.asarray(who.body.limbs[limb].joint) for limb in (fore, hand))
     a, b = np.linalg.norm(to_elbow), np.linalg.norm(to_wrist)
     chest, shoulder = poses[:, names.index("chest"), :3, :3], poses[:, upper, :3, 3]
-    way, reach = unit(wrist - shoulder), np.linalg.norm(wrist - shoulder, axis=1)
+    way, reach = unit_vectors(wrist - shoulder), np.linalg.norm(wrist - shoulder, axis=1)
     reach = np.minimum(reach, STRETCHED * (a + b))[:, np.newaxis]
     along = (a**2 - b**2 + reach**2) / (2 * reach)
     out = chest @ (mirror * OUT_AND_BACK)
-    out = unit(out - (out * way).sum(axis=1, keepdims=True) * way)
+    out = unit_vectors(out - (out * way).sum(axis=1, keepdims=True) * way)
     elbow = shoulder + along * way + np.sqrt(np.maximum(a**2 - along**2, 0.0)) * out
     poses[:, upper, :3, :3] = turned_to(chest, to_elbow, elbow - shoulder)
     poses[:, fore, :3, :3] = turned_to(poses[:, upper, :3, :3], to_wrist, shoulder + reach * way - elbow)
@@ -117,7 +117,7 @@ def pose_arm(who: WornPerson, poses: Floats, side: str, wrist: Floats, held: Flo
 
 def turned_to(rotations: Floats, axis: Floats, wanted: Floats) -> Floats:
     """Rotations, shape (n, 3, 3), turned by as little as brings an axis of theirs to wanted directions, (n, 3)."""
-    now, there = unit(rotations @ axis), unit(wanted)
+    now, there = unit_vectors(rotations @ axis), unit_vectors(wanted)
     across = np.cross(now, there)
     sine = np.linalg.norm(across, axis=1, keepdims=True)
     angle = np.arctan2(sine, (now * there).sum(axis=1, keepdims=True))

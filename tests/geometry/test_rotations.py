@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from skelgen.geometry import rotations as rot
-from skelgen.geometry.rotations import euler_angles, gimbal_distance, matrix_from_euler, matrix_from_vector
+from skelgen.geometry.rotations import (
+    euler_angles,
+    gimbal_distance,
+    matrix_from_euler,
+    matrix_from_vector,
+    unit_vectors,
+)
 
 ROUNDING = 1e-12  # a few double roundings on numbers of size one
 EULER_ROUNDING = 3e-13  # sines of up to 150 radians, in products of three matrices
@@ -107,3 +113,7 @@ def test_rotations_are_multiplied_from_the_left():
 
 def test_no_frames_have_no_angles():
     assert euler_angles("XYZ", np.zeros((0, 3, 3))).shape == (0, 3)
+
+
+def test_vectors_without_length_have_no_direction():
+    assert unit_vectors([[0.0, 3.0, 4.0], [0.0, 0.0, 0.0]]).tolist() == [[0.0, 0.6, 0.8], [0.0, 0.0, 0.0]]

@@ -5,6 +5,7 @@ import pytest
 
 from skelgen.geometry.statistics import (
     lengths_of,
+    median_and_deviation,
     median_of_known,
     pair_distances,
     pair_lengths,
@@ -81,3 +82,10 @@ def test_wild_distances_of_a_pair_do_not_count_where_they_are_clipped():
     positions[50, 1, 0] = 500.0
     pairs = pair_distances(positions, np.array([0]), np.array([1]), (0.03, 0.97), method="nearest", clipped=True)
     assert (pairs.largest[0], pairs.mean[0], pairs.deviation[0]) == (5.0, 5.0, 0.0)
+
+
+def test_rows_are_described_without_what_is_unknown():
+    middle, deviation, n_known = median_and_deviation(np.array([[3.0, np.nan, 1.0, 2.0], [np.nan] * 4]))
+    assert (middle[0], deviation[0]) == (2.0, 1.4826)
+    assert np.isnan([middle[1], deviation[1]]).all()
+    assert n_known.tolist() == [3, 0]

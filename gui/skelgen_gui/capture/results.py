@@ -10,7 +10,8 @@ from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QHeaderView, QLabel, QListWidget, QTableWidget, QTableWidgetItem, QWidget
 
 from skelgen.app.capture_jobs.messages import LiveShot
-from skelgen.model.rig import CaptureSettings, RoomSettings, TargetJoint
+from skelgen.capture.target_joints import angle_names
+from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen_gui.widgets.layouts import describe
 
 MOST_NOTICES = 200
@@ -171,13 +172,13 @@ class AngleTable(_ShotTable):
 
     def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return a name for each angle."""
-        return [name for joint in settings.joints for name in _angle_names(joint)]
+        return [name for joint in settings.joints for name in angle_names(joint)]
 
     def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
         """Yield each angle with its deviation; the gap once for a joint."""
         for joint in shot.settings.joints:
             angle = shot.angles.get(joint.name)
-            for part in range(len(_angle_names(joint))):
+            for part in range(len(angle_names(joint))):
                 if angle is None:
                     yield ()
                     continue
@@ -234,7 +235,3 @@ class Notices(QListWidget):
             self.insertItem(0, sentence)
             while self.count() > MOST_NOTICES:
                 self.takeItem(self.count() - 1)
-
-
-def _angle_names(joint: TargetJoint) -> tuple[str, ...]:
-    return (joint.name,) if joint.kind == "hinge" else tuple(f"{joint.name}.{axis}" for axis in "xyz")

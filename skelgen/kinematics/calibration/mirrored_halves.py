@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.kinematics.calibration.joint_places import TOWARDS_CHILD, JointPlace
 from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.model.arrays import Floats, Ints
@@ -118,13 +119,13 @@ def inward_places(
             markers[:, one.nearest[0]] + TOWARDS_CHILD * (markers[:, one.nearest[1]] - markers[:, one.nearest[0]])
             for one in (place, other)
         )
-        way = _unit(there - own)
+        way = unit_vectors(there - own)
         ends = rotations[:, fit.chain.parents[limb]], rotations[:, limb]
         in_parent, in_child = (np.einsum("fji,fj->i", one, way) / len(way) for one in ends)
         if min(np.linalg.norm(in_parent), np.linalg.norm(in_child)) < STEADY:
             continue
         size = (place.distance + other.distance) / 2
-        found.append(InwardPlace(place, segments[limb], size, _unit(in_parent), _unit(in_child)))
+        found.append(InwardPlace(place, segments[limb], size, unit_vectors(in_parent), unit_vectors(in_child)))
     return found
 
 
@@ -198,7 +199,3 @@ def _log_length(chain: Chain, limb: int, ends: tuple[int, ...]) -> tuple[Floats,
         if end != limb:
             row[chain.n_markers + end - 1] += sign * (second - first) / length**2
     return row.ravel(), float(np.log(length))
-
-
-def _unit(vectors: Floats) -> Floats:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))

@@ -20,8 +20,9 @@ from functools import cache
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model.arrays import Floats, Ints
-from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized, unit
+from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.people.tables import SoftTissue, tissue_factor_at, tissue_of, worn_markers
 from skelgen.simulation.structures import SIDES, human
@@ -129,7 +130,7 @@ def _unmarked_limbs() -> list[LimbModel]:
         if one.name.endswith("forearm"):
             s = SIDES[one.name.split()[0]]
             flexing = one.axes[0]
-            pronating = unit(np.array([0.0, 0.0, -s]) + s * flexing[2] * flexing)
+            pronating = unit_vectors(np.array([0.0, 0.0, -s]) + s * flexing[2] * flexing)
             axes, amplitudes, offsets = np.stack([flexing, pronating]), np.array([50.0, 40.0]), np.array([60.0, 20.0])
             limbs[index] = replace(one, kind="universal", axes=axes, amplitudes=amplitudes, offsets=offsets)
     for side in SIDES:

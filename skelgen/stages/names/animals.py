@@ -13,8 +13,9 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model.arrays import Floats
-from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
+from skelgen.stages.names.moving_tree import MovingTree, along, distance
 from skelgen.stages.names.person import going
 
 HIND, FORE = ("thigh", "shank", "hind foot"), ("upper foreleg", "forearm", "forefoot")
@@ -99,8 +100,8 @@ def _misfit_of_legs(pairs: Sequence[tuple[_Leg, ...]]) -> float:
         return np.inf
     lengths = np.log([[leg.length for leg in pair] for pair in pairs])
     trunk = _middle(fore) - _middle(hind)
-    directions = [unit(np.sum([leg.tip - leg.joints[0] for leg in pair], axis=0)) for pair in pairs]
-    across = [np.median(along(unit(trunk), direction)) for direction in directions]
+    directions = [unit_vectors(np.sum([leg.tip - leg.joints[0] for leg in pair], axis=0)) for pair in pairs]
+    across = [np.median(along(unit_vectors(trunk), direction)) for direction in directions]
     alike = np.median(along(*directions))
     size = max(float(np.median(np.linalg.norm(trunk, axis=1))), 1e-9)
     terms = [
@@ -123,11 +124,11 @@ def _animal(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...
     if front < 0:
         hubs, pairs = (hubs[1], hubs[0]), pairs[::-1]
     hind, fore = pairs
-    left = np.cross(_up(pairs), unit(_middle(fore) - _middle(hind)))
+    left = np.cross(_up(pairs), unit_vectors(_middle(fore) - _middle(hind)))
     segments: dict[int, str] = {}
     sides: dict[int, int] = {}
     for pair, names in ((hind, HIND), (fore, FORE)):
-        across = float(np.mean(along(unit(pair[0].joints[0] - pair[1].joints[0]), left)))
+        across = float(np.mean(along(unit_vectors(pair[0].joints[0] - pair[1].joints[0]), left)))
         for leg, side in zip(pair, (0, 1) if across >= 0 else (1, 0), strict=True):
             for number, limb in enumerate(leg.limbs):
                 segments[limb] = names[min(number * 3 // max(len(leg.limbs), 3), 2)]
@@ -139,12 +140,12 @@ def _animal(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...
 
 
 def _up(pairs: list[tuple[_Leg, ...]]) -> Floats:
-    return unit(np.sum([leg.joints[0] - leg.tip for pair in pairs for leg in pair], axis=0))
+    return unit_vectors(np.sum([leg.joints[0] - leg.tip for pair in pairs for leg in pair], axis=0))
 
 
 def _front_evidence(tree: MovingTree, hubs: tuple[int, int], pairs: list[tuple[_Leg, ...]], in_legs: set[int]) -> float:
     """Log odds that the second hub is the front: more limbs beyond it, higher ones, and on the way."""
-    up, ahead = _up(pairs), unit(_middle(pairs[1]) - _middle(pairs[0]))
+    up, ahead = _up(pairs), unit_vectors(_middle(pairs[1]) - _middle(pairs[0]))
     size = float(np.mean([leg.length for pair in pairs for leg in pair]))
     counts, heights = [], []
     for hub, other in (hubs, hubs[::-1]):
@@ -181,8 +182,8 @@ def find_hand(tree: MovingTree) -> BodyPlan | None:
     counts, lengths = {len(finger.limbs) for finger in fingers}, [finger.length for finger in fingers]
     if min(counts) < _PHALANGES[0] or max(counts) > _PHALANGES[1] or max(lengths) > _LONGEST * min(lengths):
         return None
-    directions = np.array([unit(finger.joints[1] - finger.joints[0]) for finger in fingers])
-    parallel = np.median(along(directions, unit(directions.sum(axis=0))), axis=1)
+    directions = np.array([unit_vectors(finger.joints[1] - finger.joints[0]) for finger in fingers])
+    parallel = np.median(along(directions, unit_vectors(directions.sum(axis=0))), axis=1)
     if np.sort(parallel)[1] < _LEAST_PARALLEL:  # the thumb may point elsewhere
         return None
     return _hand(tree, palm, fingers)
@@ -193,7 +194,7 @@ def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> BodyPlan:
 
     def behind(number: int) -> float:
         others = [finger for other, finger in enumerate(fingers) if other != number]
-        ahead = unit(np.sum([finger.joints[1] - finger.joints[0] for finger in others], axis=0))
+        ahead = unit_vectors(np.sum([finger.joints[1] - finger.joints[0] for finger in others], axis=0))
         bases = sum(finger.joints[0] for finger in others) / len(others)
         return float(np.median(along(bases - fingers[number].joints[0], ahead)))
 
@@ -202,9 +203,10 @@ def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> BodyPlan:
     first = fingers[thumb]
     outer = max(combinations(others, 2), key=lambda pair: distance(pair[0].joints[0], pair[1].joints[0]))
     index, little = sorted(outer, key=lambda finger: distance(finger.joints[0], first.joints[0]))
-    radial = unit(index.joints[0] - little.joints[0])
+    radial = unit_vectors(index.joints[0] - little.joints[0])
     others.sort(key=lambda finger: -float(np.median(along(finger.joints[0] - little.joints[0], radial))))
-    bent = [np.cross(unit(one.joints[1] - one.joints[0]), unit(_after(one) - one.joints[1])) for one in others]
+    bones = [(one.joints[1] - one.joints[0], _after(one) - one.joints[1]) for one in others]
+    bent = [np.cross(unit_vectors(first), unit_vectors(second)) for first, second in bones]
     # fingers of a right hand turn about the axis towards the thumb when they bend, those of a left hand against it
     sines = [-np.percentile(along(axis, radial), [5.0, 95.0]).sum() for axis in bent]
     evidence = float(np.clip(_BENDING * np.mean(sines), -_MOST_BENDING, _MOST_BENDING))

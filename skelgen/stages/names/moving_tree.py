@@ -136,11 +136,6 @@ def along(vectors: Floats, axis: Floats) -> Floats:
     return np.asarray((vectors * axis).sum(axis=-1))
 
 
-def unit(vectors: Floats) -> Floats:
-    """Return vectors of length 1, shape (..., 3); zero ones stay."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
-
-
 def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
     """Return the trees of a skeleton whose limbs all carry markers.
 

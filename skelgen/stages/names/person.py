@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.rotations import unit_vectors
 from skelgen.model.arrays import Floats
 from skelgen.stages.names.likely_segments import CHAINS, LABELS, STIFF_ARM, TRUNK, OfSet, likely_segments
-from skelgen.stages.names.moving_tree import MovingTree, along, distance, unit
+from skelgen.stages.names.moving_tree import MovingTree, along, distance
 
 _LEAST_ODDS = 1.0
 """Mean log odds of pairs of limbs below which a tree is no person: most have more than 1.2, others .3 in the mean."""
@@ -148,7 +149,7 @@ def _alike(tree: MovingTree, legs: Sequence[LimbChain], arms: Sequence[LimbChain
     ways = []
     for chains in (legs, arms):
         first, second = (tree.middle(next(iter(chain.limbs.values()))) for chain in chains)
-        ways.append(unit(first - second))
+        ways.append(unit_vectors(first - second))
     return float(along(*ways).mean())
 
 
@@ -171,18 +172,18 @@ def side_evidence(tree: MovingTree, person: RecognisedPerson) -> dict[str, float
         The person that it is.
     """
     legs, arms = person.legs, person.arms
-    left = unit(legs[0].joints[0] - legs[1].joints[0])
+    left = unit_vectors(legs[0].joints[0] - legs[1].joints[0])
     if along(left, _middle(tree, legs[0]) - _middle(tree, legs[1])).mean() < 0:  # hinges whose joints are found beyond
         left = -left
     hips = (legs[0].joints[0] + legs[1].joints[0]) / 2
-    forward = unit(np.cross(left, unit(person.chest - hips)))
+    forward = unit_vectors(np.cross(left, unit_vectors(person.chest - hips)))
     found = {"knees": sum(_bending(leg, left) for leg in legs) / 2 * _KNEES}
     found["knees"] = float(np.clip(found["knees"], -_MOST_KNEES, _MOST_KNEES))
     others = {
         "feet": sum(_pointing(tree, leg, left) for leg in legs) / 2,
         "elbows": -sum(_bending(arm, left) for arm in arms) / 2,
         "hands": sum(_reaching(arm, forward) for arm in arms) / 2,
-        "thighs": sum(_spread(along(unit(leg.joints[1] - leg.joints[0]), forward)) for leg in legs) / 2,
+        "thighs": sum(_spread(along(unit_vectors(leg.joints[1] - leg.joints[0]), forward)) for leg in legs) / 2,
         "way": going(hips, forward, tree.rate),
     }
     return found | {name: float(np.clip(_OTHERS * sign, -_MOST_OTHERS, _MOST_OTHERS)) for name, sign in others.items()}
@@ -195,7 +196,7 @@ def _middle(tree: MovingTree, chain: LimbChain) -> Floats:
 def _bending(chain: LimbChain, left: Floats) -> float:
     """Sine of how far a knee or an elbow bends about the axis to the left, positive for knees."""
     start, middle, end = chain.joints
-    return _spread(along(np.cross(unit(middle - start), unit(end - middle)), left))
+    return _spread(along(np.cross(unit_vectors(middle - start), unit_vectors(end - middle)), left))
 
 
 def _pointing(tree: MovingTree, leg: LimbChain, left: Floats) -> float:
@@ -204,8 +205,8 @@ def _pointing(tree: MovingTree, leg: LimbChain, left: Floats) -> float:
     if not limbs:
         return 0.0
     markers = np.concatenate([tree.markers[limb] for limb in limbs], axis=1)
-    forward = np.cross(left, unit(leg.joints[1] - leg.joints[2]))
-    ahead = np.einsum("fpk,fk->fp", markers - leg.joints[2][:, np.newaxis], unit(forward))
+    forward = np.cross(left, unit_vectors(leg.joints[1] - leg.joints[2]))
+    ahead = np.einsum("fpk,fk->fp", markers - leg.joints[2][:, np.newaxis], unit_vectors(forward))
     reach = np.median(ahead, axis=0)
     length = max(float(np.ptp(reach)), float(np.abs(reach).max()))
     return float((reach.max() + reach.min()) / length) if length > 0 else 0.0
@@ -233,7 +234,7 @@ def going(hips: Floats, forward: Floats, rate: float) -> float:
     steps = np.diff(hips, axis=0) * rate / 1000.0
     speed = np.linalg.norm(steps, axis=1)
     moving = speed > _LEAST_STEPS
-    return float((along(unit(steps), forward[1:]) * moving).mean())
+    return float((along(unit_vectors(steps), forward[1:]) * moving).mean())
 
 
 def _spread(values: Floats) -> float:

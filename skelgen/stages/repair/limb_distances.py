@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
+from skelgen.geometry.statistics import median_and_deviation, pair_lengths
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs import LimbParameters, rigid_groups
@@ -83,9 +83,7 @@ def rigid_model(trajectories: Trajectories, limbs: Limbs) -> RigidModel:
     first, second = limb_pairs(limbs)
     if len(first):
         positions = trajectories.positions[spread_frames(trajectories.n_frames, STATISTIC_FRAMES)]
-        lengths = pair_lengths(positions, first, second)
-        middle, count = _sorted_median(lengths)
-        deviation = SIGMA_OF_MEDIAN * _sorted_median(np.abs(lengths - middle[:, np.newaxis]))[0]
+        middle, deviation, count = median_and_deviation(pair_lengths(positions, first, second))
         usual = float(np.median(deviation[count >= LEAST_COMMON])) if (count >= LEAST_COMMON).any() else 0.0
         deviation = np.maximum(deviation, np.maximum(usual / 2, LEAST_SPREAD * middle))
         known = (count >= LEAST_COMMON) & (deviation > 0)
@@ -99,14 +97,6 @@ def limb_pairs(limbs: Limbs) -> tuple[Ints, Ints]:
     first, second = np.triu_indices(limbs.n_markers, 1)
     same = (limbs.limb_of_marker[first] == limbs.limb_of_marker[second]) & (limbs.limb_of_marker[first] >= 0)
     return first[same], second[same]
-
-
-def _sorted_median(rows: Floats) -> tuple[Floats, Ints]:
-    """Median of each row without its NaN, and the number of values."""
-    ordered = np.sort(rows, axis=1)
-    count = (~np.isnan(rows)).sum(axis=1)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, np.newaxis] // 2, axis=1)[:, 0]
-    return middle, count
 
 
 def _trimmed_deviations(positions: Floats) -> Floats:

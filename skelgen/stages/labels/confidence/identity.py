@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels.identity_evidence import evidence_of, probabilities
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
+from skelgen.geometry.statistics import median_and_deviation, pair_lengths
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
@@ -228,9 +228,9 @@ def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
     step = max(1, CHUNK_VALUES // max(1, len(positions)))
     for start in range(0, pairs.shape[1], step):
         first, second = pairs[:, start : start + step]
-        middle, deviation = _median_and_spread(pair_lengths(positions, first, second))
-        distance[first, second] = distance[second, first] = middle
-        spread[first, second] = spread[second, first] = deviation
+        middle, deviation, count = median_and_deviation(pair_lengths(positions, first, second))
+        for table, values in ((distance, middle), (spread, deviation)):
+            table[first, second] = table[second, first] = np.where(count >= LEAST_COMMON, values, np.nan)
     reach = float(np.nanmax(distance, initial=0.0))
     # Bound spreads from below by half of the median spread of each marker's steadiest distance
     known = ~np.isnan(spread)
@@ -249,16 +249,6 @@ def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
         rivals[marker] = np.where(np.isfinite(apart[nearest]), nearest, -1)
         separation[marker] = apart[nearest]
     return DistanceStatistics(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
-
-
-def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
-    """Median and robust standard deviation of each row without its NaN; NaN for rows with few values."""
-    count = (~np.isnan(values)).sum(axis=1)
-    rows, place = np.arange(len(values)), np.maximum(count - 1, 0) // 2
-    middle = np.sort(values, axis=1)[rows, place]
-    off = np.sort(np.abs(values - middle[:, np.newaxis]), axis=1)[rows, place]
-    enough = count >= LEAST_COMMON
-    return np.where(enough, middle, np.nan), np.where(enough, SIGMA_OF_MEDIAN * off, np.nan)
 
 
 def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> Floats:
