@@ -35,20 +35,24 @@ from skelgen._kernels.quadratic_forms import (
 )
 from skelgen._kernels.small_matrices import (
     Matrix,
-    Symmetric,
     Vector,
+    added,
+    cross_matrix,
     dot,
     inverse,
     matrix,
-    minus,
+    negative,
+    outer,
     plus,
     product,
     set_matrix,
     symmetric,
+    taken,
     times,
     transposed,
     turned,
     vector,
+    whole,
 )
 from skelgen.model.arrays import Floats
 
@@ -95,7 +99,7 @@ def propagate_covariances(
         eliminate(table, place, forms, levels[0], solved)
         shift = symmetric(forms, ROOT, SHIFT)
         level = max(levels[1], LEAST_LEVEL * (shift[0] + shift[3] + shift[5]))
-        set_matrix(places, root, ROTATION, _whole(inverse(shift, level)))
+        set_matrix(places, root, ROTATION, whole(inverse(shift, level)))
         set_matrix(known, ROOT, OF_ORIGIN, matrix(places, root, ROTATION))
         _keep_free_turn(solved, ROOT, known)
         set_matrix(turns, root, ROTATION, matrix(known, ROOT, OF_TURN))
@@ -109,27 +113,27 @@ def propagate_covariances(
 @kernel_part
 def _limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, known: Floats) -> Matrix:
     """Carry covariances from a parent to a limb; return that of the turn between them, in the world."""
-    parent, lever = table.limbs[limb, PARENT], _cross_matrix(vector(place.limbs, limb, LINK))
+    parent, lever = table.limbs[limb, PARENT], cross_matrix(vector(place.limbs, limb, LINK))
     before, mixed = matrix(known, parent, OF_TURN), matrix(known, parent, OF_BOTH)
-    at_link = _added(mixed, product(before, lever))
-    origin = _added(matrix(known, parent, OF_ORIGIN), product(transposed(mixed), lever))
-    origin = _taken(origin, product(lever, at_link))
+    at_link = added(mixed, product(before, lever))
+    origin = added(matrix(known, parent, OF_ORIGIN), product(transposed(mixed), lever))
+    origin = taken(origin, product(lever, at_link))
     set_matrix(known, limb, OF_ORIGIN, origin)
     if table.limbs[limb, FREEDOMS] == FREE:
         _keep_free_turn(solved, limb, known)
-        with_parent = _negative(product(_follow_of(solved, limb), transposed(at_link)))
+        with_parent = negative(product(_follow_of(solved, limb), transposed(at_link)))
     else:
         with_parent = _keep_axis_turns(table, solved, limb, before, at_link, known)
-    both = _added(with_parent, transposed(with_parent))
-    return _taken(_added(matrix(known, limb, OF_TURN), before), both)
+    both = added(with_parent, transposed(with_parent))
+    return taken(added(matrix(known, limb, OF_TURN), before), both)
 
 
 @kernel_part
 def _keep_free_turn(solved: Floats, limb: int, known: Floats) -> None:
     """Keep the covariances of a free turn, given that of the limb's origin."""
     follow, origin = _follow_of(solved, limb), matrix(known, limb, OF_ORIGIN)
-    mixed = _negative(product(follow, origin))
-    turn = _taken(_whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
+    mixed = negative(product(follow, origin))
+    turn = taken(whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
     set_matrix(known, limb, OF_TURN, turn)
     set_matrix(known, limb, OF_BOTH, mixed)
 
@@ -147,9 +151,9 @@ def _keep_axis_turns(
         own = _follows(turn, by_turn, mixed, by_shift)
         place = _follows(transposed(mixed), by_turn, origin, by_shift)
         variance = solved[limb, first + VARIANCE] - dot(by_turn, own) - dot(by_shift, place)
-        side = _outer(axis, own)
-        turn = _added(_added(turn, _outer(times(variance, axis), axis)), _added(side, transposed(side)))
-        mixed, with_parent = _added(mixed, _outer(axis, place)), _added(with_parent, _outer(axis, parent))
+        side = outer(axis, own)
+        turn = added(added(turn, outer(times(variance, axis), axis)), added(side, transposed(side)))
+        mixed, with_parent = added(mixed, outer(axis, place)), added(with_parent, outer(axis, parent))
     set_matrix(known, limb, OF_TURN, turn)
     set_matrix(known, limb, OF_BOTH, mixed)
     return with_parent
@@ -166,41 +170,3 @@ def _follow_of(solved: Floats, limb: int) -> Matrix:
 def _follows(by: Matrix, turn: Vector, beside: Matrix, shift: Vector) -> Vector:
     """Covariance of an angle that follows turn and shift with what these covariances are those of."""
     return times(-1.0, plus(turned(by, turn), turned(beside, shift)))
-
-
-@kernel_part
-def _whole(upper: Symmetric) -> Matrix:
-    """Return a symmetric matrix by its rows."""
-    a, b, c, d, e, f = upper
-    return (a, b, c), (b, d, e), (c, e, f)
-
-
-@kernel_part
-def _cross_matrix(vector: Vector) -> Matrix:
-    """Return the matrix [v]x with [v]x u = v x u."""
-    x, y, z = vector
-    return (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
-
-
-@kernel_part
-def _outer(first: Vector, second: Vector) -> Matrix:
-    """Return first second^T."""
-    return times(first[0], second), times(first[1], second), times(first[2], second)
-
-
-@kernel_part
-def _added(first: Matrix, second: Matrix) -> Matrix:
-    """Return first + second."""
-    return plus(first[0], second[0]), plus(first[1], second[1]), plus(first[2], second[2])
-
-
-@kernel_part
-def _taken(first: Matrix, second: Matrix) -> Matrix:
-    """Return first - second."""
-    return minus(first[0], second[0]), minus(first[1], second[1]), minus(first[2], second[2])
-
-
-@kernel_part
-def _negative(matrix: Matrix) -> Matrix:
-    """Return -matrix."""
-    return times(-1.0, matrix[0]), times(-1.0, matrix[1]), times(-1.0, matrix[2])

@@ -261,6 +261,62 @@ def transposed(matrix: Matrix) -> Matrix:
 
 
 @kernel_part
+def added(first: Matrix, second: Matrix) -> Matrix:
+    """Return first + second.
+
+    Parameters
+    ----------
+    first, second : tuple
+        Matrices of three, by their rows.
+    """
+    return plus(first[0], second[0]), plus(first[1], second[1]), plus(first[2], second[2])
+
+
+@kernel_part
+def taken(first: Matrix, second: Matrix) -> Matrix:
+    """Return first - second.
+
+    Parameters
+    ----------
+    first, second : tuple
+        Matrices of three, by their rows.
+    """
+    return minus(first[0], second[0]), minus(first[1], second[1]), minus(first[2], second[2])
+
+
+@kernel_part
+def negative(matrix: Matrix) -> Matrix:
+    """Return -matrix."""
+    return times(-1.0, matrix[0]), times(-1.0, matrix[1]), times(-1.0, matrix[2])
+
+
+@kernel_part
+def outer(first: Vector, second: Vector) -> Matrix:
+    """Return first second^T.
+
+    Parameters
+    ----------
+    first, second : tuple of float
+        Vectors of three.
+    """
+    return times(first[0], second), times(first[1], second), times(first[2], second)
+
+
+@kernel_part
+def cross_matrix(vector: Vector) -> Matrix:
+    """Return the matrix [v]x with [v]x u = v x u."""
+    x, y, z = vector
+    return (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
+
+
+@kernel_part
+def whole(upper: Symmetric) -> Matrix:
+    """Return a symmetric matrix by its rows."""
+    a, b, c, d, e, f = upper
+    return (a, b, c), (b, d, e), (c, e, f)
+
+
+@kernel_part
 def by_symmetric(matrix: Symmetric, vector: Vector) -> Vector:
     """Return matrix @ vector.
 

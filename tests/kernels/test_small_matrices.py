@@ -9,15 +9,21 @@ from scipy.spatial.transform import Rotation
 from skelgen._kernels import kernel
 from skelgen._kernels.least_squares import factorise, solve, turn_to_axes, write_inverse_root
 from skelgen._kernels.small_matrices import (
+    added,
+    cross_matrix,
     inverse,
     matrix,
+    negative,
+    outer,
     product,
     proper,
     rotation_by,
     set_matrix,
     set_symmetric,
     symmetric,
+    taken,
     vector,
+    whole,
 )
 
 FIRST, SECOND = np.intp(0), np.intp(1)
@@ -41,6 +47,14 @@ def _write_rotation(vectors, out):
 @kernel
 def _write_proper(matrices, out):
     set_matrix(out, FIRST, FIRST, proper(matrix(matrices, FIRST, FIRST)))
+
+
+@kernel
+def _write_carried(matrices, lever, out):
+    """S - S [v]x - v v^T, by the upper half of S."""
+    way, whole_one = vector(lever, FIRST, FIRST), whole(symmetric(matrices, FIRST, FIRST))
+    carried = added(whole_one, negative(product(whole_one, cross_matrix(way))))
+    set_matrix(out, FIRST, FIRST, taken(carried, outer(way, way)))
 
 
 @kernel
@@ -118,3 +132,12 @@ def test_inverse_root_whitens():
     whole, out = positive(4), np.empty((4, 4))
     _write_root(whole.copy(), out)
     np.testing.assert_allclose(out @ whole @ out.T, np.eye(4), atol=1e-9)
+
+
+def test_covariances_are_carried_along_a_lever():
+    upper, lever, out = np.array([[4.0, 1.0, -2.0, 5.0, 0.5, 6.0]]), np.array([[1.0, -2.0, 3.0]]), np.empty((1, 9))
+    _write_carried(upper, lever, out)
+    whole_one = np.array([[4.0, 1.0, -2.0], [1.0, 5.0, 0.5], [-2.0, 0.5, 6.0]])
+    crossed = np.cross(lever[0], np.eye(3)).T  # its columns are v x e
+    expected = whole_one - whole_one @ crossed - np.outer(lever, lever)
+    assert out.reshape(3, 3) == pytest.approx(expected, abs=1e-12)
