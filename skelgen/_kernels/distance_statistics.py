@@ -66,6 +66,49 @@ def _write_sums(positions: Floats, shift: Floats, values: Floats, sums: Floats) 
                     sums[0, row, first, second], sums[1, row, first, second] = plain[row], steady[row]
 
 
+def sums_of_distances(n_markers: int, points: Floats, markers: Ints, starts: Ints, weights: Floats) -> Floats:
+    """Weight, sum [mm] and sum of squares [mm^2] of the distances of markers that moments show, shape (3, n, n).
+
+    On the diagonal stands the weight of each marker's own points.
+
+    Parameters
+    ----------
+    n_markers : int
+        Number of markers, or of tracklets.
+    points : ndarray, shape (n_points, 3), mm
+        Points of markers, moment after moment.
+    markers : ndarray of intp, shape (n_points,)
+        Marker of each.
+    starts : ndarray of intp, shape (n_moments + 1,)
+        Where the points of each moment begin.
+    weights : ndarray, shape (n_moments,)
+        How much each moment counts.
+    """
+    sums = np.zeros((3, n_markers, n_markers))
+    _add_distances(points, markers, starts, weights, sums)
+    own = sums[0].diagonal().copy()
+    sums += sums.transpose(0, 2, 1).copy()
+    np.fill_diagonal(sums[0], own)
+    return sums
+
+
+@kernel
+def _add_distances(points: Floats, markers: Ints, starts: Ints, weights: Floats, sums: Floats) -> None:
+    """Add what `sums_of_distances` returns, each pair on one side of the diagonal."""
+    for moment in range(len(weights)):
+        weight = weights[moment]
+        for one in range(starts[moment], starts[moment + 1]):
+            sums[0, markers[one], markers[one]] += weight
+            for other in range(one + 1, starts[moment + 1]):
+                square = 0.0
+                for axis in range(3):
+                    square += (points[one, axis] - points[other, axis]) ** 2
+                distance = math.sqrt(square)
+                sums[0, markers[one], markers[other]] += weight
+                sums[1, markers[one], markers[other]] += weight * distance
+                sums[2, markers[one], markers[other]] += weight * distance * distance
+
+
 @kernel_part
 def _fill_known_lengths(values: Floats, positions: Floats, first: int, second: int) -> int:
     """Put the distances in frames that show both one after the other, and return how many they are."""

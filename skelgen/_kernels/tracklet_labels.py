@@ -12,7 +12,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelgen._kernels import array_kernel, kernel_part
 from skelgen.model.arrays import Floats, Ints
@@ -86,34 +85,6 @@ class _Hypotheses(NamedTuple):
     latest: Ints
     used: Ints
     score: Floats
-
-
-@array_kernel
-def sum_pair_distances(n_tracklets: int, points: Floats, tracklets: Ints, starts: Ints) -> NDArray[np.float64]:
-    """Number, sum [mm] and sum of squares [mm^2] of the distances between tracklets, shape (3, n, n).
-
-    Parameters
-    ----------
-    n_tracklets : int
-        Number of tracklets.
-    points : ndarray, shape (n_points, 3), mm
-        Points of tracklets, frame after frame.
-    tracklets : ndarray of intp, shape (n_points,)
-        Tracklet of each.
-    starts : ndarray of intp, shape (n_frames + 1,)
-        Where the points of each frame begin.
-    """
-    sums = np.zeros((3, n_tracklets, n_tracklets))
-    for frame in range(len(starts) - 1):
-        for one in range(starts[frame], starts[frame + 1]):
-            for other in range(starts[frame], starts[frame + 1]):
-                square = 0.0
-                for axis in range(3):
-                    square += (points[one, axis] - points[other, axis]) ** 2
-                sums[0, tracklets[one], tracklets[other]] += 1.0
-                sums[1, tracklets[one], tracklets[other]] += math.sqrt(square)
-                sums[2, tracklets[one], tracklets[other]] += square
-    return sums
 
 
 @array_kernel

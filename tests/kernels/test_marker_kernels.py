@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import t as student
 
+from skelgen._kernels.distance_statistics import sums_of_distances
 from skelgen._kernels.identity_evidence import CHANGE, FOUL_PART, FOUND, FREEDOMS, evidence_of, probabilities
 from skelgen._kernels.marker_steps import (
     LINE_FRAMES,
@@ -154,3 +155,12 @@ def test_pairs_are_those_in_reach_with_a_gain():
     assert sorted(pairs[:, 1].tolist()) == [0, 1]
     assert not is_crowded
     assert gains[0] == pytest.approx(20.0 - 4.0 * np.log1p(1.0 / 4.0))
+
+
+def test_distances_are_summed_over_the_moments_that_show_both():
+    points = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [6.0, 8.0, 0.0], [9.0, 9.0, 9.0]])
+    markers, starts = np.array([0, 1, 1, 0, 2]), np.array([0, 2, 4, 5])
+    weight, total, squares = sums_of_distances(3, points, markers, starts, np.array([1.0, 0.5, 2.0]))
+    assert weight.tolist() == [[1.5, 1.5, 0.0], [1.5, 1.5, 0.0], [0.0, 0.0, 2.0]]
+    assert (total[0, 1], total[1, 0], squares[0, 1]) == (10.0, 10.0, 75.0)
+    assert not total[2].any()

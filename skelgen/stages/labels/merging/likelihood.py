@@ -23,6 +23,8 @@ rigid distances are needed. All distances count only for the pairs that are stil
 
 import numpy as np
 
+from skelgen._kernels import contiguous
+from skelgen._kernels.distance_statistics import sums_of_distances
 from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE, LEAST_DEVIATION, explained
 from skelgen._kernels.tracklet_evidence import (
     WITNESSES,
@@ -48,9 +50,6 @@ LEAST_WITNESSES = 3
 
 SEEN_ENOUGH = 4
 """Samples of a distance from which its deviation is known."""
-
-PAIRS_AT_ONCE = 500_000
-"""Distances that are held at once: some 30 MB."""
 
 
 class DistanceRecord:
@@ -178,36 +177,11 @@ def distance_sums(positions: Floats, weights: Floats | None = None) -> tuple[Flo
     weights : ndarray, shape (n_moments,), optional
         How much each moment counts; 1 if left out.
     """
-    n = positions.shape[1]
-    sums = np.zeros((3, n, n))
-    most = int((~np.isnan(positions[:, :, 0])).sum(axis=1).max(initial=1))
-    step = max(1, PAIRS_AT_ONCE // most**2)
-    for start in range(0, len(positions), step):
-        part = slice(start, start + step)
-        sums += _distance_sums(positions[part], None if weights is None else weights[part])
-    return sums[0], sums[1], sums[2]
-
-
-def _distance_sums(positions: Floats, weights: Floats | None) -> Floats:
-    """Number, sum [mm] and sum of squares [mm^2] of the distances at few moments, shape (3, n, n)."""
-    n = positions.shape[1]
     moment, marker = np.nonzero(~np.isnan(positions[:, :, 0]))
-    n_later = np.cumsum(np.bincount(moment, minlength=1))[moment] - 1 - np.arange(len(moment))  # of the same moment
-    second = np.arange(n_later.sum()) + np.repeat(np.arange(1, len(moment) + 1) - np.cumsum(n_later) + n_later, n_later)
-    squares = np.zeros(len(second))
-    for coordinate in positions[moment, marker].T.copy():
-        away = np.repeat(coordinate, n_later) - coordinate[second]
-        squares += away * away
-    distance = np.sqrt(squares)
-    pair = np.repeat(marker * n, n_later) + marker[second]
-    own = None if weights is None else weights[moment]
-    weight = None if own is None else np.repeat(own, n_later)
-    weighted = distance if weight is None else weight * distance
-    tables = (weight, weighted, weighted * distance)
-    above = [np.bincount(pair, values, minlength=n * n).reshape(n, n) for values in tables]
-    sums = np.array([table + table.T for table in above], dtype=np.float64)
-    np.fill_diagonal(sums[0], np.bincount(marker, own, minlength=n))
-    return sums
+    starts = np.searchsorted(moment, np.arange(len(positions) + 1))
+    weights = np.ones(len(positions)) if weights is None else weights
+    sums = sums_of_distances(positions.shape[1], *contiguous(positions[moment, marker], marker, starts, weights))
+    return sums[0], sums[1], sums[2]
 
 
 def evidence_of_labels(sums: Floats, spacing: float) -> tuple[float, float]:

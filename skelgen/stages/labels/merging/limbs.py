@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import contiguous
+from skelgen._kernels.distance_statistics import sums_of_distances
 from skelgen._kernels.marker_exchanges import EXACT, EXISTENCE
-from skelgen._kernels.tracklet_labels import FREEDOM, LabelLaw, LimbTracklets, most_probable_labels, sum_pair_distances
+from skelgen._kernels.tracklet_labels import FREEDOM, LabelLaw, LimbTracklets, most_probable_labels
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.tracklets import TrackletPoints
@@ -196,7 +197,8 @@ def measure_pairs(points: Floats, tracklets: TrackletPoints, rate: float, spacin
     order = np.argsort(tracklets.frames, kind="stable")
     starts = np.searchsorted(tracklets.frames[order], np.arange(tracklets.n_frames + 1))
     arrays = points[tracklets.points[order]], tracklets.tracklet_of_point[order].astype(np.intp), starts
-    count, total, squares = sum_pair_distances(len(tracklets), *contiguous(*arrays))
+    weights = np.ones(tracklets.n_frames)
+    count, total, squares = sums_of_distances(len(tracklets), *contiguous(*arrays, weights))
     np.fill_diagonal(count, 0.0)
     several = np.maximum(count, 1.0)
     mean = total / several
