@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
+FEW_LINES = 30
 WAIT = 300  # s, of which most is compiling where nothing is compiled yet
 FOLLOW = """
     import sys
@@ -75,5 +77,33 @@ def test_every_path_on_the_page_exists(page):
 
 def test_every_room_is_on_the_page(page):
     rooms = {path.parent for root in ("skelgen", "formats", "gui") for path in (ROOT / root).rglob("__init__.py")}
-    missing = [room for room in rooms if room.name not in page]
-    assert sorted(path.as_posix() for path in missing) == []
+    told = {parent for place in _places(page) for parent in (place, *place.parents)}
+    assert sorted(str(room.relative_to(ROOT)) for room in rooms if room.relative_to(ROOT) not in told) == []
+
+
+def _places(page: str) -> set[Path]:
+    """Paths in the first column of the table of rooms, those that follow beside them, and what is named within."""
+    found = set()
+    for row in page.partition("\n## Rooms\n")[2].partition("\n## ")[0].splitlines():
+        if not row.startswith("| `"):
+            continue
+        place, holds = (re.findall(r"`([\w/.]+)`", cell) for cell in row.strip("| ").split(" | ", 1))
+        beside = [Path(place[0]), *(Path(place[0]).parent / name for name in place[1:])]
+        found |= {*beside, *(folder / name for folder in beside for name in holds)}
+    return found
+
+
+def test_every_file_of_few_lines_has_its_reason_on_the_page(page):
+    reasons = page.partition("A file is a subject;")[2].partition("\n\n")[0]
+    files = [path for root in ("skelgen", "formats", "gui") for path in (ROOT / root).rglob("*.py")]
+    short = {path for path in files if path.name != "__init__.py" and _code_lines(path.read_text()) < FEW_LINES}
+    assert sorted(path.relative_to(ROOT).as_posix() for path in short) == sorted(re.findall(r"`([\w/]+\.py)`", reasons))
+
+
+def _code_lines(text: str) -> int:
+    """Lines that are neither empty nor comments nor docstrings."""
+    alone = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Expr)]
+    texts = [node for node in alone if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)]
+    left_out = {line for node in texts for line in range(node.lineno, node.end_lineno + 1)}
+    lines = enumerate(text.splitlines(), 1)
+    return sum(bool(line.strip()) and not line.strip().startswith("#") and n not in left_out for n, line in lines)
