@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.statistics import (
+    SORTED_AT_ONCE,
     lengths_of,
     median_and_deviation,
     median_of_known,
@@ -55,12 +56,11 @@ def test_lengths_are_those_of_numpy():
     assert np.array_equal(lengths_of(vectors), np.linalg.norm(vectors, axis=-1), equal_nan=True)
 
 
-def test_sorted_distances_rise_and_are_those_of_the_pairs(monkeypatch):
-    monkeypatch.setattr("skelgen.geometry.statistics.SORTED_AT_ONCE", 20)  # two pairs at once
-    positions = np.random.default_rng(1).normal(size=(10, 4, 3))
+def test_sorted_distances_rise_and_are_those_of_the_pairs():
+    positions = np.random.default_rng(1).normal(size=(2 * SORTED_AT_ONCE // 5, 3, 3))  # two of three pairs at once
     positions[3:5, 2] = np.nan
-    first, second = np.triu_indices(4, 1)
-    found = np.full((10, len(first)), -1.0)
+    first, second = np.triu_indices(3, 1)
+    found = np.full((len(positions), len(first)), -1.0)
     for part, lengths in sorted_pair_lengths(positions, first, second):
         found[:, part] = lengths
     assert np.array_equal(found, np.sort(pair_lengths(positions, first, second).T, axis=0), equal_nan=True)
