@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -87,3 +89,30 @@ def test_notes_quoted_by_symptom_are_those_of_the_program():
     pieces = [piece.strip(" ,()") for line in quoted for piece in re.split("…", line)]
     assert len(quoted) > 15
     assert [piece for piece in pieces if piece and piece not in texts] == []
+
+
+def test_public_functions_of_several_arguments_describe_them():
+    # Docstrings of commands are left out: they are their help, and options are declared with a help of their own.
+    files = [path for name in ("skelgen", "formats") for path in sorted((ROOT / name).rglob("*.py"))]
+    without = [
+        f"{path.relative_to(ROOT)}: {function.name}"
+        for path in files
+        if "cli" not in path.parts
+        for function in _public_functions(ast.parse(path.read_text(encoding="utf-8")))
+        if _n_arguments(function) > 1 and "Parameters" not in (ast.get_docstring(function) or "")
+    ]
+    assert without == []
+
+
+def _public_functions(node: ast.AST) -> Iterator[ast.FunctionDef]:
+    """Functions of a module and methods of its classes whose names begin with a letter."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef) and not child.name.startswith("_"):
+            yield child
+        elif isinstance(child, ast.ClassDef) and not child.name.startswith("_"):
+            yield from _public_functions(child)
+
+
+def _n_arguments(function: ast.FunctionDef) -> int:
+    arguments = function.args.posonlyargs + function.args.args + function.args.kwonlyargs
+    return sum(argument.arg not in {"self", "cls"} for argument in arguments)

@@ -98,7 +98,13 @@ def scaled(path: Path, positions: Floats, factor: float) -> Floats:
 
 
 def zeros_unseen(positions: Floats) -> Floats:
-    """Make markers at exactly (0, 0, 0), which some programs write for a gap, NaN; return the same array."""
+    """Make markers at exactly (0, 0, 0), which some programs write for a gap, NaN; return the same array.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        Changed in place.
+    """
     for _, block in frames_in_blocks(positions):
         block[(block == 0.0).all(axis=2)] = np.nan
     return positions

@@ -124,7 +124,19 @@ def constants_in(columns: Columns, room: Room, basis: Floats) -> Constants:
 
 @kernel_part
 def add_offsets(table: ChainTable, place: Place, limb: int, constants: Constants) -> None:
-    """Let the offsets of a limb's markers come in."""
+    """Let the offsets of a limb's markers come in.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where limbs and markers are in one frame.
+    limb : int
+        Its index.
+    constants : Constants
+        What is added to.
+    """
     column = _first_of_markers(limb, constants)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
@@ -140,7 +152,19 @@ def add_offsets(table: ChainTable, place: Place, limb: int, constants: Constants
 
 @kernel_part
 def add_displacements(table: ChainTable, place: Place, limb: int, constants: Constants) -> None:
-    """Let displacements of a limb's markers come in, which stand for their offsets."""
+    """Let displacements of a limb's markers come in, which stand for their offsets.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where limbs and markers are in one frame.
+    limb : int
+        Its index.
+    constants : Constants
+        What is added to.
+    """
     first, basis, total = _first_of_markers(limb, constants), constants.basis, constants.total
     rotation = matrix(place.limbs, limb, ROTATION)
     for one in range(basis.shape[2]):
@@ -168,7 +192,21 @@ def _first_of_markers(limb: int, constants: Constants) -> int:
 
 @kernel_part
 def add_tilts(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
-    """Let the constants of the axis of a limb's joint come in: they turn it."""
+    """Let the constants of the axis of a limb's joint come in: they turn it.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where limbs and markers are in one frame.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms in turn and shift of each limb with all beyond it; see `quadratic_forms`.
+    limb : int
+        Its index.
+    constants : Constants
+        What is added to.
+    """
     columns = constants.columns
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     for tilt in range(columns.limbs[limb, N_TILTS] - 1, -1, -1):
@@ -207,7 +245,21 @@ def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: i
 
 @kernel_part
 def add_joint(table: ChainTable, place: Place, forms: Floats, limb: int, constants: Constants) -> None:
-    """Let the joint above a limb come in: it shifts the origin."""
+    """Let the joint above a limb come in: it shifts the origin.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    place : Place
+        Where limbs and markers are in one frame.
+    forms : ndarray, shape (n_limbs, 27)
+        Quadratic forms in turn and shift of each limb with all beyond it; see `quadratic_forms`.
+    limb : int
+        Its index.
+    constants : Constants
+        What is added to.
+    """
     columns = constants.columns
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     axes = transposed(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION))
@@ -221,7 +273,21 @@ def add_joint(table: ChainTable, place: Place, forms: Floats, limb: int, constan
 
 @kernel_part
 def add_rows(constants: Constants, row: int, factors: Vector, top: int, last: int) -> None:
-    """Add three rows of the coupling times factors to a row of S, from its diagonal on."""
+    """Add three rows of the coupling times factors to a row of S, from its diagonal on.
+
+    Parameters
+    ----------
+    constants : Constants
+        What is added to.
+    row : int
+        Row of S.
+    factors : tuple of float
+        One for each of the three rows.
+    top : int
+        First of these: `TORQUES`, `FORCES` or `ROWS`.
+    last : int
+        Column before which they end.
+    """
     a, b, c = factors
     out, rows = constants.total[row, row:last], constants.coupling
     x, y, z = rows[top, row:last], rows[top + 1, row:last], rows[top + 2, row:last]

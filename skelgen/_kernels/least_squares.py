@@ -292,7 +292,13 @@ def write_times_transposed(first: Floats, second: Floats, out: Floats) -> None:
 
 @kernel_part
 def factorise(matrix: Floats) -> bool:
-    """Put Cholesky's factor into the lower half of a symmetric matrix; return whether the matrix is positive."""
+    """Put Cholesky's factor into the lower half of a symmetric matrix; return whether the matrix is positive.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Its lower half is read and changed.
+    """
     for i in range(len(matrix)):
         for j in range(i + 1):
             total = matrix[i, j]

@@ -46,7 +46,13 @@ def _by_eigenvectors(moments: Floats) -> Floats:
 
 
 def rotation_by_svd(moments: Floats) -> Floats:
-    """Return the rotations R that maximise trace(R^T M), by the singular value decomposition."""
+    """Return the rotations R that maximise trace(R^T M), by the singular value decomposition.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (..., 3, 3)
+        As for `rotation_by_quaternion`.
+    """
     return nearest_rotation(moments)
 
 

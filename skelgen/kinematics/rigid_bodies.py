@@ -129,6 +129,18 @@ def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
     """Return the distinct rows of a table of booleans, rising, and which of them each row is.
 
     Rows are compared as whole numbers, as most limbs show few sets of points.
+
+    Parameters
+    ----------
+    seen : ndarray of bool, shape (n_rows, n_columns)
+        The table.
+
+    Returns
+    -------
+    rows : ndarray of bool, shape (n_distinct, n_columns)
+        Each that occurs, once.
+    index : ndarray of intp, shape (n_rows,)
+        Which of them each row is.
     """
     n_columns = seen.shape[1]
     if n_columns > MOST_COUNTED:

@@ -376,7 +376,18 @@ def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]
 
 
 def check_forest(parents: Ints) -> None:
-    """Raise `InputError` unless following the parents of limbs ends at a root; `parents` as for `outward_order`."""
+    """Check that following the parents of limbs ends at a root.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+
+    Raises
+    ------
+    InputError
+        If a parent is no limb, or the parents form a circle.
+    """
     if ((parents < -1) | (parents >= len(parents))).any():
         raise InputError("a parent index names no limb")
     if len(outward_order(parents)) != len(parents):

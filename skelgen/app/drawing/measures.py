@@ -80,7 +80,13 @@ class Length:
 
 
 def branch_order(parents: Ints) -> list[int]:
-    """Return the limbs root first and branch by branch (depth first), so that neighbours stay near."""
+    """Return the limbs root first and branch by branch (depth first), so that neighbours stay near.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+    """
     order: list[int] = []
     stack = [int(root) for root in np.flatnonzero(parents < 0)[::-1]]
     while stack:
@@ -159,7 +165,13 @@ def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, 
 
 
 def spread_of(values: Floats) -> tuple[float, float, float]:
-    """Return mean, root mean square and largest of values; NaN three times where there are none."""
+    """Return mean, root mean square and largest of values; NaN three times where there are none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        None of them NaN.
+    """
     if not len(values):
         return np.nan, np.nan, np.nan
     return float(values.mean()), float(np.sqrt((values**2).mean())), float(values.max())

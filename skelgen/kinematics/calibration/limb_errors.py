@@ -319,5 +319,16 @@ def _without_frames(errors: LimbErrors) -> Floats:
 
 
 def deviations(change: Floats) -> Floats:
-    """Return standard deviations of what follows errors of variance 1: root sums of squares over the last axis."""
+    """Return standard deviations of what follows errors of variance 1: root sums of squares over the last axis.
+
+    Parameters
+    ----------
+    change : ndarray, shape (..., n_errors)
+        By how much each value changes with each error.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In the unit of the change.
+    """
     return np.asarray(np.sqrt((change**2).sum(axis=-1)))

@@ -330,5 +330,11 @@ def rows(values: Floats, length: int) -> Floats:
 
 
 def writable(values: Floats) -> Floats:
-    """Return a contiguous copy that may be written to."""
+    """Return a contiguous copy that may be written to.
+
+    Parameters
+    ----------
+    values : ndarray
+        Of any shape.
+    """
     return np.array(values, dtype=np.float64, order="C")

@@ -202,9 +202,14 @@ def effective_frames(residuals: Floats) -> float:
 
 
 def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
-    """Return the number of independent frames for the mean and for the variance; residuals as `effective_frames`.
+    """Return the number of independent frames for the mean and for the variance.
 
     The squares of normal numbers decorrelate twice as fast as the numbers themselves.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        As for `effective_frames`.
     """
     correlation = _correlation(residuals)
     return (_effective(correlation, len(residuals)), _effective(correlation * np.abs(correlation), len(residuals)))

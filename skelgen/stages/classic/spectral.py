@@ -116,7 +116,20 @@ def _embedding(affinity: Floats, k: int) -> Floats:
 
 
 def spectrum(affinity: Floats) -> tuple[Floats, Floats]:
-    """Return eigenvalues (rising) and eigenvectors of the normalised affinity D^-1/2 W D^-1/2."""
+    """Return eigenvalues (rising) and eigenvectors of the normalised affinity D^-1/2 W D^-1/2.
+
+    Parameters
+    ----------
+    affinity : ndarray, shape (n_markers, n_markers)
+        W, symmetric and not negative; D has its row sums.
+
+    Returns
+    -------
+    values : ndarray, shape (n_markers,)
+        Eigenvalues.
+    vectors : ndarray, shape (n_markers, n_markers)
+        Eigenvectors as columns.
+    """
     degree = affinity.sum(axis=1)
     root = np.where(degree > LEAST_DEGREE, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
     values, vectors = np.linalg.eigh(root[:, np.newaxis] * affinity * root)

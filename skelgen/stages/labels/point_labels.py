@@ -211,7 +211,18 @@ def all_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> F
 
 
 def in_order_of_appearance(marker_of_point: Ints) -> Ints:
-    """Number markers in the order in which they are first seen, without holes."""
+    """Number markers in the order in which they are first seen, without holes.
+
+    Parameters
+    ----------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+
+    Returns
+    -------
+    ndarray of int32, shape (n_points,)
+        The same markers with other numbers, -1 for none.
+    """
     first = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
     for start in reversed(range(0, len(marker_of_point), BLOCK_POINTS)):
         owned = np.flatnonzero(marker_of_point[start : start + BLOCK_POINTS] >= 0)[::-1] + start

@@ -202,7 +202,18 @@ def _best_cut(markers: Ints, far: Floats, unsteady: Floats) -> tuple[float, Ints
 
 
 def marker_distances(positions: Floats) -> tuple[Floats, Floats]:
-    """Distance below which two markers usually stay, and its deviation [mm]; infinite where not seen together."""
+    """Distance below which two markers usually stay, and its deviation [mm]; infinite where not seen together.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen; frames evenly over the take count.
+
+    Returns
+    -------
+    far, unsteady : ndarray, shape (n_markers, n_markers), mm
+        As for `cuts`.
+    """
     positions = positions[evenly_spread(np.arange(len(positions)), LOOKED_AT)]
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers)

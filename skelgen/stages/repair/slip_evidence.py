@@ -136,7 +136,13 @@ class PlaceOnLimb:
 
 
 def is_lasting(gains: Floats) -> bool:
-    """Whether a step is as large at once and is still there later, as far as the take goes."""
+    """Whether a step is as large at once and is still there later, as far as the take goes.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (2 + number of `LASTING_PARTS`,)
+        See `PlaceOnLimb.gains`; NaN where the take ends before.
+    """
     n_first = len(gains) - len(LASTING_PARTS) + 1  # the lines, the frame itself and the shortest means
     later = gains[n_first:][~np.isnan(gains[n_first:])]
     enough = (gains[:n_first] > AT_FIRST).all() and (later > LATER).all() and len(later) > 1
