@@ -6,14 +6,13 @@ shift [mm].
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from skelgen._kernels import array_kernel, array_part
 from skelgen._kernels.least_squares import factorise, solve
-from skelgen._kernels.rigid_body_pose import move_pose
+from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
 from skelgen.model.arrays import Floats
 
 N_STATE = 18
@@ -109,7 +108,8 @@ def correct(state: BodyState, found: Floats, spread: Floats) -> tuple[BodyState,
     spread : ndarray, shape (6, 6)
         Its covariance.
     """
-    covariance, error, total = state.covariance, _pose_error(state.pose, found), np.empty((6, 6))
+    covariance, error, total = state.covariance, np.empty(6), np.empty((6, 6))
+    write_pose_error(state.pose, found, error)
     for i in range(6):
         for j in range(6):
             total[i, j] = covariance[i, j] + spread[i, j]
@@ -137,24 +137,6 @@ def correct(state: BodyState, found: Floats, spread: Floats) -> tuple[BodyState,
     for i in range(12):
         rates[i] += step[i + 6]
     return BodyState(pose, rates, after), Innovation(deviation, rotation, shift)
-
-
-@array_part
-def _pose_error(pose: Floats, found: Floats) -> Floats:
-    """Return the rotation about the world's axes and the shift from one pose to another, shape (6,)."""
-    turned, error = np.zeros((3, 3)), np.empty(6)
-    for i in range(3):
-        error[3 + i] = found[i, 3] - pose[i, 3]
-        for j in range(3):
-            for k in range(3):
-                turned[i, j] += found[i, k] * pose[j, k]
-    x, y, z = turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]
-    sine, cosine = math.sqrt(x * x + y * y + z * z), turned[0, 0] + turned[1, 1] + turned[2, 2] - 1.0
-    scale = math.atan2(sine, cosine) / sine if sine > 0.0 else 0.5
-    error[0], error[1], error[2] = scale * x, scale * y, scale * z
-    if sine == 0.0 and cosine < 0.0:  # a half turn about an axis that does not matter: it is too far
-        error[0] = math.pi
-    return error
 
 
 @array_part

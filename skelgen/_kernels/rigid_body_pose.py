@@ -18,17 +18,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_kernel, array_part, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, fixed, kernel, kernel_part
 from skelgen._kernels.absolute_orientation import N_ROOM, write_rotations
 from skelgen._kernels.least_squares import factorise, solve
 from skelgen._kernels.rigid_body_tables import PointTable, PosedBody, SearchRules, TargetTable
-from skelgen._kernels.small_matrices import Symmetric, Vector, by_symmetric, dot, inverse, minus
+from skelgen._kernels.small_matrices import (
+    Symmetric,
+    Vector,
+    by_symmetric,
+    dot,
+    inverse,
+    minus,
+    product,
+    transposed,
+    vector,
+)
 from skelgen.model.arrays import Bools, Floats, Ints
 
 EXACT = 1e-6
 """mm; what at least is taken as the standard deviation of a point, so that exact ones can be weighted."""
 
 MAX_STEPS = 10
+X, Y, Z = fixed(0, 1, 2)
 STEP_TOLERANCE = 1e-10
 """rad and mm; steps below change nothing that anyone could measure."""
 
@@ -204,7 +215,31 @@ def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
     return pose
 
 
-@kernel_part
+@kernel
+def write_pose_error(pose: Floats, found: Floats, error: Floats) -> None:
+    """Write the rotation about the world's axes and the shift from one pose to another.
+
+    Parameters
+    ----------
+    pose, found : ndarray, shape (4, 4), mm
+        World from body, before and after.
+    error : ndarray, shape (6,)
+        Receives a rotation vector [rad], no longer than half a turn, and a shift [mm].
+    """
+    before = vector(pose, X, X), vector(pose, Y, X), vector(pose, Z, X)
+    after = vector(found, X, X), vector(found, Y, X), vector(found, Z, X)
+    turn = product(after, transposed(before))
+    x, y, z = turn[2][1] - turn[1][2], turn[0][2] - turn[2][0], turn[1][0] - turn[0][1]
+    sine, cosine = math.sqrt(x * x + y * y + z * z), turn[0][0] + turn[1][1] + turn[2][2] - 1.0
+    scale = math.atan2(sine, cosine) / sine if sine > 0.0 else 0.5
+    error[0], error[1], error[2] = scale * x, scale * y, scale * z
+    if sine == 0.0 and cosine < 0.0:  # a half turn about an axis that does not matter: it is too far
+        error[0] = math.pi
+    for axis in range(3):
+        error[3 + axis] = found[axis, 3] - pose[axis, 3]
+
+
+@kernel
 def move_pose(pose: Floats, step: Floats) -> None:
     """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second.
 

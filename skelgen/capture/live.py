@@ -21,7 +21,7 @@ from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.target_joints import JointAngle, find_angles
+from skelgen.capture.target_joints import JointAngle, find_angles, pose_error, turned_and_shifted
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints
@@ -180,6 +180,8 @@ class Recogniser:
             find_angles(joint, exact)
         if self._prediction is not None:
             self._prediction.load()
+        if self._chains:
+            turned_and_shifted(np.eye(4), pose_error(np.eye(4), np.eye(4)))
 
     def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
         """Return the bodies and joint angles from the points of one frame, by name: the second half of a capture.

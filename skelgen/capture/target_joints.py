@@ -26,13 +26,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from skelgen._kernels import contiguous
+from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import (
     cross_matrix,
     matrix_from_vector,
     nearest_rotation,
-    transform_from,
     vector_from_matrix,
 )
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
@@ -308,7 +309,9 @@ def pose_error(pose: Floats, found: Floats) -> Floats:
     pose, found : ndarray, shape (4, 4), mm
         World from body, before and after.
     """
-    return np.concatenate([vector_from_matrix(found[:3, :3] @ pose[:3, :3].T), found[:3, 3] - pose[:3, 3]])
+    error = np.empty(N_POSE)
+    write_pose_error(*contiguous(pose, found, error))
+    return error
 
 
 def turned_and_shifted(pose: Floats, step: Floats) -> Floats:
@@ -321,4 +324,6 @@ def turned_and_shifted(pose: Floats, step: Floats) -> Floats:
     step : ndarray, shape (6,)
         Rotation about the world's axes [rad] and shift [mm].
     """
-    return transform_from(matrix_from_vector(step[:3]) @ pose[:3, :3], pose[:3, 3] + step[3:])
+    moved = np.array(pose, order="C")
+    move_pose(moved, *contiguous(step))
+    return moved

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from skelgen.capture.bodies import find_bodies
 from skelgen.capture.live import PointFinder, trial_pair, trial_points
@@ -25,7 +26,7 @@ pairs = [source.render(index)[0] for index in range(0, 30, 3)]
 def loaded():
     parts = [one for one in gc.get_objects() if isinstance(one, Dispatcher) and "rendering" not in one.__module__]
     return {(one.__module__, one.__name__, len(one.overloads)) for one in parts if one.overloads}
-with MotionCapture(source.settings, prediction=PredictionParameters(), threads=False) as capture:
+with MotionCapture(source.settings, prediction=PredictionParameters(joints=%s), threads=False) as capture:
     before = loaded()
     for pair in pairs:
         capture.see(pair)
@@ -33,9 +34,14 @@ with MotionCapture(source.settings, prediction=PredictionParameters(), threads=F
 """
 
 
-def test_no_function_is_left_to_be_loaded_by_the_first_pairs():
+@pytest.mark.parametrize("joints", [False, True])
+def test_no_function_is_left_to_be_loaded_by_the_first_pairs(joints):
     ran = subprocess.run(
-        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2]
+        [sys.executable, "-c", LOADED % joints],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[2],
     )
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.strip() == ""

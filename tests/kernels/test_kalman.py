@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.kalman import GROWTH, BodyState, correct, predict
+from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 
 STEP = 0.02
@@ -55,3 +56,14 @@ def test_a_pose_turned_by_half_a_circle_is_far_off():
     half = transform_from(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     _, innovation = correct(BodyState(np.eye(4), np.zeros(12), np.eye(18)), half, np.eye(6))
     assert innovation.deviation == pytest.approx(np.pi**2 / 2)  # both err by 1 rad
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.1, 2.0, 3.1])
+def test_a_pose_that_is_moved_by_the_error_is_the_one_that_was_found(angle):
+    pose, error = random_state()[0].pose, np.empty(6)
+    turn = matrix_from_vector(np.array([0.6 * angle, 0.0, 0.8 * angle]))
+    found = transform_from(turn @ pose[:3, :3], np.array([1.0, 2.0, 3.0]))
+    write_pose_error(pose, found, error)
+    assert np.linalg.norm(error[:3]) == pytest.approx(angle, abs=1e-12)
+    move_pose(pose, error)
+    np.testing.assert_allclose(pose, found, atol=1e-12)
