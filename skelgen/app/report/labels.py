@@ -5,6 +5,8 @@ the same tracks in a row per marker. Two shades take turns, so that tracks that 
 """
 
 import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
@@ -43,24 +45,97 @@ _MOST_QUESTIONS = 10
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
 
-def labels_content(project: Project) -> dict[str, object]:
+@dataclass(frozen=True)
+class DoubtRow:
+    """A span of a marker that is doubtful, as the report words it.
+
+    Attributes
+    ----------
+    name, frames, time, confidence : str
+        The marker, the span in frames and in time, and the least confidence in it.
+    reason, remedy : str
+        Why it is doubtful, and what to do.
+    """
+
+    name: str
+    frames: str
+    time: str
+    confidence: str
+    reason: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class FindingRow:
+    """An error of the labels in the file, as the report words it.
+
+    Attributes
+    ----------
+    kind, names, frames, time : str
+        What it is, of which labels, and the span in frames and in time.
+    evidence, outcome : str
+        What speaks for it, and what was done.
+    """
+
+    kind: str
+    names: str
+    frames: str
+    time: str
+    evidence: str
+    outcome: str
+
+
+@dataclass(frozen=True, eq=False)
+class LabelsContent:
+    """What the template shows of the labels.
+
+    Attributes
+    ----------
+    facts : list of tuple of str
+        Names and values.
+    advice, questions : list of str
+        What could be done, and what the user could tell.
+    rows, findings : list of DoubtRow, list of FindingRow
+        Doubtful spans, the longest, and errors of the labels in the file, the first.
+    more, more_findings : int
+        How many of both are not shown.
+    confidence, tracks, marker_tracks : str
+        Figures; empty where nothing is known of tracks.
+    classic : list of tuple of str
+        Method, markers, points with a marker and agreement; empty if there is nothing to compare.
+    """
+
+    facts: list[tuple[str, str]]
+    advice: Sequence[str]
+    questions: list[str]
+    rows: list[DoubtRow]
+    findings: list[FindingRow]
+    more: int
+    more_findings: int
+    confidence: str
+    tracks: str
+    marker_tracks: str
+    classic: list[tuple[str, str, str, str]]
+
+
+def labels_content(project: Project) -> LabelsContent:
     """Return what the template shows of the labels of a project that knows how sure they are."""
     labelling = project.labelling
     drawn = labelling.tracklets if labelling.tracklets is not None and labelling.tracklets.n_parts else None
     shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
-    return {
-        "facts": _facts(project),
-        "advice": advice_on(project),
-        "questions": [one.sentence(project.trajectories.names) for one in questions_on(labelling)[:_MOST_QUESTIONS]],
-        "rows": [_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
-        "findings": [_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
-        "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),
-        "more": len(labelling.doubts) - len(shown),
-        "confidence": confidence_figure(project),
-        "tracks": _tracks_figure(project, drawn) if drawn else "",
-        "marker_tracks": _marker_tracks_figure(project, drawn) if drawn else "",
-        "classic": _comparison(project, labelling),
-    }
+    return LabelsContent(
+        facts=_facts(project),
+        advice=advice_on(project),
+        questions=[one.sentence(project.trajectories.names) for one in questions_on(labelling)[:_MOST_QUESTIONS]],
+        rows=[_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
+        findings=[_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
+        more=len(labelling.doubts) - len(shown),
+        more_findings=max(len(labelling.findings) - _MOST_ROWS, 0),
+        confidence=confidence_figure(project),
+        tracks=_tracks_figure(project, drawn) if drawn else "",
+        marker_tracks=_marker_tracks_figure(project, drawn) if drawn else "",
+        classic=_comparison(project, labelling),
+    )
 
 
 def _facts(project: Project) -> list[tuple[str, str]]:
@@ -82,28 +157,28 @@ def _facts(project: Project) -> list[tuple[str, str]]:
     return facts
 
 
-def _finding_row(project: Project, finding: Finding) -> dict[str, str]:
+def _finding_row(project: Project, finding: Finding) -> FindingRow:
     rate = project.trajectories.rate
-    return {
-        "kind": _FINDING_WORDS[finding.kind],
-        "names": " → ".join(finding.names),
-        "frames": _span(str(finding.first_frame), str(finding.last_frame)),
-        "time": _span(duration(finding.first_frame / rate), duration(finding.last_frame / rate)),
-        "evidence": finding.evidence,
-        "outcome": finding.outcome,
-    }
+    return FindingRow(
+        kind=_FINDING_WORDS[finding.kind],
+        names=" → ".join(finding.names),
+        frames=_span(str(finding.first_frame), str(finding.last_frame)),
+        time=_span(duration(finding.first_frame / rate), duration(finding.last_frame / rate)),
+        evidence=finding.evidence,
+        outcome=finding.outcome,
+    )
 
 
-def _row(project: Project, doubt: Doubt) -> dict[str, str]:
+def _row(project: Project, doubt: Doubt) -> DoubtRow:
     rate = project.trajectories.rate
-    return {
-        "name": project.trajectories.names[doubt.marker],
-        "frames": _span(str(doubt.first_frame), str(doubt.last_frame)),
-        "time": _span(duration(doubt.first_frame / rate), duration(doubt.last_frame / rate)),
-        "confidence": percent(doubt.confidence),
-        "reason": doubt.reason,
-        "remedy": REMEDIES[doubt.kind],
-    }
+    return DoubtRow(
+        name=project.trajectories.names[doubt.marker],
+        frames=_span(str(doubt.first_frame), str(doubt.last_frame)),
+        time=_span(duration(doubt.first_frame / rate), duration(doubt.last_frame / rate)),
+        confidence=percent(doubt.confidence),
+        reason=doubt.reason,
+        remedy=REMEDIES[doubt.kind],
+    )
 
 
 def _span(first: str, last: str) -> str:
