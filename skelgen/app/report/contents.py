@@ -2,7 +2,6 @@
 
 import platform
 from collections import Counter
-from collections.abc import Mapping
 from importlib import metadata
 from pathlib import PurePath
 from typing import Any
@@ -10,9 +9,7 @@ from typing import Any
 import numpy as np
 
 import skelgen
-from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.advice import doubtful_share
-from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
@@ -23,14 +20,16 @@ from skelgen.app.report.labels import labels_content
 from skelgen.app.report.pictures import cost_figure, deviation_figure, gaps_figure
 from skelgen.app.report.play import play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
+from skelgen.app.report.stages import stage_rows
 from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_project
-from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport
+from skelgen.model import Limbs, PointCloud, Poses, Project
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import SILENT, Monitor, counted
 
 Content = dict[str, Any]
+_LIBRARIES = ("numpy", "scipy")
 
 _KIND_WORDS = {
     "PointCloud": "unlabelled points",
@@ -63,7 +62,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         "tiles": _tiles(project),
         "input": _input(project),
         "notices": _notices(project),
-        "stages": _stage_tables(project),
+        "stages": stage_rows(project),
         "versions": [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
         "seed": project.seed,
         "colours": _colours(project),
@@ -339,46 +338,3 @@ def _interpolated(project: Project) -> str:
         f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
         f"seen; most often {project.limbs.called(worst)}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
     )
-
-
-Row = dict[str, Any]
-
-_LIBRARIES = ("numpy", "scipy")
-
-
-def _stage_tables(project: Project) -> list[Row]:
-    """Return, for each stage that has run: its name, purpose, time, share of the whole time, and parameters."""
-    whole = sum(report.seconds for report in project.reports.values())
-    ran = [(stage, project.reports[stage]) for stage in STAGE_SUMMARIES if stage in project.reports]
-    return [
-        {
-            "name": stage,
-            "summary": STAGE_SUMMARIES[stage],
-            "seconds": duration(report.seconds) if report.seconds else "–",  # a batch keeps times apart
-            "share": report.seconds / whole if whole > 0 else 0.0,
-            "parameters": _parameters(stage, report),
-        }
-        for stage, report in ran
-    ]
-
-
-def _parameters(stage: str, report: StageReport) -> list[Row]:
-    if not report.parameters:
-        return []
-    declared = {each.name: each for each in parameters_class(stage).declarations()}
-    return [_row(name, value, declared) for name, value in report.parameters.items()]
-
-
-def _row(name: str, value: Any, declared: Mapping[str, Any]) -> Row:
-    row: Row = {"name": name, "value": _shown(value), "unit": "", "default": "", "help": "", "changed": False}
-    if name in declared:
-        entry = declared[name]
-        row |= {"unit": entry.unit, "default": _shown(entry.default), "help": entry.help}
-        row["changed"] = value != entry.default
-    return row
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return plain(value) if isinstance(value, float) else str(value)
