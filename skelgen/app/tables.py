@@ -1,6 +1,6 @@
 """What was found, as rows of plain values: printed as tables, dumped as JSON."""
 
-from typing import Any, NotRequired, TypedDict
+from typing import NotRequired, TypedDict, cast
 
 import numpy as np
 from skelgen_formats.lines import Sample
@@ -15,8 +15,20 @@ from skelgen.model.arrays import Floats, runs_of
 from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
-Row = dict[str, Any]
-"""Cells of a table by column: plain values."""
+Cell = str | int | float | bool | list[str] | list[float] | None
+"""What a table shows, and JSON holds."""
+
+Row = dict[str, Cell]
+"""Cells of a table by column."""
+
+
+class ColumnRow(TypedDict):
+    """A marker or body: frames that show it, number of gaps, longest gap [frames]; None where frames were left out."""
+
+    name: str
+    seen: int
+    gaps: int | None
+    longest_gap: int | None
 
 
 class LabellingFacts(TypedDict):
@@ -132,8 +144,8 @@ def take_facts(take: Take, sample: Sample = ALL) -> TakeFacts:
     }
 
 
-def column_rows(take: Take, sample: Sample = ALL) -> list[Row]:
-    """Return one row per marker or body: name, frames seen, number of gaps, longest gap [frames].
+def column_rows(take: Take, sample: Sample = ALL) -> list[ColumnRow]:
+    """Return one row per marker or body.
 
     Parameters
     ----------
@@ -143,13 +155,14 @@ def column_rows(take: Take, sample: Sample = ALL) -> list[Row]:
     if isinstance(take, PointCloud):
         return []
     seen = ~np.isnan(take.world_from_body[..., 0, 0]) if isinstance(take, Poses) else take.seen
-    rows = []
+    n_frames, rows = take.n_frames + sample.n_left_out, list[ColumnRow]()
     for name, column in zip(take.names, seen.T, strict=True):
-        gaps = _gap_lengths(column)
-        row: Row = {"name": name, "seen": int(column.sum()), "gaps": len(gaps), "longest_gap": max(gaps, default=0)}
+        row: ColumnRow = {"name": name, "seen": int(column.sum()), "gaps": None, "longest_gap": None}
         if sample.n_left_out:
-            seen_of_all = round(float(column.mean()) * (take.n_frames + sample.n_left_out))
-            row |= {"seen": seen_of_all, "gaps": None, "longest_gap": None}
+            row["seen"] = round(float(column.mean()) * n_frames)
+        else:
+            gaps = [stop - start for start, stop in runs_of(~column)]
+            row["gaps"], row["longest_gap"] = len(gaps), max(gaps, default=0)
         rows.append(row)
     return rows
 
@@ -217,7 +230,7 @@ def _limb_rows(project: Project) -> list[Row]:
         if project.has("joints"):
             row["parent"] = int(project.topology.parents[limb])
         if project.has("skeleton"):
-            row |= _spread(project.motion.residuals[:, markers])
+            row |= cast("Row", _spread(project.motion.residuals[:, markers]))
         rows.append(row)
     return rows
 
@@ -342,8 +355,7 @@ def _loop_rows(project: Project) -> list[Row]:
 
 
 def _length_rows(project: Project) -> list[Row]:
-    raw, skeleton = project.topology.raw_joint_positions, project.skeleton
-    rows = []
+    raw, skeleton, rows = project.topology.raw_joint_positions, project.skeleton, list[Row]()
     for index, ((first, second), length) in enumerate(skeleton.lengths.items()):
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
@@ -387,8 +399,3 @@ def _count(take: Take, n_frames: int) -> int:
     if isinstance(take, PointCloud):
         return round(take.n_points * n_frames / max(take.n_frames, 1))
     return take.n_bodies if isinstance(take, Poses) else take.n_markers
-
-
-def _gap_lengths(seen: np.ndarray[Any, np.dtype[np.bool_]]) -> list[int]:
-    """Lengths [frames] of the runs in which a marker is unseen."""
-    return [stop - start for start, stop in runs_of(~seen)]

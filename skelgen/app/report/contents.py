@@ -235,15 +235,14 @@ def _gaps(project: Project, monitor: Monitor) -> Content:
 
 def _gap_facts(project: Project) -> list[tuple[str, str]]:
     rows = column_rows(project.trajectories)
-    longest = max(rows, key=lambda row: row["longest_gap"])
+    longest = max(rows, key=lambda row: row["longest_gap"] or 0)
     complete = sum(not row["gaps"] for row in rows)
     facts = [
         ("Seen", percent(float(project.trajectories.seen.mean()))),
-        ("Gaps", str(sum(row["gaps"] for row in rows))),
+        ("Gaps", str(sum(row["gaps"] or 0 for row in rows))),
         ("Markers without a gap", f"{complete} of {len(rows)}"),
     ]
-    if longest["longest_gap"]:
-        frames = longest["longest_gap"]
+    if frames := longest["longest_gap"]:
         time = duration(frames / project.trajectories.rate)
         facts.append(("Longest gap", f"{counted(frames, 'frame')} ({time}) at {longest['name']}"))
     return facts
