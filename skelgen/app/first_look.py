@@ -4,16 +4,15 @@ A take whose file says rate, unit or axis wrongly is adapted, and so is one of w
 """
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import resources
 from typing import ClassVar, TypedDict
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS, find_up, sampled_points, with_up_axis
+from skelgen.marker_sets import read_table
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.parameters import StageParameters, declare
@@ -32,7 +31,6 @@ _KEYPOINTS = {
     ),
 }
 _MOST_OF_SUIT = 0.75
-_MARKER_SETS = "simulation/people/tables/marker_sets.toml"  # read as a file: the simulation is slow to load
 _APART = re.compile(r"[^a-z0-9]")
 
 
@@ -151,8 +149,7 @@ def _unit(frames: Sequence[Floats]) -> str:
 def _suit(names: Sequence[str]) -> str:
     """Return the marker set most of whose names are there."""
     there = {_plain(name) for name in names}
-    table = tomllib.loads(resources.files("skelgen").joinpath(_MARKER_SETS).read_text(encoding="utf-8"))
-    suits = {suit: tuple(described["markers"]) for suit, described in table.items()} | _KEYPOINTS
+    suits = {suit: tuple(described["markers"]) for suit, described in read_table("marker_sets").items()} | _KEYPOINTS
     common = {suit: sum(_plain(name) in there for name in wanted) for suit, wanted in suits.items()}
     best = max(suits, key=lambda suit: (common[suit] / len(suits[suit]), common[suit]))
     return best if common[best] >= _MOST_OF_SUIT * len(suits[best]) else ""

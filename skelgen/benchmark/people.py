@@ -14,10 +14,11 @@ from skelgen.app.face import reconstruct
 from skelgen.benchmark.accuracy import score_distances
 from skelgen.benchmark.page import Effort, Section, figure_text, table, verdict
 from skelgen.evaluation import evaluate
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import Trajectories
 from skelgen.progress import Monitor, with_progress
 from skelgen.simulation import Structure, find_structure, resized, simulate
-from skelgen.simulation.people import MARKER_SETS, MOTIONS
+from skelgen.simulation.people import MOTIONS
 from skelgen.simulation.take import SimulatedTake
 
 WANTED_TREES = 0.9

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from skelgen.errors import ParameterError
+from skelgen.marker_sets import LABORATORY_SETS, MARKER_SETS
 from skelgen.parameters import Declaration, StageParameters, declare
-from skelgen.simulation.people import HEIGHTS, LABORATORY_SETS, MARKER_SETS, MOTIONS
+from skelgen.simulation.people import HEIGHTS, MOTIONS
 
 OF_PEOPLE = ("motion", "marker_set", "height")
 """Parameters that only the simulated human has."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import ParameterError
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_whole
 from skelgen.simulation.articulated import Structure, side_by_side, with_spacing
@@ -22,15 +23,7 @@ from skelgen.simulation.markers import (
 )
 from skelgen.simulation.motion import TOOL, Hold, held, random_angles, random_walk, sensed, world_from_limbs
 from skelgen.simulation.parameters import NONE, OF_PEOPLE, REALISTIC, SimulationParameters
-from skelgen.simulation.people import (
-    MARKER_SETS,
-    MOTIONS,
-    SLOWEST,
-    Person,
-    natural_motion,
-    person,
-    realistic_soft_tissue,
-)
+from skelgen.simulation.people import MOTIONS, SLOWEST, Person, natural_motion, person, realistic_soft_tissue
 from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth

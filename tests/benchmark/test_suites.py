@@ -33,9 +33,10 @@ from skelgen.benchmark.suites import SECONDS, load_state, save_state
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.progress import SILENT
 from skelgen.simulation import simulate
-from skelgen.simulation.people import MARKER_SETS, MOTIONS
+from skelgen.simulation.people import MOTIONS
 
 
 def test_help_names_every_suite(capsys):

@@ -18,18 +18,13 @@ from scipy.spatial.transform import Rotation
 from shown import show, show_machine
 
 from skelgen.geometry.rotations import unit_vectors
+from skelgen.marker_sets import LABORATORY_SETS, MARKER_SETS
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.motion import smooth_curves
-from skelgen.simulation.people import (
-    LABORATORY_SETS,
-    MARKER_SETS,
-    natural_motion,
-    person,
-    realistic_soft_tissue,
-)
 from skelgen.simulation.people import Person as WornPerson
+from skelgen.simulation.people import natural_motion, person, realistic_soft_tissue
 
 WAYS, MOVES = ("hips", "clasped", "bars"), ("squat", "squat", "walk", "reach", "jump")
 SIDES = {"left": 1.0, "right": -1.0}

@@ -17,10 +17,11 @@ from learn_sets import MOTION_RANGE, RATE, about_posture, seen_markers
 from shapes import hidden
 
 import skelgen
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import spread_frames
 from skelgen.simulation import simulate
-from skelgen.simulation.people import MARKER_SETS, MOTIONS, person
+from skelgen.simulation.people import MOTIONS, person
 from skelgen.stages.names import likely_segments as likely
 from skelgen.stages.names import name_limbs, recognised_set
 from skelgen.stages.names.moving_tree import MovingTree

@@ -16,20 +16,12 @@ import numpy as np
 
 import skelgen.stages.limbs.worn_sets as module
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
+from skelgen.marker_sets import EVERY_PLACE, LABORATORY_SETS, MARKER_SETS
 from skelgen.model.arrays import Floats
 from skelgen.simulation import Structure
 from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.motion import random_angles, world_from_limbs
-from skelgen.simulation.people import (
-    EVERY_PLACE,
-    LABORATORY_SETS,
-    MARKER_SETS,
-    MOTIONS,
-    Person,
-    natural_motion,
-    person,
-    realistic_soft_tissue,
-)
+from skelgen.simulation.people import MOTIONS, Person, natural_motion, person, realistic_soft_tissue
 from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
 N_PEOPLE, N_WAYS = 300, 12  # in each set, and in all places at once; principal components that are kept

@@ -25,16 +25,11 @@ from shown import show, show_machine
 import skelgen
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.rigid_bodies import fit_shape
+from skelgen.marker_sets import LABORATORY_SETS, MARKER_SETS
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.simulation.motion import world_from_limbs
-from skelgen.simulation.people import (
-    LABORATORY_SETS,
-    MARKER_SETS,
-    MOTIONS,
-    natural_motion,
-    person,
-)
+from skelgen.simulation.people import MOTIONS, natural_motion, person
 from skelgen.simulation.people import Person as WornPerson
 from skelgen.stages.limbs import worn_sets
 

@@ -13,9 +13,9 @@ import argparse
 import numpy as np
 
 import skelgen
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.simulation import simulate
 from skelgen.simulation.people import MOTIONS
-from skelgen.simulation.people.tables import MARKER_SETS
 from skelgen.stages.limbs import worn_sets
 from skelgen.stages.names import PARENTS, name_limbs, recognised_set
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from skelgen.errors import ParameterError
+from skelgen.marker_sets import _FOLDER, MARKER_SETS, read_table, worn_markers
 from skelgen.simulation import read_truth, simulate, write_truth
 from skelgen.simulation.articulated import LimbModel, Structure
-from skelgen.simulation.people import MARKER_SETS, MOTIONS, natural_motion, person, realistic_soft_tissue, tables
-from skelgen.simulation.people.body import MEASURED_AT
-from skelgen.simulation.people.tables import read_table, tissue_of, worn_markers
+from skelgen.simulation.people import MOTIONS, natural_motion, person, realistic_soft_tissue
+from skelgen.simulation.people.body import MEASURED_AT, TABLES, tissue_of
 
-SEGMENTS = [row["name"] for row in read_table("soft_tissue")["segments"]]
+SEGMENTS = [row["name"] for row in read_table("soft_tissue", TABLES)["segments"]]
 DEEPEST = 25.0  # mm below the ground that a sole may come: a foot that swings past, or is put down
 ROUNDING = 1e-9  # mm
 
@@ -37,9 +38,12 @@ def test_marker_set_has_its_markers_with_names_and_places_of_their_own(name: str
     assert len({(marker.limb, *marker.offset) for marker in markers}) == n_markers
 
 
-@pytest.mark.parametrize("table", ["places", "marker_sets", "soft_tissue", "motions"])
-def test_tables_are_toml_and_every_place_that_they_name_exists(table: str) -> None:
-    found = tomllib.loads((tables._FOLDER / f"{table}.toml").read_text())  # the files as they are shipped
+@pytest.mark.parametrize(
+    ("folder", "table"),
+    [(_FOLDER, "places"), (_FOLDER, "marker_sets"), (TABLES, "soft_tissue"), (TABLES, "motions")],
+)
+def test_tables_are_toml_and_every_place_that_they_name_exists(folder: Path, table: str) -> None:
+    found = tomllib.loads((folder / f"{table}.toml").read_text())  # the files as they are shipped
     places = {place for segment in read_table("places").values() for place in segment}
     if table == "soft_tissue":
         assert set(found["places"]) <= places

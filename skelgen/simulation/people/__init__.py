@@ -1,17 +1,14 @@
 """People as laboratories record them: bodies of all sizes, the marker sets they wear, natural motions, soft tissue.
 
-What is known of them stands in readable tables, `tables/*.toml`, each with its sources.
+What is known of them stands in readable tables, `tables/*.toml`, each with its sources; their marker sets are those of
+`skelgen.marker_sets`.
 """
 
 from skelgen.simulation.people.body import HEIGHTS, Person, person, realistic_soft_tissue, usual_person
 from skelgen.simulation.people.motions import MOTIONS, SLOWEST, natural_motion
-from skelgen.simulation.people.tables import EVERY_PLACE, LABORATORY_SETS, MARKER_SETS, worn_markers
 
 __all__ = [
-    "EVERY_PLACE",
     "HEIGHTS",
-    "LABORATORY_SETS",
-    "MARKER_SETS",
     "MOTIONS",
     "SLOWEST",
     "Person",
@@ -19,5 +16,4 @@ __all__ = [
     "person",
     "realistic_soft_tissue",
     "usual_person",
-    "worn_markers",
 ]

@@ -1,6 +1,6 @@
 """A person: the simulated human in somebody's size and proportions, with toes, a marker set, and soft tissue.
 
-The places of markers are anatomical (``tables/places.toml``); whoever sticks them on misses each by some mm (Della
+The places of markers are anatomical (`skelgen.marker_sets`); whoever sticks them on misses each by some mm (Della
 Croce et al., Gait & Posture 21 (2005) 226-237), and so do we.
 
 Skin follows the joints beside it, swings after impacts, and wanders. With q the rotation vectors of the joints of a
@@ -16,16 +16,20 @@ angles of both joints of a segment: Camomilla et al., J Biomech 46 (2013) 2216-2
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import unit_vectors
+from skelgen.marker_sets import read_table, worn_markers
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized
 from skelgen.simulation.motion import smooth_curves
-from skelgen.simulation.people.tables import SoftTissue, tissue_factor_at, tissue_of, worn_markers
 from skelgen.simulation.structures import SIDES, human
+
+TABLES = Path(__file__).parent / "tables"
+"""Soft tissue and motions; the places of markers stand with the marker sets."""
 
 HEIGHT = 1750.0
 """Height [mm] of the body that the tables describe."""
@@ -187,6 +191,43 @@ _BETWEEN_PEOPLE = 0.25  # one standard deviation of the logarithm of amplitudes
 _OWN_SWING = 0.3  # one standard deviation of how much more or less than its neighbours a marker swings
 _WANDERING = (0.1, 0.5)  # Hz: breathing, belts
 _CURVES = 0.42  # root mean square of smooth curves within -1 .. 1
+
+
+@dataclass(frozen=True)
+class SoftTissue:
+    """What soft tissue of a segment does to its markers; see ``tables/soft_tissue.toml``.
+
+    Attributes
+    ----------
+    joint : float, mm
+        Displacement of a marker beside a joint that turns by 60 deg, root mean square.
+    together : float
+        Part of the squared displacement that all markers of the segment share.
+    frequency : float, Hz
+        Of its free vibration.
+    damping : float
+        Of that vibration, of the critical one.
+    wander : float, mm
+        Root mean square of slow motion without cause.
+    """
+
+    joint: float
+    together: float
+    frequency: float
+    damping: float
+    wander: float
+
+
+def tissue_of(limb: str) -> SoftTissue:
+    """Return the soft tissue of a limb by its name, e.g. ``left thigh`` or ``LeftUpLeg``."""
+    rows = read_table("soft_tissue", TABLES)["segments"]
+    row = next(row for row in rows if any(word in limb.lower() for word in row["words"]))
+    return SoftTissue(row["joint"], row["together"], row["frequency"], row["damping"], row["wander"])
+
+
+def tissue_factor_at(place: str) -> float:
+    """Return by which factor soft tissue moves a marker more at a place than elsewhere on its segment."""
+    return float(read_table("soft_tissue", TABLES)["places"].get(place, 1.0))
 
 
 def realistic_soft_tissue(

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from skelgen.marker_sets import read_table
 from skelgen.model.arrays import Bools, Floats
 from skelgen.simulation.articulated import DEGREES_OF_FREEDOM, Structure
 from skelgen.simulation.motion import smooth_curves, world_from_limbs
-from skelgen.simulation.people.body import Person
-from skelgen.simulation.people.tables import read_table
+from skelgen.simulation.people.body import TABLES, Person
 from skelgen.simulation.structures import SIDES
 
 MOTIONS = ("walk", "run", "squat", "reach", "jump")
@@ -137,7 +137,7 @@ def natural_motion(
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
         Their poses; the ground is at z = 0.
     """
-    table = read_table("motions")[motion]
+    table = read_table("motions", TABLES)[motion]
     seconds = rng.uniform(*table["seconds"])
     padding = int(np.ceil(_PADDING * seconds * rate))
     n_padded = n_frames + 2 * padding

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
+from skelgen.marker_sets import EVERY_PLACE, worn_markers
 from skelgen.model.arrays import Floats, Ints
-from skelgen.simulation.people import EVERY_PLACE, worn_markers
 from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches, misfits_in_posture
 from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet

@@ -11,8 +11,9 @@ from functools import cache
 
 import numpy as np
 
+from skelgen.marker_sets import EVERY_PLACE
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
-from skelgen.simulation.people import EVERY_PLACE, usual_person
+from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
 from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_sets import (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from skelgen.errors import ParameterError
-from skelgen.simulation.people.tables import MARKER_SETS, read_table, worn_markers
+from skelgen.marker_sets import MARKER_SETS, read_table, worn_markers
 
 OTHER_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "nokov-53", "opencap")
 """Marker sets that the simulation does not wear."""

@@ -14,8 +14,8 @@ import skelgen
 from skelgen.errors import InputError
 from skelgen.geometry.keypoints import joint_of_name, keypoint_evidence
 from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import Trajectories
-from skelgen.simulation.people.tables import MARKER_SETS
 from skelgen.stages.keypoints import find_keypoint_limbs
 
 BONES = {  # point: the one that its bone begins in, and the way to it in mm

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skelgen.marker_sets import EVERY_PLACE
 from skelgen.simulation import simulate
-from skelgen.simulation.people import EVERY_PLACE, usual_person
+from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs import worn_body, worn_neighbours
 from skelgen.stages.limbs.worn_places import believed_wear
 from skelgen.stages.limbs.worn_sets import HALVES

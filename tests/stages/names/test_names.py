@@ -11,8 +11,8 @@ import skelgen
 from skelgen.app.corrections import without_correction
 from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.errors import InputError, ParameterError
+from skelgen.marker_sets import MARKER_SETS, worn_markers
 from skelgen.model import Limbs
-from skelgen.simulation.people.tables import MARKER_SETS, worn_markers
 from skelgen.stages.names import (
     find_marker_set,
     marker_names,

@@ -1,6 +1,7 @@
-"""The tables of what is known of people: places on the body, marker sets, soft tissue, motions.
+"""The marker sets that people wear: each marker with its place on the body, from readable tables.
 
-They are read when they are first needed. What is wrong in them is a defect of the package, which its tests find.
+They are what stages look for in a take, and what simulated people wear. The tables, `tables/*.toml`, name their sources
+and are read when they are first needed. What is wrong in them is a defect of the package, which its tests find.
 """
 
 import tomllib
@@ -32,9 +33,17 @@ _FOLDER = Path(__file__).parent / "tables"
 
 
 @cache
-def read_table(name: str) -> dict[str, Any]:
-    """Return a table of the package, by the name of its file."""
-    return tomllib.loads(_FOLDER.joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+def read_table(name: str, folder: Path = _FOLDER) -> dict[str, Any]:
+    """Return a table, by the name of its file.
+
+    Parameters
+    ----------
+    name : str
+        ``places``, ``marker_sets`` or ``laboratory_sets``, or a table of another folder.
+    folder : Path
+        Where it stands.
+    """
+    return tomllib.loads(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,38 +114,4 @@ def _of_both_sides(name: str, place: str) -> list[tuple[str, str]]:
     return [(name.replace("@", side[0].upper()), place.replace("@", side)) for side in ("left", "right")]
 
 
-@dataclass(frozen=True)
-class SoftTissue:
-    """What soft tissue of a segment does to its markers; see ``tables/soft_tissue.toml``.
-
-    Attributes
-    ----------
-    joint : float, mm
-        Displacement of a marker beside a joint that turns by 60 deg, root mean square.
-    together : float
-        Part of the squared displacement that all markers of the segment share.
-    frequency : float, Hz
-        Of its free vibration.
-    damping : float
-        Of that vibration, of the critical one.
-    wander : float, mm
-        Root mean square of slow motion without cause.
-    """
-
-    joint: float
-    together: float
-    frequency: float
-    damping: float
-    wander: float
-
-
-def tissue_of(limb: str) -> SoftTissue:
-    """Return the soft tissue of a limb by its name, e.g. ``left thigh`` or ``LeftUpLeg``."""
-    rows = read_table("soft_tissue")["segments"]
-    row = next(row for row in rows if any(word in limb.lower() for word in row["words"]))
-    return SoftTissue(row["joint"], row["together"], row["frequency"], row["damping"], row["wander"])
-
-
-def tissue_factor_at(place: str) -> float:
-    """Return by which factor soft tissue moves a marker more at a place than elsewhere on its segment."""
-    return float(read_table("soft_tissue")["places"].get(place, 1.0))
+__all__ = ["EVERY_PLACE", "LABORATORY_SETS", "MARKER_SETS", "WornMarker", "read_table", "worn_markers"]
