@@ -35,10 +35,8 @@ def set_vector(table: Floats, row: int, first: int, value: Vector) -> None:
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     value : tuple of float
         Three numbers.
     """
@@ -51,10 +49,8 @@ def add_vector(table: Floats, row: int, first: int, value: Vector) -> None:
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     value : tuple of float
         Three numbers.
     """
@@ -69,19 +65,12 @@ def symmetric(table: Floats, row: int, first: int) -> Symmetric:
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     """
-    return (
-        table[row, first],
-        table[row, first + 1],
-        table[row, first + 2],
-        table[row, first + 3],
-        table[row, first + 4],
-        table[row, first + 5],
-    )
+    a, b, c = vector(table, row, first)
+    d, e, f = vector(table, row, first + 3)
+    return a, b, c, d, e, f
 
 
 @kernel_part
@@ -90,10 +79,8 @@ def set_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     value : tuple of float
         Six numbers.
     """
@@ -107,10 +94,8 @@ def add_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     value : tuple of float
         Six numbers.
     """
@@ -124,10 +109,8 @@ def matrix(table: Floats, row: int, first: int) -> Matrix:
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     """
     return vector(table, row, first), vector(table, row, first + 3), vector(table, row, first + 6)
 
@@ -138,10 +121,8 @@ def set_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
 
     Parameters
     ----------
-    table : ndarray
-        Numbers, row by row.
-    row, first : int
-        Row, and column of the first number.
+    table, row, first
+        As for `vector`.
     value : tuple
         Three rows of three numbers.
     """
@@ -245,12 +226,8 @@ def product(first: Matrix, second: Matrix) -> Matrix:
     first, second : tuple
         Matrices of three, by their rows.
     """
-    x, y, z = transposed(second)
-    return (
-        (dot(first[0], x), dot(first[0], y), dot(first[0], z)),
-        (dot(first[1], x), dot(first[1], y), dot(first[1], z)),
-        (dot(first[2], x), dot(first[2], y), dot(first[2], z)),
-    )
+    columns = transposed(second)
+    return turned(columns, first[0]), turned(columns, first[1]), turned(columns, first[2])
 
 
 @kernel_part

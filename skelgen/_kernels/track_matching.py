@@ -35,17 +35,12 @@ class Links(NamedTuple):
 
 @array_kernel
 def rising_order(values: Floats) -> Ints:
-    """Order that sorts numbers, equal ones as they come: a merge sort, from the bottom up.
+    """Return the order, shape (n,), that sorts numbers, equal ones as they come: a merge sort, from the bottom up.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         None of them NaN.
-
-    Returns
-    -------
-    ndarray of intp, shape (n,)
-        Indices of the numbers, the smallest first.
     """
     n_values = len(values)
     order, room = np.arange(n_values), np.empty(n_values, dtype=np.intp)
