@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.statistics import pair_distances
+from skelgen.geometry.statistics import LEAST_COMMON, pair_distances
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 LOOKED_AT = 200
