@@ -46,10 +46,8 @@ class LabellingFacts(TypedDict):
         Points that went to no marker, of unlabelled takes.
     left_out_share : float
         Their part of all points.
-    tracklets, classic_markers : int
-        Pieces of tracks, and markers that the classic method finds.
-    classic_agreement : float
-        Part of the points on which both methods agree.
+    tracklets, classic_markers, classic_agreement : int, int, float
+        Pieces of tracks, markers that the classic method finds, and part of the points on which both methods agree.
     """
 
     markers: int
