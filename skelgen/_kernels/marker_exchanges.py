@@ -8,6 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.marker_pauses import (
+    MOST_PAUSES,
+    CommonPauses,
+    Pauses,
+    find_common_pauses,
+    linked_in,
+    room_for_pauses,
+    write_links,
+)
 from skelgen._kernels.tracklet_evidence import WITNESSES, ranked
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -28,9 +37,6 @@ NEAR = 2.0
 
 TRIED = 8
 """Spans in which two markers are exchanged for trial, those in which the other marker's distances suit best."""
-
-MOST_PAUSES = 200
-"""Of more common pauses of two markers, the longest ones are looked at: spans are between any two of them."""
 
 
 class MarkerDistances(NamedTuple):
@@ -57,35 +63,14 @@ class MarkerDistances(NamedTuple):
     spacing: float
 
 
-class Pauses(NamedTuple):
-    """When markers pause.
-
-    Attributes
-    ----------
-    starts : ndarray of intp, shape (n_markers + 1,)
-        Where the pauses of each marker begin in what follows.
-    last, following : ndarray of intp, shape (n_pauses,)
-        Last frames before pauses, and first ones after them, growing; -1 before the take, its length behind it.
-    moments : ndarray of intp, shape (n_moments,)
-        Frames in which distances are sampled.
-    """
-
-    starts: Ints
-    last: Ints
-    following: Ints
-    moments: Ints
-
-
 class _Room(NamedTuple):
     """Where one pair after the other is weighed."""
 
-    length: Ints  # (n_moments + 1,) of the longest common pause before a moment
-    frames: Ints  # (n_moments + 1,) and its end
-    kept: Ints  # (n_moments + 1,) moments between which spans are
+    pauses: CommonPauses
     suits: Floats  # (n_moments + 1,) nats gained by exchanging two markers before a moment
     sides: Floats  # (n_moments + 1,) those of them that the sides of both gain
-    rank: Floats  # (MOST_PAUSES,)
-    best: Ints  # (MOST_PAUSES,)
+    rank: Floats  # (TRIED,)
+    best: Ints  # (TRIED,)
     is_tried: Bools  # (MOST_PAUSES + 2, MOST_PAUSES + 2)
     spans: Ints  # (MOST_PAUSES + TRIED, 2)
     rows: Floats  # (MOST_PAUSES + TRIED, 2, n_markers)
@@ -137,20 +122,18 @@ def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses, sid
     Returns
     -------
     gain : ndarray, shape (n_pairs,), nats
-        How much the evidence of the take grows, by distances and sides; -inf where nothing speaks for an exchange.
+        How much the evidence grows, by distances, sides and gaps; -inf where nothing speaks for an exchange.
     spans : ndarray of intp, shape (n_pairs, 4)
         First moment, moment behind the last one, first frame, and frame behind the last one.
     """
     n_markers, n_ends = len(distances.gains), len(pauses.moments) + 1
     most = MOST_PAUSES + TRIED
     room = _Room(
-        np.empty(n_ends, dtype=np.intp),
-        np.empty(n_ends, dtype=np.intp),
-        np.empty(n_ends, dtype=np.intp),
+        room_for_pauses(len(pauses.moments)),
         np.empty(n_ends),
         np.empty(n_ends),
-        np.empty(MOST_PAUSES),
-        np.empty(MOST_PAUSES, dtype=np.intp),
+        np.empty(TRIED),
+        np.empty(TRIED, dtype=np.intp),
         np.empty((MOST_PAUSES + 2, MOST_PAUSES + 2), dtype=np.bool_),
         np.empty((most, 2), dtype=np.intp),
         np.empty((most, 2, n_markers)),
@@ -186,14 +169,15 @@ def _weigh(
         is_near = _is_near(one, other, distances)
         if not _suits(one, other, distances.misfits, sides[row], room) and not is_near:
             continue
-        n_common = _find_common_pauses(one, other, pauses, room)
+        n_common = find_common_pauses(one, other, pauses, room.pauses)
+        write_links(n_common, one, other, pauses, room.pauses)
         n_spans = _find_spans(n_common, is_near, room)
         if n_spans:
-            best, gain[row] = _best_span(one, other, n_spans, distances, room)
+            best, gain[row] = _best_span((one, other), n_spans, distances, pauses, room)
             for side in range(2):
                 moment = room.spans[best, side]
                 spans[row, side] = moment
-                spans[row, 2 + side] = room.frames[moment]
+                spans[row, 2 + side] = room.pauses.frames[moment]
 
 
 @kernel_part
@@ -253,69 +237,21 @@ def _suits(one: int, other: int, misfits: Floats, of_sides: Floats, room: _Room)
 
 
 @kernel_part
-def _find_common_pauses(one: int, other: int, pauses: Pauses, room: _Room) -> int:
-    """Write the moments before which two markers both pause longest, and the frames; return how many, with both ends.
-
-    Of the common pauses before one moment, the longest counts.
-    """
-    length, frames, n_moments = room.length, room.frames, len(pauses.moments)
-    length[:] = 0
-    first, second = pauses.starts[one], pauses.starts[other]
-    moment, is_last = 0, False
-    while not is_last:
-        frame = min(pauses.following[first], pauses.following[second])
-        is_last = first + 1 == pauses.starts[one + 1] and second + 1 == pauses.starts[other + 1]
-        pause = frame - max(pauses.last[first], pauses.last[second])
-        while moment < n_moments and pauses.moments[moment] < frame:
-            moment += 1
-        if pause > length[moment]:
-            length[moment], frames[moment] = pause, frame
-        first, second = _behind(first, one, frame, pauses), _behind(second, other, frame, pauses)
-    frames[0], frames[n_moments] = 0, pauses.following[-1]
-    return _keep_longest(room)
-
-
-@kernel_part
-def _behind(pause: int, marker: int, frame: int, pauses: Pauses) -> int:
-    """The first pause of a marker that ends behind a frame; its last one if none does."""
-    return pause + 1 if pauses.following[pause] <= frame and pause + 1 < pauses.starts[marker + 1] else pause
-
-
-@kernel_part
-def _keep_longest(room: _Room) -> int:
-    """Write the moments with the longest pauses, and both ends of the take; return how many they are."""
-    length, kept, count = room.length, room.kept, 0
-    for moment in range(1, len(length) - 1):
-        if length[moment] > 0:
-            count = ranked(room.rank, room.best, count, float(length[moment]), moment)
-    for place in range(count):
-        length[room.best[place]] = -1
-    kept[0], n_kept = 0, 1
-    for moment in range(1, len(length) - 1):
-        if length[moment] < 0:
-            kept[n_kept] = moment
-            n_kept += 1
-    kept[n_kept] = len(length) - 1
-    return n_kept + 1
-
-
-@kernel_part
 def _find_spans(n_common: int, is_near: bool, room: _Room) -> int:
     """Write the spans between common pauses in which an exchange may gain, and return how many they are.
 
     What begins with the take ends elsewhere: exchanging all else is the same, but for the markers' numbers.
     """
-    kept, suits, is_tried, count = room.kept, room.suits, room.is_tried, 0
-    rank, best = room.rank[:TRIED], room.best[:TRIED]
+    kept, linked, suits, is_tried, count = room.pauses.kept, room.pauses.linked, room.suits, room.is_tried, 0
     for first in range(1, n_common - 1):
         for end in range(first + 1, n_common):
             is_tried[first, end] = is_near and end == n_common - 1
             inside = suits[kept[end]] - suits[kept[first]]
-            gain = max(inside, suits[-1] - inside)
+            gain = max(inside, suits[-1] - inside) + linked[kept[first]] + linked[kept[end]]
             if gain > 0.0:
-                count = ranked(rank, best, count, gain, first * n_common + end)
+                count = ranked(room.rank, room.best, count, gain, first * n_common + end)
     for place in range(count):
-        is_tried[best[place] // n_common, best[place] % n_common] = True
+        is_tried[room.best[place] // n_common, room.best[place] % n_common] = True
     n_spans = 0
     for first in range(1, n_common - 1):
         for end in range(first + 1, n_common):
@@ -326,14 +262,18 @@ def _find_spans(n_common: int, is_near: bool, room: _Room) -> int:
 
 
 @kernel_part
-def _best_span(one: int, other: int, n_spans: int, distances: MarkerDistances, room: _Room) -> tuple[int, float]:
+def _best_span(
+    pair: tuple[int, int], n_spans: int, distances: MarkerDistances, pauses: Pauses, room: _Room
+) -> tuple[int, float]:
     """The span in which an exchange tells most of the two markers, and what it gains of all [nats]."""
+    one, other = pair
     _write_rows(one, other, n_spans, distances, room)
     best, most = 0, -math.inf
     for span in range(n_spans):
         first, end = room.spans[span, 0], room.spans[span, 1]
         inside = room.sides[end] - room.sides[first]
         told = max(inside, room.sides[-1] - inside) + EXISTENCE * _n_fewer(one, other, (first, end), distances.before)
+        told += linked_in(one, other, (first, end), pauses, room.pauses)
         for side in range(2):
             told += _told_by_best(room.rows[span, side], room.witnesses)
         if told > most:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from skelgen._kernels.marker_exchanges import (
     EXISTENCE,
     LEAST_DEVIATION,
-    MOST_PAUSES,
     MarkerDistances,
-    Pauses,
     explained,
     of_witnesses,
     weigh_exchanges,
 )
+from skelgen._kernels.marker_pauses import MOST_PAUSES, Links, Pauses
 from skelgen._kernels.tracklet_evidence import WITNESSES
 
 SPACING, N_MARKERS, STEP = 60.0, 9, 10  # mm; frames between two moments
@@ -52,7 +53,9 @@ def pauses_of(pauses, n_moments):
     parts = [np.array([(-1, 0), *own, (n_frames - 1, n_frames)]) for own in pauses]
     starts = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
     last, following = np.concatenate(parts).T.copy()
-    return Pauses(starts, last, following, np.arange(n_moments) * STEP + STEP // 2)
+    part = np.full(len(last), -1)  # no gap says anything
+    links = Links(part[:0], part[:0], np.zeros((3, 0), dtype=np.intp), np.zeros(0))
+    return Pauses(starts, last, following, np.arange(n_moments) * STEP + STEP // 2, part, links)
 
 
 @pytest.fixture(params=range(4))
@@ -79,6 +82,56 @@ def test_the_gain_is_how_much_the_evidence_of_the_take_grows(case):
         assert gain[row] == pytest.approx(evidence_of(changed) - evidence_of(places), abs=ROUNDING)
         assert (begin, behind) in {(80, 130), (80, 160), (130, 160), (80, 240), (130, 240), (160, 240)}
         assert (first, end) == tuple(np.searchsorted(np.arange(24) * STEP + STEP // 2, (begin, behind)))
+
+
+def linked(pauses, rng):
+    """The pauses with parts between them, and what gaps say of any two parts, by a table."""
+    is_last = np.zeros(len(pauses.last), dtype=bool)
+    is_last[pauses.starts[1:] - 1] = True
+    begin, end = pauses.following[~is_last], pauses.last[np.flatnonzero(~is_last) + 1]
+    part = np.where(is_last, -1, np.cumsum(~is_last) - 1)
+    order = np.argsort(begin, kind="stable")
+    low = np.searchsorted(begin[order], end, side="right")
+    behind = np.concatenate([[0], np.cumsum(len(begin) - low)])
+    evidence = rng.normal(0.0, 6.0, behind[-1])
+    table = np.zeros((len(begin), len(begin)))
+    for one in range(len(begin)):
+        table[one, order[low[one] :]] = evidence[behind[one] : behind[one + 1]]
+    links = Links(begin, np.argsort(order, kind="stable"), np.stack([low, behind[:-1], behind[1:]]), evidence)
+    return pauses._replace(part=part, links=links), table, begin
+
+
+def gaps_of(parts, table):
+    """What the gaps of some markers say [nats]."""
+    return sum(table[before, after] for own in parts for before, after in itertools.pairwise(own))
+
+
+def test_links_between_parts_add_what_they_tell(case):
+    """Some markers are not seen between two pauses of others, so that they are linked over several of these."""
+    places, misfits = case
+    common = [(75, 80), (120, 130), (155, 160)]
+    own = [common if marker % 3 else [(75, 130), (155, 160)] for marker in range(N_MARKERS)]
+    places[8:13, ::3] = np.nan
+    pairs = np.stack(np.triu_indices(N_MARKERS, 1), axis=1)
+    pauses, table, begin = linked(pauses_of(own, 24), np.random.default_rng(5))
+    distances, sides = distances_of(places, misfits), np.zeros((len(pairs), 24))
+    gain, spans = weigh_exchanges(pairs, distances, pauses, sides)
+    n_parts = [len(pauses.part[slice(*ends)]) - 1 for ends in itertools.pairwise(pauses.starts)]
+    parts = np.split(np.arange(len(begin)), np.cumsum(n_parts)[:-1])
+    assert np.isfinite(gain).sum() > 5
+    for row in np.flatnonzero(np.isfinite(gain)):
+        first, end, *frames = spans[row]
+        changed = places.copy()
+        changed[first:end, pairs[row]] = changed[first:end, pairs[row][::-1]]
+        one, other = (parts[marker] for marker in pairs[row])
+        moved = [(begin[own] >= frames[0]) & (begin[own] < frames[1]) for own in (one, other)]
+        new = [
+            np.sort(np.append(own[~out], their[come]))
+            for own, out, their, come in ((one, moved[0], other, moved[1]), (other, moved[1], one, moved[0]))
+        ]
+        new = [own[np.argsort(begin[own], kind="stable")] for own in new]
+        expected = evidence_of(changed) - evidence_of(places) + gaps_of(new, table) - gaps_of([one, other], table)
+        assert gain[row] == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_markers_that_were_exchanged_are_found_between_their_pauses(case):

@@ -152,6 +152,28 @@ def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints, n_
     return positions
 
 
+def points_of_markers(cloud: PointCloud, marker_of_point: Ints, frames: Ints, n_markers: int) -> Ints:
+    """Point of each marker in some frames, -1 where it is unseen, shape (len(frames), n_markers).
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point of the take, -1 for none.
+    frames : ndarray of intp
+        Rising frames.
+    n_markers : int
+        Number of markers.
+    """
+    row, point = points_in_frames(cloud, frames)
+    marker = marker_of_point[point]
+    owned = marker >= 0
+    found = np.full((len(frames), n_markers), -1, dtype=np.intp)
+    found[row[owned], marker[owned]] = point[owned]
+    return found
+
+
 def points_in_frames(cloud: PointCloud, frames: Ints) -> tuple[Ints, Ints]:
     """Return the points of some frames: the index in `frames`, and the index in the cloud, of each.
 
@@ -358,3 +380,20 @@ def _places(keys: _Keys, wanted: _Keys) -> Ints:
     result = np.full(len(wanted), -1, dtype=np.intp)
     result[turn[there]] = order[place[there]]
     return result
+
+
+def numbered_as(labels: Ints, other: Ints) -> Ints:
+    """Other labels by the numbers of the markers with which theirs have most points in common, -1 where none has.
+
+    Parameters
+    ----------
+    labels, other : ndarray of intp, shape (n_points,)
+        Marker of each point by both, -1 for none.
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    together = counts_together(labels, other)[1:, 1:]
+    rows, columns = linear_sum_assignment(together, maximize=True)
+    same = np.full(together.shape[1] + 1, -1, dtype=labels.dtype)
+    same[columns] = np.where(together[rows, columns] > 0, rows, -1)
+    return same[other]

@@ -9,7 +9,6 @@ over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
@@ -185,7 +184,7 @@ def refit_labels(
     take = FollowedCloud(cloud, tracks.astype(np.int32), rate, typical_spacing(cloud))
     best = marker_of_point.astype(np.int32)
     task = LabelTask(take, parameters)
-    found = _numbered_as(best, _completed(task, best, refine_labels(task, best, monitor)))
+    found = point_labels.numbered_as(best, _completed(task, best, refine_labels(task, best, monitor)))
     evidence, chance = take.evidence(best)
     filled = point_labels.filled_labels(cloud, [best, found], calibrated.n_markers)
     for labels, least in ((filled, 0.0), (found, chance)):
@@ -278,7 +277,8 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
 
     Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
-    and by what the skeleton found if that leaves doubt. What explains the take best is kept.
+    and by what the skeleton found if that leaves doubt. What gaps say of exchanges misleads where much is wrong, and is
+    heard at last; in a take of few seconds all is sought with it, too. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
     take = task.take
@@ -290,7 +290,21 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
         by_limbs = _on_limbs(take, pieces, np.full(take.cloud.n_points, -1))
         is_better = take.evidence(by_limbs)[0] > take.evidence(start)[0]
         start = by_limbs if is_better and by_limbs.max() <= start.max() else start
-    found = _improved(task, start, monitor)
+    found = _searched(task, start, pieces, at_once, monitor)
+    if found.max(initial=-1) >= at_once and not take.is_very_long:
+        heard = replace(take, exchanges_over_gaps=True)
+        if take.has_few_moments:
+            other = _searched(replace(task, take=heard), start, pieces, at_once, monitor)
+        else:
+            other = put_right(heard, found)
+        found = _better(take, found, other)
+    found = label_rest(take, found)
+    return found if task.n_markers is None else _most_seen(found, task.n_markers)
+
+
+def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: int, monitor: Monitor) -> Ints:
+    """Marker of each point when a skeleton has labelled all, and pieces were merged by its limbs while that helps."""
+    take, found = task.take, _improved(task, start, monitor)
     evidence, chance = take.evidence(found)
     while found.max(initial=-1) >= at_once and _is_doubtful(take, found):
         pieces = pieces or _pieces(task)
@@ -301,8 +315,7 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
         if more <= evidence + chance:
             break
         found, evidence = other, more
-    found = label_rest(take, found)
-    return found if task.n_markers is None else _most_seen(found, task.n_markers)
+    return found
 
 
 def _is_doubtful(take: FollowedCloud, found: Ints) -> bool:
@@ -325,16 +338,8 @@ def _on_limbs(take: FollowedCloud, pieces: PairTables, found: Ints) -> Ints:
 
 def _filled(take: FollowedCloud, labels: Ints, found: Ints) -> Ints:
     """Labels of pieces, with points between them as they were found: of the markers that have most in common."""
-    return point_labels.one_point_a_frame(take.cloud, np.where(labels < 0, _numbered_as(labels, found), labels))
-
-
-def _numbered_as(labels: Ints, other: Ints) -> Ints:
-    """Other labels by the numbers of the markers with which theirs have most points in common, -1 where none has."""
-    together = point_labels.counts_together(labels, other)[1:, 1:]
-    rows, columns = linear_sum_assignment(together, maximize=True)
-    same = np.full(together.shape[1] + 1, -1, dtype=labels.dtype)
-    same[columns] = np.where(together[rows, columns] > 0, rows, -1)
-    return same[other]
+    between = point_labels.numbered_as(labels, found)
+    return point_labels.one_point_a_frame(take.cloud, np.where(labels < 0, between, labels))
 
 
 def _grouped(take: FollowedCloud, tracklets: TrackletPoints, group: Ints) -> Ints:
@@ -347,7 +352,7 @@ def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so.
 
     In a take of few seconds, distances at few moments may say that two are one marker where the whole take does not.
-    Both are tried then. What joins less must explain more than by chance, and each marker more twice what it costs.
+    Both are tried then. What joins less must explain more than by chance.
     """
     take, refined = task.take, refine_labels(task, start, monitor)
     completed = _completed(task, start, refined)
@@ -358,12 +363,14 @@ def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
     spared = _completed(sparing, start, refined)
     if np.array_equal(spared, completed):
         return found
-    other = put_right(sparing.take, spared)
-    judge = replace(take, by_posture=True)
-    (evidence, chance), (more, _) = judge.evidence(found), judge.evidence(other)
-    n_more = int(other.max(initial=-1)) - int(found.max(initial=-1))
-    least = chance + MARKER_COST * existence(take.cloud, found) * n_more
-    return other if more > evidence + least else found
+    return _better(take, found, put_right(sparing.take, spared), replace(take, by_posture=True).evidence(found)[1])
+
+
+def _better(take: FollowedCloud, found: Ints, other: Ints, least: float = 0.0) -> Ints:
+    """Other labels if they explain its changes of posture better by `least`, and by twice what markers more cost."""
+    judge, n_more = replace(take, by_posture=True), int(other.max(initial=-1)) - int(found.max(initial=-1))
+    least += MARKER_COST * existence(take.cloud, found) * n_more
+    return other if judge.evidence(other)[0] > judge.evidence(found)[0] + least else found
 
 
 def _completed(task: LabelTask, start: Ints, refined: Ints) -> Ints:

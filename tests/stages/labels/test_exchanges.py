@@ -1,6 +1,7 @@
 """Markers that come back under each other's numbers are exchanged again, and nothing else is."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,3 +108,23 @@ def test_toes_that_are_as_far_from_all_others_are_exchanged_by_their_sides(turni
     for is_wrong in ((frame >= SECOND.stop), (frame >= PAUSE.stop) & (frame < SECOND.stop)):
         wrong = np.where((marker < 2) & is_wrong, 1 - marker, marker)
         np.testing.assert_array_equal(exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), wrong), marker)
+
+
+def test_markers_that_keep_no_distance_are_exchanged_by_their_gaps(turning_limb) -> None:
+    """They wander on a limb, so distances say nothing; but they go on where the limb carries them meanwhile."""
+    time = np.linspace(0.0, 30.0, N_FRAMES)[:, np.newaxis]
+    loose = [
+        np.concatenate([45.0 * np.sin(time + phase), 45.0 * np.cos(0.7 * time + phase)], axis=1) for phase in (0.0, 2.0)
+    ]
+    positions = turning_limb(PLACES, N_FRAMES)
+    wandering = np.stack([positions[:, 2] + np.pad(away, ((0, 0), (0, 1))) for away in loose], axis=1)
+    positions = np.concatenate([wandering, positions], axis=1)
+    seen = np.ones(positions.shape[:2], dtype=bool)
+    seen[400:403, :2] = False
+    frame, marker = np.nonzero(seen)
+    cloud = PointCloud(positions[seen], np.concatenate([[0], np.cumsum(seen.sum(axis=1))]), np.arange(N_FRAMES) / RATE)
+    track = marker + positions.shape[1] * ((marker < 2) & (frame >= 403))
+    wrong = np.where((marker < 2) & (frame >= 403), 1 - marker, marker)
+    take = FollowedCloud(cloud, track, RATE, SPACING)
+    assert exchange_markers(take, wrong) is wrong
+    np.testing.assert_array_equal(exchange_markers(replace(take, exchanges_over_gaps=True), wrong), marker)

@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelgen.geometry.orientation import fit_transform
+from skelgen._kernels.carried_points import carried
+from skelgen._kernels.marker_pauses import Links
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
@@ -36,12 +37,6 @@ if TYPE_CHECKING:
 
 LONGEST = 0.5
 """s; over longer gaps the neighbours do not predict a marker."""
-
-NEIGHBOURS = 5
-"""Markers that carry a marker over a gap."""
-
-LEAST_NEIGHBOURS = 3
-"""Fewer fix no motion."""
 
 PER_MISFIT = 0.75
 """Deviation of a coordinate of the prediction, in misfits of the neighbours."""
@@ -59,41 +54,11 @@ MOST_SPOKEN = 6.0
 """nats that gaps may say for two being one marker, and against it for each gap that is too far: neighbours may be on
 another limb, and then distances must say it."""
 
+MOST_FOLLOWING = 1000
+"""Parts of markers that may follow one within `LONGEST`, the first ones: in most takes there are a few dozen."""
+
 GAPS_AT_ONCE = 2000
 """Gaps whose neighbours are held at once."""
-
-
-def carried(begin: Floats, source: Floats, target: Floats, possible: Bools) -> tuple[Floats, Floats]:
-    """Return where the nearest of others carry points [mm], NaN where these are too few, and how badly they fit [mm].
-
-    Parameters
-    ----------
-    begin : ndarray, shape (n, 3), mm
-        Points before the gap.
-    source, target : ndarray, shape (n, n_others, 3), mm
-        The others before and after it; anything where they are not possible.
-    possible : ndarray of bool, shape (n, n_others)
-        Which others are seen at both times.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (n, 3) and (n,)
-        Places after the gap; and the root of the mean squared misfit of a coordinate to the rigid motion.
-    """
-    away = np.where(possible, lengths_of(source - begin[:, np.newaxis]), np.inf)
-    count = min(NEIGHBOURS, away.shape[1])
-    nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
-    valid = np.take_along_axis(possible, nearest, axis=1)
-    row = np.arange(len(nearest))[:, np.newaxis]
-    source, target = (np.where(valid[..., np.newaxis], places[row, nearest], 0.0) for places in (source, target))
-    motion = fit_transform(source, target, valid)
-    rotation, shift = motion[:, :3, :3], motion[:, :3, 3]
-    expected = np.einsum("nij,nj->ni", rotation, begin) + shift
-    n_valid = valid.sum(axis=1)
-    expected[n_valid < LEAST_NEIGHBOURS] = np.nan
-    left = source @ rotation.swapaxes(1, 2) + shift[:, np.newaxis] - target
-    squares = np.where(valid, (left**2).sum(axis=2), 0.0).sum(axis=1)
-    return expected, np.sqrt(squares / np.maximum(3 * n_valid - 6, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +101,48 @@ class Continuity:
         last = np.append(first[1:], len(points)) - 1
         return marker[first].astype(np.intp), points[first], points[last[: len(first)]]
 
+    def links(self, *, is_heard: bool) -> Links:
+        """Return what gaps say if any part of a marker goes on as any other one that begins within `LONGEST`.
+
+        Parameters
+        ----------
+        is_heard : bool
+            Whether they say anything.
+        """
+        marker, first, last = self._parts
+        begin, end = self._frame[first], self._frame[last]
+        if not is_heard:
+            end = np.full_like(end, begin.max(initial=0))  # no part begins behind it
+        ends, begins, starts, rank = self._within_reach(begin, end)
+        before, after = last[ends], first[begins]
+        away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
+        near = np.flatnonzero(away < self._reach(before, after))
+        evidence, markers = np.full(len(ends), -MOST_SPOKEN), (marker[ends[near]], marker[begins[near]])
+        evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], *markers))
+        return Links(first, rank, starts, evidence)
+
+    def _within_reach(self, begin: Ints, end: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+        """Parts that end, and parts that begin within `LONGEST`, end after end; see `Links` for the others.
+
+        They are given by frames of their first and last points.
+        """
+        order = np.argsort(begin, kind="stable")
+        low = np.searchsorted(begin[order], end, side="right")
+        longest = int(min(LONGEST * self.take.rate, self.take.cloud.n_frames))
+        count = np.searchsorted(begin[order], end + longest, side="right") - low
+        count = np.minimum(count, MOST_FOLLOWING)
+        behind = np.concatenate([[0], np.cumsum(count)])
+        ends = np.repeat(np.arange(len(begin)), count)
+        begins = order[np.arange(len(ends)) + np.repeat(low - behind[:-1], count)]
+        rank = np.empty(len(order), dtype=np.intp)
+        rank[order] = np.arange(len(order))
+        return ends, begins, np.stack([low, behind[:-1], behind[1:]]), rank
+
+    def _reach(self, before: Ints, after: Ints) -> Floats:
+        """How far a marker may have gone between two points [mm]."""
+        seconds = (self._frame[after] - self._frame[before]) / self.take.rate
+        return np.asarray(FASTEST * seconds + 3.0 * self.take.spacing)
+
     def total(self) -> float:
         """Return the evidence [nats] of all gaps within markers."""
         marker, first, last = self._parts
@@ -159,8 +166,7 @@ class Continuity:
             return spoken
         before, after = last[ends], first[begins]
         away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
-        reach = FASTEST * (self._frame[after] - self._frame[before]) / self.take.rate + 3.0 * self.take.spacing
-        near = np.flatnonzero(away < reach)
+        near = np.flatnonzero(away < self._reach(before, after))
         evidence = np.full(len(ends), -MOST_SPOKEN)
         evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], marker[ends[near]]))
         np.add.at(spoken, (marker[ends], marker[begins]), evidence)
@@ -175,11 +181,7 @@ class Continuity:
             : len(marker)
         ]
         last_end = np.append(-1, np.where(same, end[:-1], -1))[: len(marker)]
-        order = np.argsort(begin, kind="stable")
-        low = np.searchsorted(begin[order], end, side="right")
-        count = np.searchsorted(begin[order], end + int(LONGEST * self.take.rate), side="right") - low
-        ends = np.repeat(np.arange(len(marker)), count)
-        begins = order[np.arange(len(ends)) + np.repeat(low - np.cumsum(count) + count, count)]
+        ends, begins, _, _ = self._within_reach(begin, end)
         follows = ~apart[marker[ends], marker[begins]] & (marker[ends] != marker[begins])
         follows &= (next_begin[ends] >= begin[begins]) & (last_end[begins] <= end[ends])
         return ends[follows], begins[follows]
@@ -220,33 +222,32 @@ class Continuity:
         np.add.at(n_gaps, (which[known], owner[known]), 1)
         return evidence, n_gaps
 
-    def evidence(self, before: Ints, after: Ints, marker: Ints) -> Floats:
+    def evidence(self, before: Ints, after: Ints, *markers: Ints) -> Floats:
         """Return the evidence [nats] that points go on at others, NaN where neighbours are too few, shape (n_gaps,).
 
         Parameters
         ----------
         before, after : ndarray of intp, shape (n_gaps,)
             Last points before gaps, and first ones behind them.
-        marker : ndarray of intp, shape (n_gaps,)
-            Markers that would have the gaps: not among the neighbours.
+        *markers : ndarray of intp, shape (n_gaps,)
+            Markers that would have the gaps, or have their points: not among the neighbours.
         """
         evidence, points = np.full(len(before), np.nan), self.take.cloud.points
         for start in range(0, len(before), GAPS_AT_ONCE):
             part = slice(start, start + GAPS_AT_ONCE)
-            source, target = (self._places(ends[part]) for ends in (before, after))
-            possible = ~np.isnan(source[..., 0]) & ~np.isnan(target[..., 0])
-            possible[np.arange(len(source)), marker[part]] = False
-            begin = points[before[part]].astype(np.float64)
-            expected, misfit = carried(begin, np.nan_to_num(source), np.nan_to_num(target), possible)
+            source, target = (self._points_beside(ends[part]) for ends in (before, after))
+            for marker in markers:
+                source[np.arange(len(source)), marker[part]] = -1
+            expected, misfit = carried(points, before[part], source, target)
             deviation = PER_MISFIT * np.sqrt(misfit**2 + (STEADY * self.take.spacing) ** 2)
             missed = lengths_of(points[after[part]] - expected)
             evidence[part] = evidence_of_missed(missed, deviation, self.take.spacing, FREEDOM)
         return evidence
 
-    def _places(self, points: Ints) -> Floats:
-        """Markers in the frame of each point [mm], NaN where unseen, shape (n_points, n_markers, 3)."""
+    def _points_beside(self, points: Ints) -> Ints:
+        """Each marker's point in the frame of each point, -1 where it is unseen, shape (n_points, n_markers)."""
         frames, row = np.unique(self._frame[points], return_inverse=True)
-        return point_labels.sampled_positions(self.take.cloud, self.marker_of_point, frames, self._n_markers)[row]
+        return point_labels.points_of_markers(self.take.cloud, self.marker_of_point, frames, self._n_markers)[row]
 
 
 def evidence_of_missed(missed: Floats, deviation: Floats, spacing: float, freedom: float) -> Floats:

@@ -8,7 +8,8 @@ exchange that gains most first. One of the two may be a marker that is not seen 
 falls, and what is cyclically exchanged is put right by several exchanges.
 
 Which exchanges are tried is told by how well each point suits the usual distances of either marker: medians, which a
-short exchange does not change.
+short exchange does not change. Where both pause, gaps say, too, who goes on as whom (`continuity`); what they say is
+looked up once for every two parts of markers, with the labels from which the search begins.
 """
 
 import numpy as np
@@ -17,15 +18,16 @@ from skelgen._kernels.marker_exchanges import (
     LEAST_GAIN,
     NEAR,
     MarkerDistances,
-    Pauses,
     explained,
     of_witnesses,
     weigh_exchanges,
 )
+from skelgen._kernels.marker_pauses import Pauses
 from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.continuity import Continuity
 from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
 from skelgen.stages.labels.merging.likelihood import robust_laws
@@ -86,15 +88,18 @@ class _Search:
 
     def __init__(self, take: FollowedCloud, marker: Ints, n_markers: int) -> None:
         self.marker_of_point = marker
-        self._track, self._spacing, self._n_frames = take.track_of_point, take.spacing, take.cloud.n_frames
+        self._spacing, self._n_frames = take.spacing, take.cloud.n_frames
         self._moments = np.ascontiguousarray(take.moments(n_markers))
         self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
         self._places = point_labels.sampled_positions(take.cloud, marker, self._moments)
         n_moments = len(self._moments)
         order = np.argsort(marker.astype(np.int16), kind="stable")  # such small numbers are sorted quickly
-        parts = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
-        self._pauses = [self._pauses_of(points) for points in parts]
+        self._links = Continuity(take, marker).links(is_heard=take.exchanges_over_gaps and not take.is_very_long)
+        self._part = np.full(len(marker), -1, dtype=np.int32)  # of its first point
+        self._part[self._links.first_point] = np.arange(len(self._links.first_point))
+        owned = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
+        self._pauses = [self._pauses_of(points) for points in owned]
         self._distance = np.empty((n_markers, n_markers, n_moments))
         self._before = np.zeros((n_markers, n_markers, 3, n_moments + 1))
         self._usual, self._deviation, self._gains = np.empty((3, n_markers, n_markers))
@@ -107,10 +112,10 @@ class _Search:
     def weigh(self, pairs: Ints) -> None:
         """Weigh exchanges of some pairs of markers, shape (n_pairs, 2)."""
         distances = MarkerDistances(self._before, self._misfits, self._gains, self._witnessed, self._spacing)
-        last, following = (np.concatenate(ends).astype(np.intp) for ends in zip(*self._pauses, strict=True))
+        last, following, part = (np.concatenate(ends).astype(np.intp) for ends in zip(*self._pauses, strict=True))
         starts = np.concatenate([[0], np.cumsum([len(pauses[0]) for pauses in self._pauses])])
         one, other = pairs.T
-        pauses = Pauses(starts, last, following, self._moments)
+        pauses = Pauses(starts, last, following, self._moments, part, self._links)
         sides = self._sides(pairs)
         self.gain[one, other], self._spans[one, other] = weigh_exchanges(pairs, distances, pauses, sides)
 
@@ -138,13 +143,12 @@ class _Search:
         n_markers = len(self._gains)
         self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
 
-    def _pauses_of(self, points: Ints) -> tuple[Ints, Ints]:
-        """Last frames before pauses of a marker and first ones after them; where another track begins, it may pause."""
-        frame, track = self._frame[points], self._track[points]
-        ends = np.flatnonzero((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
-        last = np.concatenate([[-1], frame[ends], frame[-1:]])
-        following = np.concatenate([frame[:1], frame[ends + 1], [self._n_frames]])
-        return last, following
+    def _pauses_of(self, points: Ints) -> tuple[Ints, Ints, Ints]:
+        """Last frames before pauses of a marker and first ones after them, and its parts between."""
+        frame, part = self._frame[points], self._part[points]
+        begins = np.flatnonzero(part >= 0)
+        last = np.concatenate([[-1], frame[begins[1:] - 1], frame[-1:]])
+        return last, np.append(frame[begins], self._n_frames), np.append(part[begins], -1)
 
     def _measure(self, changed: Ints, first: Ints, second: Ints) -> None:
         """Sums of distances before each moment, what they explain, and how badly points suit other markers.

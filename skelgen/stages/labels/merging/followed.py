@@ -77,6 +77,8 @@ class FollowedCloud:
     joins_sparingly : bool
         Whether markers found twice are joined only where the evidence hardly falls; else where distances at independent
         moments say so.
+    exchanges_over_gaps : bool
+        Whether it counts where markers are exchanged who goes on as whom over gaps.
     """
 
     cloud: PointCloud
@@ -86,6 +88,7 @@ class FollowedCloud:
     stated: Bools | None = None
     by_posture: bool = False
     joins_sparingly: bool = False
+    exchanges_over_gaps: bool = False
 
     @cached_property
     def is_fixed(self) -> Bools:

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelgen._kernels.carried_points import carried
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.merging.continuity import LONGEST, carried, evidence_of_missed
+from skelgen.stages.labels.merging.continuity import LONGEST, evidence_of_missed
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
 
 MOST_KEPT = 4
@@ -220,7 +221,7 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
     used = np.unique(np.concatenate(frames))
     table = tracklets.indices_at(used)
     rows = [np.searchsorted(used, frame) for frame in frames]
-    begin, end = (points[table[row, tracklet]] for row, tracklet in zip(rows, which, strict=True))
+    begin, end = (table[row, tracklet] for row, tracklet in zip(rows, which, strict=True))
     # Few tracklets of a long take are seen in one frame: candidates are those, padded with -1
     n_seen = (table >= 0).sum(axis=1)
     listed = np.argsort(table < 0, axis=1, kind="stable")[:, : n_seen.max()]
@@ -229,11 +230,10 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
         part = slice(start, start + CARRIED_AT_ONCE)
         others = listed[rows[0][part]]
         before, after = (table[row[part, np.newaxis], others] for row in rows)
-        possible = (before >= 0) & (after >= 0)
         for tracklet in which:
-            possible &= others != tracklet[part, np.newaxis]
-        expected, _ = carried(begin[part], points[before], points[after], possible)
-        missed[part] = lengths_of(end[part] - expected)
+            before[others == tracklet[part, np.newaxis]] = -1
+        expected, _ = carried(points, begin[part], before, after)
+        missed[part] = lengths_of(points[end[part]] - expected)
     return missed
 
 
