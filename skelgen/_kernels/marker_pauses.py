@@ -40,6 +40,10 @@ class Links(NamedTuple):
     evidence: Floats
 
 
+NO_LINKS = Links(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((3, 0), dtype=np.intp), np.zeros(0))
+"""Nothing is known of any part."""
+
+
 class Pauses(NamedTuple):
     """When markers pause, and what that says.
 

@@ -15,7 +15,7 @@ from skelgen._kernels.marker_exchanges import (
     of_witnesses,
     weigh_exchanges,
 )
-from skelgen._kernels.marker_pauses import MOST_PAUSES, Links, Pauses
+from skelgen._kernels.marker_pauses import MOST_PAUSES, NO_LINKS, Links, Pauses
 from skelgen._kernels.tracklet_evidence import WITNESSES
 
 SPACING, N_MARKERS, STEP = 60.0, 9, 10  # mm; frames between two moments
@@ -54,8 +54,7 @@ def pauses_of(pauses, n_moments):
     starts = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
     last, following = np.concatenate(parts).T.copy()
     part = np.full(len(last), -1)  # no gap says anything
-    links = Links(part[:0], part[:0], np.zeros((3, 0), dtype=np.intp), np.zeros(0))
-    return Pauses(starts, last, following, np.arange(n_moments) * STEP + STEP // 2, part, links)
+    return Pauses(starts, last, following, np.arange(n_moments) * STEP + STEP // 2, part, NO_LINKS)
 
 
 @pytest.fixture(params=range(4))

@@ -101,18 +101,10 @@ class Continuity:
         last = np.append(first[1:], len(points)) - 1
         return marker[first].astype(np.intp), points[first], points[last[: len(first)]]
 
-    def links(self, *, is_heard: bool) -> Links:
-        """Return what gaps say if any part of a marker goes on as any other one that begins within `LONGEST`.
-
-        Parameters
-        ----------
-        is_heard : bool
-            Whether they say anything.
-        """
+    def links(self) -> Links:
+        """Return what gaps say if any part of a marker goes on as any other one that begins within `LONGEST`."""
         marker, first, last = self._parts
         begin, end = self._frame[first], self._frame[last]
-        if not is_heard:
-            end = np.full_like(end, begin.max(initial=0))  # no part begins behind it
         ends, begins, starts, rank = self._within_reach(begin, end)
         before, after = last[ends], first[begins]
         away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])

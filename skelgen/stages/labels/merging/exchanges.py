@@ -22,12 +22,11 @@ from skelgen._kernels.marker_exchanges import (
     of_witnesses,
     weigh_exchanges,
 )
-from skelgen._kernels.marker_pauses import Pauses
+from skelgen._kernels.marker_pauses import NO_LINKS, Links, Pauses
 from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.merging.continuity import Continuity
 from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
 from skelgen.stages.labels.merging.likelihood import robust_laws
@@ -88,16 +87,14 @@ class _Search:
 
     def __init__(self, take: FollowedCloud, marker: Ints, n_markers: int) -> None:
         self.marker_of_point = marker
-        self._spacing, self._n_frames = take.spacing, take.cloud.n_frames
+        self._track, self._spacing, self._n_frames = take.track_of_point, take.spacing, take.cloud.n_frames
         self._moments = np.ascontiguousarray(take.moments(n_markers))
         self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
         self._places = point_labels.sampled_positions(take.cloud, marker, self._moments)
         n_moments = len(self._moments)
         order = np.argsort(marker.astype(np.int16), kind="stable")  # such small numbers are sorted quickly
-        self._links = Continuity(take, marker).links(is_heard=take.exchanges_over_gaps and not take.is_very_long)
-        self._part = np.full(len(marker), -1, dtype=np.int32)  # of its first point
-        self._part[self._links.first_point] = np.arange(len(self._links.first_point))
+        self._links, self._part = self._heard(take)
         owned = np.split(order, np.searchsorted(marker[order], np.arange(n_markers)))[1:]
         self._pauses = [self._pauses_of(points) for points in owned]
         self._distance = np.empty((n_markers, n_markers, n_moments))
@@ -143,12 +140,32 @@ class _Search:
         n_markers = len(self._gains)
         self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
 
+    def _heard(self, take: FollowedCloud) -> tuple[Links, Ints | None]:
+        """What gaps say, and the part that begins at each point, -1 for none; None if they are not listened to."""
+        gaps = take.continuity(self.marker_of_point) if take.exchanges_over_gaps else None
+        if gaps is None:
+            return NO_LINKS, None
+        links = gaps.links()
+        part = np.full(len(self.marker_of_point), -1, dtype=np.int32)
+        part[links.first_point] = np.arange(len(links.first_point))
+        return links, part
+
     def _pauses_of(self, points: Ints) -> tuple[Ints, Ints, Ints]:
-        """Last frames before pauses of a marker and first ones after them, and its parts between."""
-        frame, part = self._frame[points], self._part[points]
-        begins = np.flatnonzero(part >= 0)
+        """Last frames before pauses of a marker and first ones after them; where another track begins, it may pause.
+
+        Behind them stand its parts between, -1 where gaps are not listened to.
+        """
+        frame = self._frame[points]
+        if self._part is None:
+            track = self._track[points]
+            ends = np.flatnonzero((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
+            begins = np.append(0, ends + 1)[: len(points)]
+            part = np.full(len(begins), -1)
+        else:
+            begins = np.flatnonzero(self._part[points] >= 0)  # also where an exchange has joined parts of a track
+            part = self._part[points[begins]]
         last = np.concatenate([[-1], frame[begins[1:] - 1], frame[-1:]])
-        return last, np.append(frame[begins], self._n_frames), np.append(part[begins], -1)
+        return last, np.append(frame[begins], self._n_frames), np.append(part, -1)
 
     def _measure(self, changed: Ints, first: Ints, second: Ints) -> None:
         """Sums of distances before each moment, what they explain, and how badly points suit other markers.
