@@ -144,11 +144,10 @@ def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints, n_
         Number of markers; as many as points have, if it is not given.
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1 if n_markers is None else n_markers
-    row, point = points_in_frames(cloud, frames)
-    marker = marker_of_point[point]
-    owned = marker >= 0
-    positions = np.full((len(frames), n_markers, 3), np.nan)
-    positions[row[owned], marker[owned]] = cloud.points[point[owned]]
+    point = points_of_markers(cloud, marker_of_point, frames, n_markers)
+    seen = point >= 0
+    positions = np.full((*point.shape, 3), np.nan)
+    positions[seen] = cloud.points[point[seen]]
     return positions
 
 

@@ -61,6 +61,17 @@ GAPS_AT_ONCE = 2000
 """Gaps whose neighbours are held at once."""
 
 
+def pauses_between(frame: Ints, track: Ints) -> Bools:
+    """Return between which points of a marker it pauses, shape (n_points - 1,); where another track begins, it may.
+
+    Parameters
+    ----------
+    frame, track : ndarray of intp, shape (n_points,)
+        Rising frame and track of each point, -1 for none.
+    """
+    return np.asarray((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
+
+
 @dataclass(frozen=True, eq=False)
 class Continuity:
     """A labelled take, and what its gaps say of the labels.
@@ -96,7 +107,7 @@ class Continuity:
         """Marker, first and last point of each part of a marker that is followed without a gap."""
         points, _ = self._owned
         marker, frame, track = self.marker_of_point[points], self._frame[points], self.take.track_of_point[points]
-        begins = (marker[1:] != marker[:-1]) | (track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1)
+        begins = (marker[1:] != marker[:-1]) | pauses_between(frame, track)
         first = np.flatnonzero(np.concatenate([np.ones(min(len(points), 1), dtype=bool), begins]))
         last = np.append(first[1:], len(points)) - 1
         return marker[first].astype(np.intp), points[first], points[last[: len(first)]]
@@ -106,11 +117,7 @@ class Continuity:
         marker, first, last = self._parts
         begin, end = self._frame[first], self._frame[last]
         ends, begins, starts, rank = self._within_reach(begin, end)
-        before, after = last[ends], first[begins]
-        away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
-        near = np.flatnonzero(away < self._reach(before, after))
-        evidence, markers = np.full(len(ends), -MOST_SPOKEN), (marker[ends[near]], marker[begins[near]])
-        evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], *markers))
+        evidence = self._said(last[ends], first[begins], marker[ends], marker[begins])
         return Links(first, rank, starts, evidence)
 
     def _within_reach(self, begin: Ints, end: Ints) -> tuple[Ints, Ints, Ints, Ints]:
@@ -130,10 +137,14 @@ class Continuity:
         rank[order] = np.arange(len(order))
         return ends, begins, np.stack([low, behind[:-1], behind[1:]]), rank
 
-    def _reach(self, before: Ints, after: Ints) -> Floats:
-        """How far a marker may have gone between two points [mm]."""
+    def _said(self, before: Ints, after: Ints, *markers: Ints) -> Floats:
+        """Evidence [nats] that points go on at others, 0 where neighbours are too few; see `evidence`."""
         seconds = (self._frame[after] - self._frame[before]) / self.take.rate
-        return np.asarray(FASTEST * seconds + 3.0 * self.take.spacing)
+        away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
+        near = np.flatnonzero(away < FASTEST * seconds + 3.0 * self.take.spacing)
+        evidence = np.full(len(before), -MOST_SPOKEN)
+        evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], *(owner[near] for owner in markers)))
+        return evidence
 
     def total(self) -> float:
         """Return the evidence [nats] of all gaps within markers."""
@@ -156,12 +167,7 @@ class Continuity:
         ends, begins = self._following(apart)
         if not len(ends):
             return spoken
-        before, after = last[ends], first[begins]
-        away = lengths_of(self.take.cloud.points[after] - self.take.cloud.points[before])
-        near = np.flatnonzero(away < self._reach(before, after))
-        evidence = np.full(len(ends), -MOST_SPOKEN)
-        evidence[near] = np.nan_to_num(self.evidence(before[near], after[near], marker[ends[near]]))
-        np.add.at(spoken, (marker[ends], marker[begins]), evidence)
+        np.add.at(spoken, (marker[ends], marker[begins]), self._said(last[ends], first[begins], marker[ends]))
         return np.minimum(spoken + spoken.T, MOST_SPOKEN)
 
     def _following(self, apart: Bools) -> tuple[Ints, Ints]:

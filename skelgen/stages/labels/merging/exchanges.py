@@ -27,6 +27,7 @@ from skelgen._kernels.tracklet_evidence import WITNESSES, write_misfits
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.continuity import pauses_between
 from skelgen.stages.labels.merging.followed import MOST_MARKERS, MOST_ROUNDS, FollowedCloud
 from skelgen.stages.labels.merging.handedness import evidence_of_sides
 from skelgen.stages.labels.merging.likelihood import robust_laws
@@ -157,9 +158,8 @@ class _Search:
         """
         frame = self._frame[points]
         if self._part is None:
-            track = self._track[points]
-            ends = np.flatnonzero((track[1:] != track[:-1]) | (track[1:] < 0) | (np.diff(frame) > 1))
-            begins = np.append(0, ends + 1)[: len(points)]
+            pauses = np.flatnonzero(pauses_between(frame, self._track[points]))
+            begins = np.append(0, pauses + 1)[: len(points)]
             part = np.full(len(begins), -1)
         else:
             begins = np.flatnonzero(self._part[points] >= 0)  # also where an exchange has joined parts of a track
