@@ -13,7 +13,8 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from learn_sets import MOTION_RANGE, RATE, about_posture, seen_markers
+from learn_sets import MOTION_RANGE, seen_markers
+from postures import RATE, about_posture
 from shapes import hidden
 
 import skelgen

@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from learn_sets import RATE, about_posture, seen_markers
+from learn_sets import seen_markers
+from postures import RATE, about_posture
 from shown import show, show_machine
 
 import skelgen

@@ -84,8 +84,8 @@ SURE_PLACES = 0.75
 
 PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.55, 0.7
 """Misfit up to which no motion contradicts places, and few markers are enough; and from which it may, and they are not.
-Of people in sets that are not known 94 to 100 % of the pairs are right up to .5, 88 % and more up to .7, also of legs
-alone. People with markers anywhere on their limbs have .6 and more, of whose pairs 70 % are right."""
+Of people in sets that are not known 93 to 100 % of the pairs are right up to .5, nearly all up to .7, also of legs
+alone. People with markers anywhere on their limbs have .5 and more, of whose pairs 70 % and more are right."""
 
 SET_FITS, PLACES_FIT_BETTER = 0.4, 0.6
 """By how much a set's misfit may be larger than that of places and the set be worn, and from where it is not: people

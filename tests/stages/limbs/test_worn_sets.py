@@ -1,6 +1,7 @@
 """Marker sets, and places of markers where no known set is worn, are told by the distances of markers alone."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from skelgen.benchmark.people import simulated_animal
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
+from skelgen.simulation.people import natural_motion, person
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.place_matching import nearest_places, worn_places
@@ -64,6 +66,21 @@ def test_a_set_is_told_in_strange_postures() -> None:
     together = (limb[:, np.newaxis] == limb) & ~np.eye(len(limb), dtype=np.bool_)
     assert together[odds > 1].all() and (odds > 1).sum() > together.sum() / 2
     assert not together[odds < -1].any()
+
+
+@pytest.mark.parametrize("marker_set", ["animation-53", "plug-in-gait"])
+def test_a_set_is_told_where_hands_are_at_the_hips(marker_set: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+        from learn_sets import seen_markers
+        from postures import with_held_hands
+    rng = np.random.default_rng(1)
+    who = person(marker_set, 0.0, rng)
+    angles, poses = natural_motion(who, "squat", 100, 100.0, rng)
+    positions = seen_markers(who, angles, with_held_hands(who, poses, "hips", rng), rng)
+    odds, limb = worn_odds(positions, log_odds(positions)), np.asarray(who.worn.limb_of_marker)
+    pairs = np.triu_indices(len(limb), 1)
+    assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
 
 
 def test_places_are_found_from_a_set_that_is_not_worn() -> None:
