@@ -119,6 +119,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | C3D of Theia | segments with rotations, beside points or alone | layout of C-Motion's extension, against ezc3d |
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
 | NDI First Principles, Simi Motion as text | rate and unit before the titles, or neither | layout |
+| NDI Aurora, Polaris; ROS (`rostopic echo -p`) | tables of bodies with quaternions | layout of public recorders |
+| pandas, R, MATLAB, NumPy | tables of points as they write them: index, NA, name_1, # before titles | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0 | written by NumPy |
 

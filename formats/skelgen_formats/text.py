@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import math
+import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -13,7 +14,8 @@ from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 
-_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a"})
+_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a"})
+_NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -55,6 +57,18 @@ def without_trailing_empty(cells: Sequence[str]) -> list[str]:
     while end and not cells[end - 1].strip():
         end -= 1
     return list(cells[:end])
+
+
+def is_unseen(text: str) -> bool:
+    """Whether a cell without blanks around it is empty or a word for a number that is not there."""
+    return text.lower() in _UNSEEN_WORDS or _NO_NUMBER.fullmatch(text.lower()) is not None
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell without blanks around it holds a number, with a decimal point or comma, or a word for none."""
+    with contextlib.suppress(ValueError):
+        return _parsed(_with_point(text)) is not None
+    return is_unseen(text)
 
 
 def number_in(path: Path, place: str | int, text: str, what: str) -> float:
@@ -213,7 +227,7 @@ def _row(path: Path, cells: Sequence[str], number: int, delimiter: str | None, *
 
 def _cell(path: Path, cell: str, number: int, column: int, delimiter: str | None) -> float:
     text = cell.strip()
-    if text.lower() in _UNSEEN_WORDS:
+    if is_unseen(text):
         return math.nan
     try:
         return _parsed(text if delimiter == "," else _with_point(text))

@@ -170,3 +170,114 @@ def test_velocities_beside_points_are_left_out(put):
 
 def test_file_of_a_byte_order_mark_alone_is_refused(refused, put):
     assert refused(put("a.csv", b"\xef\xbb\xbf"))
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "{0} [X],{0} [Y],{0} [Z],{1} [X],{1} [Y],{1} [Z]",
+        "{0} (x),{0} (y),{0} (z),{1} (x),{1} (y),{1} (z)",
+        "{0} X / mm,{0} Y / mm,{0} Z / mm,{1} X / mm,{1} Y / mm,{1} Z / mm",
+        "{0}_position_x,{0}_position_y,{0}_position_z,{1}_position_x,{1}_position_y,{1}_position_z",
+        "{0}_tx,{0}_ty,{0}_tz,{1}_tx,{1}_ty,{1}_tz",
+        "{0}_1,{0}_2,{0}_3,{1}_1,{1}_2,{1}_3",
+        "# {0}_x,{0}_y,{0}_z,{1}_x,{1}_y,{1}_z",
+        "{0},{0},{0},{1},{1},{1}\nx,y,z,x,y,z\nmm,mm,mm,mm,mm,mm",
+    ],
+)
+def test_titles_that_scripts_write_name_the_points(put, titles):
+    take = read_take(put("points.csv", titles.format("nose", "tail") + "\n" + rows()))
+    assert take.names == ("nose", "tail")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_columns_of_a_point_may_stand_apart(put):
+    take = read_take(put("apart.csv", "a_x,b_x,a_y,b_y,a_z,b_z\n" + "100,200,300,400,500,600\n" * 3))
+    np.testing.assert_array_equal(take.positions[0], [[100, 300, 500], [200, 400, 600]])
+
+
+def test_blanks_part_cells_of_a_table_without_another_delimiter(put):
+    text = "# time nose_x nose_y nose_z tail_x tail_y tail_z\n0.00 1 2 3 4 5 6\n0.02 1 2 3 nan nan nan\n"
+    take = read_take(put("points.txt", text), recorded_unit="mm")
+    assert (take.names, take.rate, take.seen.tolist()) == (("nose", "tail"), 50.0, [[True, True], [True, False]])
+
+
+def test_name_of_the_index_of_pandas_is_no_frame(put):
+    titles = ",nose,nose,nose,tail,tail,tail\n,x,y,z,x,y,z\nframe,,,,,,\n"
+    assert read_take(put("pandas.csv", titles + rows("{},"))).n_frames == 2
+
+
+@pytest.mark.parametrize(
+    ("title", "times"),
+    [
+        ("t(s)", (0, 0.02)),
+        ("Time (Seconds)", (0, 0.02)),
+        ("time_ms", (0, 20)),
+        ("Elapsed Time (ms)", (0, 20)),
+        ("time", (0, 20)),
+        ("%time", (1_600_000_000_000_000_000, 1_600_000_000_020_000_000)),
+    ],
+)
+def test_times_are_read_in_their_unit(put, title, times):
+    text = f"{title},nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n" + "".join(f"{t},1,2,3,4,5,6\n" for t in times)
+    assert read_take(put("times.csv", text)).rate == 50.0
+
+
+def test_column_of_times_that_counts_frames_states_no_rate(put):
+    text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{n},1,2,3,4,5,6\n" for n in range(3))
+    assert "100 Hz is assumed" in " ".join(read_take(put("counted.csv", text)).notices)
+
+
+@pytest.mark.parametrize("gap", ["-9999", "-1", "9999999", "-3.697314E+28", "NA", "-1.#IND", "1.#QNAN0"])
+def test_numbers_and_words_that_stand_for_gaps_are_unseen(put, gap):
+    text = "a_x,a_y,a_z,b_x,b_y,b_z\n100,200,300,400,500,600\n" + f"100,200,300,{gap},{gap},{gap}\n" * 2
+    take = read_take(put("gaps.csv", text))
+    assert take.seen.tolist() == [[True, True], [True, False], [True, False]]
+
+
+def test_point_that_stands_still_where_its_coordinates_are_equal_is_seen(put):
+    text = "a_x,a_y,a_z,b_x,b_y,b_z\n" + "100,200,300,500,500,500\n" * 3
+    assert read_take(put("still.csv", text)).seen.all()
+
+
+def test_lines_before_the_titles_may_have_many_cells(put):
+    """As a recorder of NDI's Aurora writes them: the date, and a sensor's letter behind each title."""
+    text = (
+        "Test Date: \nday, month, year\n2, 2, 2021 \n\nSample:,ms,Xa,Ya,Za,qoa,qxa,qya,qza,Xb,Yb,Zb,qob,qxb,qyb,qzb\n"
+    )
+    text += "1, 20,0, 0, 0, 0, 0, 0, 0, 99.52 , -18.33 , -286.52, 1, 0 , 0, 0, \n" * 2
+    text += "3, 60,99.52 , -18.33 , -286.52, 1, 0 , 0, 0, 99.52 , -18.33 , -286.52, 1, 0 , 0, 0, \n"
+    take = read_take(put("aurora.csv", text))
+    assert take.names == ("a", "b")
+    assert np.isnan(take.world_from_body[:, 0, 0, 0]).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "{n}_x,{n}_y,{n}_z,{n}_qx,{n}_qy,{n}_qz,{n}_qw",
+        "{n}.pose.position.x,{n}.pose.position.y,{n}.pose.position.z,"
+        "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
+        "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
+    ],
+)
+def test_points_with_quaternions_are_bodies(put, titles):
+    text = "time," + ",".join(titles.format(n=name) for name in ("thigh", "shank")) + "\n"
+    text += "".join(f"{t},0.1,0.2,0.3,0,0,0,1,0.4,0.5,0.6,0,0,0.6,0.8\n" for t in (0, 0.01))
+    take = read_take(put("bodies.csv", text))
+    assert (take.rate, [name.partition(".")[0] for name in take.names]) == (100.0, ["thigh", "shank"])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [400, 500, 600])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+def test_tools_of_ndi_are_bodies_beside_their_markers(put):
+    tool = "Frame#,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error,Marker0.Status,Tx,Ty,Tz,Marker1.Status,Tx,Ty,Tz"
+    row = "7,1,0,0,0,10,20,300,0.1,OK,11,21,301,OK,12,20,302"
+    path = put("tools.csv", f"Tools,{tool},{tool}\n" + f"2,{row},{row}\n" * 2)
+    assert read_take(path).n_markers == 4
+    assert read_take(path, bodies=True).names == ("body", "body_2")
+
+
+def test_angles_beside_places_are_no_points(put):
+    text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
+    assert read_take(put("angles.csv", text)).names == ("a", "b")

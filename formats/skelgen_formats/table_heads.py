@@ -1,0 +1,221 @@
+"""What the lines above a table of points say: which columns are whose, which is time, rate, unit, and where it begins.
+
+Titles are one line (see `skelgen_formats.titles`), or two, the name over the first or over each of the columns X, Y, Z;
+or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of an ASCII export of Visual3D:
+file, signal, type, folder, and ``ITEM  X  Y  Z``. Before them may stand lines of a word and a value
+(``Frequency: 100``, ``Units: mm``), behind them one of units, or the name of the index that pandas writes.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+from skelgen_formats.options import MM_PER_UNIT
+from skelgen_formats.text import is_number, without_trailing_empty
+from skelgen_formats.titles import AXES, Body, axis_alone, bodies_of, seconds_per_unit
+
+HEAD_LINES = 24
+"""Lines that are looked through for titles."""
+
+_PREAMBLE = 16  # lines before the titles, at most
+_TITLE_LINES = HEAD_LINES - _PREAMBLE
+_FEWEST = 2  # points of a table that no word says what it is
+_DELIMITERS = (",", ";", "\t", None)
+_NO_PLACES = re.compile(
+    r"(.*[_ .:-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
+    r"|omega|forces?|moments?|torques?|grf|vel|velocity|velocities|speed)([_ .:-].*)?",
+    re.IGNORECASE,
+)
+_STATED = re.compile(
+    r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
+)
+_COMMENT = "#%"  # what stands before the titles that numpy and ROS write
+_VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
+_DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
+
+
+@dataclass
+class Head:
+    """What the lines above the numbers say.
+
+    Attributes
+    ----------
+    bodies : list of Body
+        Points and bodies, with their columns.
+    delimiter : str or None
+        What parts cells, None for blanks.
+    times : int or None
+        Column with times.
+    second : float
+        Seconds per unit of that column, 0 if it names none.
+    unit, rate : str
+        Unit of length and frame rate as stated, empty if they are not.
+    n_cells, n_lines : int
+        Cells of a row, and lines above the first.
+    notices : list of str
+        What is left out.
+    """
+
+    bodies: list[Body]
+    delimiter: str | None = None
+    times: int | None = None
+    second: float = 0.0
+    unit: str = ""
+    rate: str = ""
+    n_cells: int = 0
+    n_lines: int = 1
+    notices: list[str] = field(default_factory=list)
+
+
+def find_head(lines: Sequence[str]) -> Head | None:
+    """Return what titles say, or None if there are none of points.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The first `HEAD_LINES` of a file that are not blank.
+    """
+    for delimiter in _DELIMITERS:
+        every = [_cells(line, delimiter) for line in lines]
+        if ["endheader"] in [row[:1] for row in every]:  # of OpenSim
+            continue
+        starts = [at for at, row in enumerate(every[: _PREAMBLE + 1]) if len(row) > 1]
+        others = (_deeplabcut, _under_names, in_one_line)
+        for first, find in product(starts, (_visual3d,) if _is_visual3d(every) else others):
+            if (head := find(every[first : first + _TITLE_LINES])) is not None:
+                head.delimiter, head.n_lines = delimiter, head.n_lines + first
+                _hear_preamble(head, every[:first])
+                _pass_further_titles(head, every)
+                return _without_no_places(head)
+    return None
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    text = line.lstrip(_COMMENT + " ") if line.startswith(tuple(_COMMENT)) else line
+    return [cell.strip().strip('"') for cell in text.split(delimiter)]
+
+
+def _hear_preamble(head: Head, before: list[list[str]]) -> None:
+    for row in before:
+        key, _, value = ":".join(filter(None, row)).partition(":")
+        stated = _STATED.fullmatch(key)
+        if stated and stated[1].lower().startswith("unit"):
+            head.unit = head.unit or value.strip(": ")
+        elif stated:
+            head.rate = value.strip(": Hzfps")
+
+
+def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
+    """Pass over lines behind the titles that hold words alone: units, or the name of an index."""
+    for row in every[head.n_lines :]:
+        words = [cell for cell in row if cell]
+        if not words or any(is_number(cell) or not cell.strip("[]()").isalpha() for cell in words):
+            return
+        units = {
+            row[column].strip("[]()").lower()
+            for body in head.bodies
+            for column in body.place.values()
+            if column < len(row)
+        }
+        if len(units) != 1 or not units <= {"", *MM_PER_UNIT}:
+            return
+        head.unit = head.unit or units.pop()
+        head.n_lines += 1
+
+
+def _without_no_places(head: Head) -> Head:
+    """Return it without what is no point: forces, accelerations, angles and the like."""
+    left_out = [body.name for body in head.bodies if not body.is_turned and _NO_PLACES.fullmatch(body.name)]
+    if left_out:
+        head.notices.append(f"no points, and left out: {', '.join(left_out[:8])}")
+    head.bodies = [body for body in head.bodies if body.name not in left_out]
+    return head
+
+
+def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
+    """Return what a single line of titles says, or None if they are not those of points.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of str
+        Lines from that of the titles on, without quotes.
+    """
+    titles = without_trailing_empty(rows[0])
+    bodies = bodies_of(titles)
+    if len(bodies) < _FEWEST and not any(body.is_turned for body in bodies):
+        return None
+    found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
+    _find_times(found, titles)
+    return found
+
+
+def _find_times(head: Head, titles: Sequence[str]) -> None:
+    units = ((at, seconds_per_unit(title)) for at, title in enumerate(titles))
+    head.times, second = next(((at, unit) for at, unit in units if unit is not None), (None, 0.0))
+    head.second = second or 0.0
+
+
+def _under_names(rows: list[list[str]]) -> Head | None:
+    """Names over the first of three columns X, Y, Z, or over each; frame and time may stand before."""
+    if len(rows) < 2:
+        return None
+    axes = without_trailing_empty(rows[1])
+    names = [*rows[0], *[""] * len(axes)][: len(axes)]
+    if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
+        return None
+    for column in range(1, len(axes)):
+        if not names[column] and axis_alone(axes[column]) is not None:
+            names[column] = names[column - 1]
+    titles = [f"{name}_{axis}" if name and axis else axis or name for name, axis in zip(names, axes, strict=True)]
+    bodies = bodies_of(titles)
+    if len(bodies) < _FEWEST:
+        return None
+    found = Head(bodies, n_cells=len(axes), n_lines=2, unit=bodies[0].unit)
+    _find_times(
+        found, [axis if seconds_per_unit(axis) is not None else name for name, axis in zip(names, axes, strict=True)]
+    )
+    return found
+
+
+def _triples(names: Sequence[str], axes: Sequence[str], first: int) -> list[Body]:
+    """Points whose columns stand side by side."""
+    lower = [axis.lower() for axis in axes]
+    starts = (at for at in range(first, min(len(names), len(axes) - 2)) if lower[at : at + 3] == [*AXES])
+    return [Body(names[at], place={axis: at + step for step, axis in enumerate(AXES)}) for at in starts]
+
+
+def _deeplabcut(rows: list[list[str]]) -> Head | None:
+    titled = {row[0].lower(): row for row in rows if row[0].lower() in _DEEPLABCUT}
+    if "bodyparts" not in titled or "coords" not in titled:
+        return None
+    parts, coords = titled["bodyparts"], titled["coords"]
+    people = titled.get("individuals", [""] * len(parts))
+    several = len(set(people[1:])) > 1
+    names = [f"{person}:{part}" if several else part for person, part in zip(people, parts, strict=False)]
+    return Head(_triples(names, coords, 1), n_cells=len(coords), n_lines=len(titled))
+
+
+def _is_visual3d(rows: list[list[str]]) -> bool:
+    return len(rows) > 4 and rows[4][0].upper() == "ITEM"
+
+
+def _visual3d(rows: list[list[str]]) -> Head | None:
+    """Targets and landmarks of an ASCII export of Visual3D: of the first trial, and of the first folder of a signal."""
+    if not _is_visual3d(rows):
+        return None
+    files, names, kinds, _, axes = rows[:5]
+    found = Head([], n_cells=len(axes), n_lines=5)
+    left_out = 0
+    for body in _triples(names[: min(map(len, rows[:5]))], axes, 1):
+        first = body.place["x"]
+        if kinds[first].upper() not in _VISUAL3D:
+            continue
+        if files[first] != files[1] or body.name in [other.name for other in found.bodies]:
+            left_out += 1
+        else:
+            found.bodies.append(body)
+    if left_out:
+        found.notices.append(f"{left_out} signals of further trials or folders are left out; export them alone")
+    found.times = next((at for at, name in enumerate(names) if at and name.upper() == "TIME"), None)
+    return found if found.bodies else None

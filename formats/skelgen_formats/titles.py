@@ -1,0 +1,190 @@
+"""Titles of columns as scripts write them: whose coordinate along which axis, in which unit, and which column is time.
+
+A title is a name and an axis, in any case and with a blank, a point, an underscore, a colon, a hyphen or nothing
+between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``; or the axis first: ``x_knee``, ``X1``.
+A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a point may stand apart from each other.
+MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``. Components of unit quaternions are ``knee_qw``,
+``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``, ``Qy``, ``Qz``.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+AXES = "xyz"
+COMPONENTS = "wxyz"
+"""Of a unit quaternion, scalar first."""
+
+_BETWEEN = r"[ _.:-]"
+_UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
+_PLACE_WORD = rf"(?:pos|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
+_FORWARD = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
+_TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}t([xyz])", re.IGNORECASE)
+_TURNED = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
+_NUMBERED = re.compile(r"(.{1,200}?)[_ .]([123])")
+_ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
+_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
+_TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
+_QUATERNION = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN})??(?:q{_BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
+_QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){_BETWEEN}?([WXYZwxyz])")
+_QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){_BETWEEN}?(.{{1,200}})", re.IGNORECASE)
+_TIME = re.compile(
+    r"(?:%|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
+    r"(?:[ _]?[\[(/]? ?(s|secs?|seconds?|ms|msecs?|milliseconds?|us|µs|microseconds?|ns|nanoseconds?) ?[\])]?)?",
+    re.IGNORECASE,
+)
+_SECONDS = {"s": 1.0, "ms": 1e-3, "mi": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}
+_FEWEST = 2  # points of a table whose columns are numbered
+_ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
+_TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
+
+
+@dataclass
+class Body:
+    """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one."""
+
+    name: str
+    unit: str = ""
+    place: dict[str, int] = field(default_factory=dict)
+    turn: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether all three coordinates are there."""
+        return len(self.place) == len(AXES)
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether a whole quaternion is there."""
+        return len(self.turn) == len(COMPONENTS)
+
+    def columns(self, *, turned: bool) -> list[int]:
+        """Return the columns of x, y, z, and of w, x, y, z if they are wanted."""
+        turn = [self.turn[component] for component in COMPONENTS] if turned else []
+        return [*(self.place[axis] for axis in AXES), *turn]
+
+
+def bodies_of(titles: Sequence[str]) -> list[Body]:
+    """Return points and bodies with three coordinates, in the order of their titles.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    """
+    for parsed in (_forward, _turned, _numbered):
+        found = _joined(_gathered(titles, parsed))
+        if found and (parsed is not _numbered or len(found) >= _FEWEST):
+            return found
+    return []
+
+
+def axis_alone(title: str) -> tuple[str, str] | None:
+    """Return axis and unit of a title without a name, such as ``x``, ``pos_x`` or ``X (mm)``; None of any other.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    text, unit = _without_unit(title)
+    match = _ALONE.fullmatch(text)
+    return (match[1].lower(), unit) if match else None
+
+
+def seconds_per_unit(title: str) -> float | None:
+    """Return how many seconds the unit of a column of times has, 0 if the title names none; None of any other column.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    match = _TIME.fullmatch(title)
+    if match is None:
+        return None
+    unit = (match[1] or ("s" if title.lower() == "seconds" else "")).lower()
+    return next((_SECONDS[key] for key in (unit[:2], unit[:1]) if key in _SECONDS), 0.0)
+
+
+_Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title
+
+
+def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
+    """Return what has columns; where an axis of a name stands again, another one of this name begins."""
+    bodies: list[Body] = []
+    latest: dict[str, Body] = {}
+    for column, title in enumerate(titles):
+        turn = _quaternion(title)
+        place = None if turn else parsed(title)
+        if turn is None and place is None:
+            continue
+        name, key, unit = (*turn, "") if turn else place or ("", "", "")
+        body = latest.get(name.lower())
+        if body is None or key in (body.turn if turn else body.place):
+            body = latest[name.lower()] = Body(name)
+            bodies.append(body)
+        (body.turn if turn else body.place)[key] = column
+        body.unit = body.unit or unit
+        body.name = body.name or name
+    return bodies
+
+
+def _joined(bodies: list[Body]) -> list[Body]:
+    """Return places, all with a name, without those that are angles of another one, such as ``Rx`` beside ``Tx``.
+
+    A quaternion without a name belongs to the next place behind it that has none but T or P.
+    """
+    for body in bodies:
+        if not body.name and body.is_turned and not body.place:
+            behind = [one for one in bodies if one.is_placed and min(one.place.values()) > min(body.turn.values())]
+            near = [one for one in [*behind, *bodies] if one.is_placed and not one.turn]
+            other = next((one for one in near if one.name.lower() in _TRANSLATIONS), body)
+            other.turn, other.name = body.turn, ""
+    placed = {body.name for body in bodies if body.is_placed}
+    for body in bodies:
+        body.name = body.name or "body"
+    return [body for body in bodies if body.is_placed and not _are_angles(body.name, placed)]
+
+
+def _are_angles(name: str, places: set[str]) -> bool:
+    """Whether x, y and z of a name are angles: of R alone, or of the R of another place."""
+    match = _ANGLES.fullmatch(name)
+    return match is not None and (not match[1] or match[1] in places)
+
+
+def _without_unit(title: str) -> tuple[str, str]:
+    match = _UNIT.fullmatch(title.strip())
+    return (match[1], match[2].lower()) if match else (title.strip(), "")
+
+
+def _forward(title: str) -> tuple[str, str, str] | None:
+    text, unit = _without_unit(title)
+    if (alone := _ALONE.fullmatch(text)) and len(text) > 1:
+        return "", alone[1].lower(), unit
+    match = _TRANSLATED.fullmatch(text) or _FORWARD.fullmatch(text)
+    if match is None:
+        return None
+    named = _NAMED_PLACE.fullmatch(match[1])
+    return (named or match)[1], match[2].lower(), unit
+
+
+def _turned(title: str) -> tuple[str, str, str] | None:
+    match = _TURNED.fullmatch(title.strip())
+    return (match[2], match[1].lower(), (match[3] or match[4] or "").lower()) if match else None
+
+
+def _numbered(title: str) -> tuple[str, str, str] | None:
+    text, unit = _without_unit(title)
+    match = _NUMBERED.fullmatch(text)
+    return (match[1], AXES[int(match[2]) - 1], unit) if match else None
+
+
+def _quaternion(title: str) -> tuple[str, str] | None:
+    """Return name and component of a title of a quaternion's component."""
+    text = title.strip()
+    if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
+        return match[1] or "", match[2].lower().replace("0", "w")
+    if match := _QUATERNION_FIRST.fullmatch(text):
+        return match[2], match[1].lower().replace("0", "w").replace("o", "w")
+    return None
