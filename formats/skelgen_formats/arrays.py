@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from skelgen.errors import FormatError
 from skelgen.files import TRUTH_SUFFIX, open_regular
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.wide import take_from_table
 
@@ -50,7 +50,7 @@ _BROKEN = (
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud:
+def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
     """Read the points of an array file.
 
     Parameters

@@ -1,35 +1,59 @@
 """Tidy tables: one row per frame and point, as FreeMoCap (``..._by_frame.csv``) and scripts write them.
 
-One line of titles names, in any order and case, a column of frames (or of times alone), one of names, and ``x``, ``y``,
-``z``; a second column of names, such as FreeMoCap's model, parts points of one name. Rate and unit are those of a wide
-table: no such file states them.
+One line of titles names, in any order and case, a column of frames (or of times alone), one of names or numbers of
+points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
+model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
+they are bodies. Rate and unit are those of a wide table.
 """
 
 from array import array
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import FormatError
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
-from skelgen_formats.lines import decoded_head, read_lines
+from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in
+from skelgen_formats.titles import AXES, COMPONENTS, axis_alone, bodies_of, component_alone, seconds_per_unit
 from skelgen_formats.wide import QUOTED, take_from_table
 
-_FRAMES = ("frame", "frame_number", "frame_id", "frame_idx", "frame_index", "frames")
-_TIMES = ("time", "timestamp", "time_s", "seconds", "t")
-_NAMES = ("keypoint", "marker", "bodypart", "landmark", "joint", "point", "name", "label", "marker_name", "joint_name")
+_FRAMES = (
+    *("frame", "frame_number", "frame_id", "frame_idx", "frame_index", "frames", "frame_no", "frame_nr", "framenumber"),
+    *("frame#", "frame_#", "fnum"),
+)
+_THINGS = (
+    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
+    *("body", "rigid_body", "rigidbody", "object", "segment", "sensor", "tool"),
+)
+_NAMES = (
+    *_THINGS,
+    *(f"{thing}{end}" for end in ("_name", "_label", "_id", "_index", "id") for thing in _THINGS),
+    *("id", "target", "track_id"),
+)
 _GROUPS = ("model", "individual", "person", "subject", "track", "person_id")
 _DELIMITERS = ",;\t"
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
-def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud:
-    """Read a tidy table of points.
+@dataclass
+class _Rows:
+    """What the rows hold: of each the frame, the point and its numbers; names of points, and times by frame."""
+
+    frames: "array[float]" = field(default_factory=lambda: array("d"))
+    points: "array[int]" = field(default_factory=lambda: array("q"))
+    numbers: "array[float]" = field(default_factory=lambda: array("d"))
+    names: dict[tuple[str, ...], int] = field(default_factory=dict)
+    times: dict[float, float] = field(default_factory=dict)
+
+
+def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a tidy table of points or bodies.
 
     Parameters
     ----------
@@ -41,53 +65,81 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud:
     Raises
     ------
     FormatError
-        If the titles name no frames, names and coordinates, or a row is not as long as they are.
+        If the titles name no frames and coordinates, or a row is not as long as they are.
     """
     lines = read_lines(path)
     delimiter = next((one for one in _DELIMITERS if _columns(lines[0], one)), "")
     if not delimiter:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at = _columns(lines[0], delimiter)
-    frames, points, names, numbers = array("d"), array("q"), dict[tuple[str, ...], int](), array("d")
-    times: dict[float, float] = {}
+    at, titles = _columns(lines[0], delimiter), _titles(lines[0], delimiter)
+    rows = _rows(path, lines, at, delimiter)
+    every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
+    n_names = len(rows.names)
+    if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
+        what = (
+            f"{n_names} points in {len(every)} frames, but only {len(rows.frames)} positions, or some without a frame"
+        )
+        raise FormatError(path, "", what)
+    if "name" not in at and n_names == 1:
+        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
+    width = len(_numbered(at))
+    numbers = np.full((len(every), n_names, width), np.nan)
+    numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
+    stamps = None
+    if rows.times:
+        stamps = np.array([rows.times[frame] for frame in every.tolist()])
+        stamps = (stamps - stamps[:1]) * (seconds_per_unit(titles[at["time"]]) or 1.0)
+    _, unit = axis_alone(titles[at["x"]]) or ("", "")
+    return take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
+
+
+def _numbered(at: dict[str, int]) -> list[int]:
+    """Return the columns of x, y, z, and of the quaternion if there is a whole one."""
+    turn = [at[f"q{component}"] for component in COMPONENTS if f"q{component}" in at]
+    return [*(at[axis] for axis in AXES), *(turn if len(turn) == len(COMPONENTS) else [])]
+
+
+def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows:
+    rows, columns, count = _Rows(), _numbered(at), Counter[float]()
+    parts = [at[what] for what in ("name", "group") if what in at]
     for number, line in lines.numbered(1):
         text = QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
         cells = text.split(delimiter)
         if len(cells) <= max(at.values()):
-            raise FormatError(
-                path, number, f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
-            )
-        frames.append(_number(path, number, cells[at["frame"]], "the frame"))
-        points.append(
-            names.setdefault(tuple(cells[at[what]].strip() for what in ("name", "group") if what in at), len(names))
-        )
-        if "time" in at and frames[-1] not in times:
-            times[frames[-1]] = _number(path, number, cells[at["time"]], "the time")
-        numbers.extend(_number(path, number, cells[at[axis]], "a coordinate") for axis in "xyz")
-    every, places = np.unique(np.frombuffer(frames), return_inverse=True)
-    if np.isnan(every).any() or len(every) * len(names) > _MOST_TIMES * len(frames) + _FREE_NUMBERS:
-        what = f"{len(names)} points in {len(every)} frames, but only {len(frames)} positions, or some without a frame"
-        raise FormatError(path, "", what)
-    positions = np.full((len(every), len(names), 3), np.nan)
-    positions[places, np.frombuffer(points, dtype=np.int64)] = np.frombuffer(numbers).reshape(-1, 3)
-    stamps = np.array([times[frame] for frame in every.tolist()]) if times else None
-    return take_from_table(path, positions, _distinct([*names]), stamps, options)
+            what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
+            raise FormatError(path, number, what)
+        frame = _number(path, number, cells[at["frame"]], "the frame")
+        count[frame] += 1
+        name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
+        rows.frames.append(frame)
+        rows.points.append(rows.names.setdefault(name, len(rows.names)))
+        if "time" in at and frame not in rows.times:
+            rows.times[frame] = _number(path, number, cells[at["time"]], "the time")
+        rows.numbers.extend(_number(path, number, cells[column], "a coordinate") for column in columns)
+    return rows
+
+
+def _titles(line: str, delimiter: str) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.split(delimiter)]
 
 
 def _columns(line: str, delimiter: str) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    titles = [cell.strip().strip('"') for cell in line.split(delimiter)]
-    wanted = {"x": ("x",), "y": ("y",), "z": ("z",), "frame": _FRAMES + _TIMES, "name": _NAMES}
-    found = {what: _place(titles, known) for what, known in (wanted | {"time": _TIMES, "group": _GROUPS}).items()}
-    places = {what: place for what, place in found.items() if place is not None}
-    return places if places.keys() >= wanted.keys() else {}
-
-
-def _place(titles: Sequence[str], wanted: Sequence[str]) -> int | None:
-    """Return the column of the first title that is there."""
-    plain = [title.lower() for title in titles]
-    return next((plain.index(title) for title in wanted if title in plain), None)
+    titles = _titles(line, delimiter)
+    plain = [title.lower().replace(" ", "_") for title in titles]
+    known = {"frame": _FRAMES, "name": _NAMES, "group": _GROUPS}
+    found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
+    found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
+    found["frame"] += found["time"]
+    for at, title in enumerate(titles):
+        if component := component_alone(title):
+            found.setdefault(f"q{component}", []).append(at)
+        elif axis := axis_alone(title):
+            found.setdefault(axis[0], []).append(at)
+    places = {what: columns[0] for what, columns in found.items() if columns}
+    is_tidy = places.keys() >= {*AXES, "frame"} and ("name" in places or not bodies_of(titles))
+    return places if is_tidy else {}
 
 
 def _number(path: Path, number: int, cell: str, what: str) -> float:
@@ -112,5 +164,5 @@ FORMAT = Format(
     sniff=lambda head, path: any(_columns((decoded_head(head).splitlines() or [""])[0], one) for one in _DELIMITERS),
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
-    note="A row per frame and point: frame, name, x, y, z, as of FreeMoCap by frame; rate and unit by option.",
+    note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz bodies.",
 )

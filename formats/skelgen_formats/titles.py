@@ -92,6 +92,18 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     return (match[1].lower(), unit) if match else None
 
 
+def component_alone(title: str) -> str:
+    """Return the component, w, x, y or z, of a quaternion whose title has no name, such as ``qx``; else an empty text.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    name, component = _quaternion(title) or ("", "")
+    return "" if name else component
+
+
 def seconds_per_unit(title: str) -> float | None:
     """Return how many seconds the unit of a column of times has, 0 if the title names none; None of any other column.
 

@@ -117,25 +117,22 @@ def _take(
 ) -> Trajectories | PointCloud | Poses:
     names = [body.name for body in chosen]
     numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
-    if numbers.shape[2] == len(AXES):
-        take = take_from_table(path, numbers, names, times, options, head.unit)
-        return replace(take, notices=(*head.notices, *take.notices))
-    numbers = blank_unseen(numbers.copy())
-    factor, rate = _factor_and_rate(path, numbers[:, :, :3], times, options, head.unit, head.notices)
-    return take_from_bodies(path, transforms_of(path, numbers, factor), names, rate, head.notices)
+    take = take_from_table(path, numbers, names, times, options, head.unit)
+    return replace(take, notices=(*head.notices, *take.notices))
 
 
 def take_from_table(
-    path: Path, positions: Floats, names: Sequence[str], times: Floats | None, options: Options, unit: str = ""
-) -> Trajectories | PointCloud:
-    """Return the take of positions of which no file says rate and unit for certain.
+    path: Path, numbers: Floats, names: Sequence[str], times: Floats | None, options: Options, unit: str = ""
+) -> Trajectories | PointCloud | Poses:
+    """Return the take of points or bodies of which no file says rate and unit for certain.
 
     Parameters
     ----------
     path : Path
         The file.
-    positions : ndarray, shape (n_frames, n_points, 3)
-        In the file's unit; NaN, three zeros or three times another number, such as -9999, where unseen.
+    numbers : ndarray, shape (n_frames, n_points, 3 or 7)
+        Positions in the file's unit; NaN, three zeros or three times another number, such as -9999, where unseen. Of
+        bodies followed by the unit quaternion, scalar first.
     names : sequence of str, length n_points
         Of the points.
     times : ndarray, shape (n,), s, or None
@@ -146,7 +143,12 @@ def take_from_table(
         What the file says, or empty.
     """
     notices: list[str] = []
-    positions = _equal_unseen(zeros_unseen(np.array(positions, dtype=np.float64)), notices)
+    numbers = np.array(numbers, dtype=np.float64)
+    if numbers.shape[2] > len(AXES):
+        bodies = blank_unseen(numbers)
+        factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
+        return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
+    positions = _equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
 
@@ -245,8 +247,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
         with open_regular(path) as stream:
             file = parquet.ParquetFile(stream)
             titles = list(file.schema_arrow.names)
-            head = in_one_line([titles])
-            if head is None:
+            if (head := in_one_line([titles])) is None:
                 raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
             chosen, are_bodies = _chosen(head, options)
             wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]

@@ -60,3 +60,35 @@ def test_points_of_one_name_are_told_apart_by_their_model(put):
 )
 def test_rows_that_cannot_be_read_are_told(refused, put, row, sentence):
     assert sentence in refused(put("odd.csv", f"frame,keypoint,x,y,z\n0,knee,1,2,3\n{row}\n"))
+
+
+@pytest.mark.parametrize(
+    ("titles", "row"),
+    [
+        ("frame,marker,pos_x,pos_y,pos_z", "{0},{1},{2},{3},{4}"),
+        ("Frame,Time (ms),Marker Name,X (mm),Y (mm),Z (mm)", "{0},{0}0,{1},{2},{3},{4}"),
+        ("frame,marker_id,x_mm,y_mm,z_mm", "{0},{1},{2},{3},{4}"),
+        ("id;frame_no;x;y;z", "{1};{0};{2};{3};{4}"),
+    ],
+)
+def test_titles_may_hold_units_and_other_words(put, titles, row):
+    take = read_take(put("points.csv", table(titles, row, ROWS)))
+    assert (take.names, take.rate) == (("knee", "ankle"), 100.0)
+    np.testing.assert_array_equal(take.positions[:, 0, 0], [100.0, 101.0, 102.0])
+
+
+def test_points_without_names_are_a_cloud(put):
+    take = read_take(put("cloud.csv", table("frame,x,y,z", "{0},{2},{3},{4}", ROWS)))
+    assert take.n_frames == 3
+    assert sorted(take.frame(1)[:, 1].tolist()) == [0.0, 10.0]
+
+
+def test_single_point_without_a_name_is_refused(refused, put):
+    assert "one position per frame" in refused(put("one.csv", table("time,x,y,z", "{0},{2},{3},{4}", ROWS[::2])))
+
+
+def test_rows_with_quaternions_are_bodies(put):
+    content = table("time,body,x,y,z,qx,qy,qz,qw", "0.0{0},{1},{2},{3},{4},0,0,0.6,0.8", ROWS)
+    take = read_take(put("bodies.csv", content))
+    assert (take.names, take.rate) == (("knee", "ankle"), 100.0)
+    np.testing.assert_allclose(take.world_from_body[2, 1, :2, (0, 3)], [[0.28, 0.96], [102.0, 10.0]])
