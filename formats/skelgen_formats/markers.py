@@ -26,6 +26,7 @@ COMPUTED = "left out because a model computed them (`--points all` takes them)"
 
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
+_FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
 _NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
 
@@ -42,7 +43,7 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
     unit : str
         What the file says, in any case.
     """
-    word = unit.strip().lower()
+    word = unit.strip(" \t\"'").lower()
     factors = {
         mm for name, mm in MM_PER_UNIT.items() if name == word or (len(word) >= _CUT_UNIT and name.startswith(word))
     }
@@ -107,6 +108,29 @@ def zeros_unseen(positions: Floats) -> Floats:
     """
     for _, block in frames_in_blocks(positions):
         block[(block == 0.0).all(axis=2)] = np.nan
+    return positions
+
+
+def equal_unseen(positions: Floats, notices: list[str]) -> Floats:
+    """Make positions NaN whose coordinates are one number that others have, too; return the same array.
+
+    A point that has such a position throughout is one that stands still, unless another one has it as well.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        Changed in place.
+    notices : list of str
+        Gets a sentence for each number.
+    """
+    first = positions[..., 0]
+    equal = (positions == first[..., np.newaxis]).all(axis=2)
+    for value in np.unique(first[equal]).tolist():
+        those = equal & (first == value)
+        count, stands = int(those.sum()), (those | np.isnan(first)).all(axis=0)
+        if count >= _FEWEST_EQUAL and (not stands[those.any(axis=0)].all() or those.any(axis=0).sum() > 1):
+            positions[those] = np.nan
+            notices.append(f"{count} positions are {value:g} along x, y and z, and are taken as unseen")
     return positions
 
 

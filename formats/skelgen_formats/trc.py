@@ -13,15 +13,17 @@ Layout, tab-separated text::
 Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 
-Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of coordinate names may be missing,
-and names stand over each column (``knee_x``). NumMarkers may differ from the names: what Cortex names
-beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if none has one.
+The first line may be missing. Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of
+coordinate names may be missing, and names stand over each column (``knee_x``). NumMarkers may differ from the names:
+what Cortex names beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if
+none has one. Where the times make another rate than DataRate, they count.
 """
 
 import re
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +32,19 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
+from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
-from skelgen_formats.markers import mm_per_unit, more_than_announced, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.markers import (
+    equal_unseen,
+    mm_per_unit,
+    more_than_announced,
+    scaled,
+    take_from_markers,
+    zeros_unseen,
+)
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
-from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
+from skelgen_formats.text import count_in, number_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
@@ -47,12 +57,16 @@ from skelgen_formats.writing import (
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
-_FIRST_LINE = "PathFileType"
+_FIRST_LINE, _FIRST_KEY = "PathFileType", "DataRate"
 _LEADING_TITLE = re.compile(r"(frame|time|time ?stamp|sample)s?\b.*", re.IGNORECASE)  # Frame#, Time, Times, Time (s)
 _BY_AXIS = re.compile(r"(.{1,200})[ _.:-]([xyzXYZ])")
+_APART = re.compile(r" {2,}")  # what a script put between two names instead of tabs
 _DOUBLED = re.compile(r"\t[\t ]*")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
+_TIMES_READ, _FEWEST_TIMES = 100, 3
+_SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds; else they count frames or milliseconds
+_RATE_TOLERANCE = 0.05  # of the rate: times that are printed with two decimals make it by less
 _ORIGINAL = 3  # of the keys are about the recording that the file was made of, which nobody reads
 _KEYS = (
     *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
@@ -103,24 +117,38 @@ def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) ->
     delimiter = _delimiter(lines, start)
     header = _header(path, lines, start, delimiter)
     announced = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
-    rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
+    stated = number_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
     notices: list[str] = []
     table = _table(path, lines, start, delimiter, announced, notices)
     if not table.names:
         raise FormatError(path, start + 4, "no marker is named and none has columns: nothing can be read from it")
+    rate = _rate(path, lines, start, table, stated, notices)
     whole = whole_lines(_rows(lines, start, table), len(lines), table.n_cells, delimiter, notices)
     rows = parse_rows(path, whole, table.n_cells, delimiter, leading=_LEADING_CELLS)
     n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, n_frames, rows, notices)
-    positions = zeros_unseen(rows.reshape(len(rows), len(table.names), 3))
+    positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
     computed = None if points == ALL_POINTS else np.arange(len(table.names)) >= table.n_measured
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
 
 
+def _rate(path: Path, lines: Lines, start: int, table: _Table, stated: float, notices: list[str]) -> float:
+    """Return the frame rate that the header states, or that of the first times where these make another one."""
+    rows = islice(_rows(lines, start, table), _TIMES_READ)
+    whole = whole_lines(rows, len(lines), table.n_cells, table.delimiter, [])
+    times = parse_rows(path, whole, table.n_cells, table.delimiter, [_LEADING_CELLS - 1])[:, 0]
+    are_times = len(times) >= _FEWEST_TIMES and np.isfinite(times).all() and (np.diff(times) > 0).all()
+    measured = rate_of(times) if are_times and not lines.is_sampled else 0.0
+    if not _SLOWEST < measured < _FASTEST or abs(measured - stated) <= _RATE_TOLERANCE * stated:
+        return rate_in(path, start + 3, repr(stated), "DataRate")
+    notices.append(f"DataRate says {stated:g} Hz; the times make {measured:g} Hz, which is taken")
+    return measured
+
+
 def _delimiter(lines: Lines, start: int) -> str:
     """Return what parts cells: a tab, a comma, or blanks in a file without any tab in its titles."""
-    if lines[start].strip().removeprefix(_FIRST_LINE)[:1] == ",":
+    if lines[start + 1].strip()[len(_FIRST_KEY) :][:1] == ",":
         return ","
     return "\t" if "\t" in lines[start + 1] + lines[start + 3] else " "
 
@@ -130,6 +158,9 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     titles = [
         cell.strip() for cell in (lines[start + 3].split() if delimiter == " " else lines[start + 3].split(delimiter))
     ]
+    if "" in titles and (apart := [part for title in titles for part in _APART.split(title) if part]) != titles:
+        wider = len([title for title in titles if title]) < _LEADING_CELLS + announced <= len(apart)
+        titles = apart if wider else titles
     filled = [at for at, title in enumerate(titles) if title]
     leading = [at for at in filled[:_LEADING_CELLS] if _LEADING_TITLE.fullmatch(titles[at])]
     places = [at for at in filled if at not in leading]
@@ -231,14 +262,26 @@ def write_trc(
 
 
 def _header_start(path: Path, lines: Lines) -> int:
+    """Return the index of the first line; of the one before the keys where it is missing."""
     for number, line in lines.numbered():
-        if line.startswith(_FIRST_LINE):
-            if len(lines) < number - 1 + _HEADER_LINES:
+        is_keys = _begins(line, _FIRST_KEY)
+        if is_keys or _begins(line, _FIRST_LINE):
+            if len(lines) < number - 1 - is_keys + _HEADER_LINES:
                 raise FormatError(path, len(lines), "the header is cut off; five lines belong to it")
-            return number - 1
+            return number - 1 - is_keys
         if not line.startswith("#"):
             break
     raise FormatError(path, 1, f"a TRC file begins with {_FIRST_LINE}; this one does not")
+
+
+def _begins(line: str, word: str) -> bool:
+    return line.lstrip().lower().startswith(word.lower())
+
+
+def _is_trc(head: bytes, path: Path) -> bool:
+    lines = decoded_head(head).split("\n")[:20]
+    is_keys = (_begins(line, _FIRST_KEY) and "nummarkers" in line.lower() for line in lines)
+    return any(_begins(line, _FIRST_LINE) for line in lines) or any(is_keys)
 
 
 def _header(path: Path, lines: Sequence[str], start: int, delimiter: str) -> dict[str, str]:
@@ -284,7 +327,7 @@ FORMAT = Format(
     title="TRC (Motion Analysis, OpenSim)",
     suffixes=(".trc",),
     holds="markers",
-    sniff=lambda head, path: any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20]),
+    sniff=_is_trc,
     read=lambda path, options: read_trc(path, options.points, options.sample),
     write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),

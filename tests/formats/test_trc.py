@@ -194,3 +194,29 @@ def test_titles_that_scripts_write_in_other_ways_name_the_same_points(put, conte
     take = read_take(put("odd.trc", content))
     assert (take.names, take.n_frames, take.rate) == (("knee", "ankle"), 2, 50.0)
     np.testing.assert_allclose(take.positions[0], [[100, 200, 300], [400, 500, 600]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("first", ["", "pathfiletype\t4\t(X/Y/Z)\twalk.trc\n"])
+def test_first_line_may_be_missing_or_in_small_letters(put, text, walk, first):
+    take = read_take(put("first.trc", first + text.partition("\n")[2]))
+    assert (take.names, take.rate) == (walk.names, walk.rate)
+
+
+def test_names_that_blanks_part_are_two(edited, text, walk):
+    tabs = "\t\t\t".join(walk.names[-2:])
+    assert read_take(edited("blanks.trc", text, tabs, "          ".join(walk.names[-2:]))).names == walk.names
+
+
+@pytest.mark.parametrize("stated", ["0", "30"])
+def test_times_count_where_the_header_states_another_rate(put, text, walk, stated):
+    lines = text.split("\n")
+    lines[2] = stated + lines[2][lines[2].index("\t") :]
+    take = read_take(put("rate.trc", "\n".join(lines)))
+    assert take.rate == walk.rate
+    assert any(f"DataRate says {stated} Hz" in notice for notice in take.notices)
+
+
+def test_number_that_stands_for_a_gap_is_unseen(edited, text, walk):
+    row = text.split("\n")[6].split("\t")
+    path = edited("gap.trc", text, "\t".join(row[2:8]), "\t".join(["-9999"] * 6))
+    assert read_take(path).seen[0, :3].tolist() == [False, False, True]
