@@ -93,7 +93,7 @@ def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | Point
     if len(head) < 3:
         raise FormatError(path, len(lines), f"the header of the block {title} is cut off")
     delimiter = _delimiter(path, *head[2])
-    stated = head[0][1].strip(_DELIMITERS + " ").removesuffix("Hz").strip(_DELIMITERS + " ")
+    stated = head[0][1].strip(_DELIMITERS + ' "').removesuffix("Hz").strip(_DELIMITERS + ' "')
     rate = rate_in(path, head[0][0], stated, "the rate of the trajectories")
     names, titles = (split_cells(path, line, number, delimiter) for number, line in head[1:3])
     columns = _columns(path, head[2][0], names, titles, title)
@@ -185,12 +185,13 @@ def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[
     for number, line in lines.rows(first, block=True):
         if not line.strip(_DELIMITERS + " "):
             break
-        missing = n_cells - 1 - line.count(delimiter)
+        plain = line.replace('"', "")  # a spreadsheet may quote every cell
+        missing = n_cells - 1 - plain.count(delimiter)
         padded += missing > 0
         if missing > 0 and number == len(lines):
             notices.append(f"line {number}, the last, is cut off and left out")
             break
-        yield number, line + delimiter * missing
+        yield number, plain + delimiter * missing
     if padded:
         rows = counted(padded, "row ends", "rows end")
         notices.append(f"{rows} before the last column; markers without cells are unseen there")

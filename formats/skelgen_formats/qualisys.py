@@ -4,7 +4,7 @@ Layout, tab-separated text: header lines of a word in capitals and its values (n
 ``NO_OF_FRAMES 6000``, ``FREQUENCY 100``, ``MARKER_NAMES hand_top hand_left ...``), then optionally one line with column
 titles (``Frame  Time  hand_top X  hand_top Y ...``), then one line per frame: x, y, z of each marker in mm, after the
 frame number and the time where these were exported. A marker that is unseen has empty cells, ``NULL`` or three zeros.
-Decimal commas, as some machines write them, are understood.
+Decimal commas, as some machines write them, are understood, and commas or semicolons for tabs, as spreadsheets save it.
 
 With ``DATA_INCLUDED 6D`` the header has ``BODY_NAMES``, and a body has 16 columns: X Y Z [mm], three angles, residual,
 and the matrix that takes its axes to the world's, column by column (Rot[0] to Rot[8]).
@@ -26,6 +26,7 @@ from skelgen_formats.options import POINTS, Format
 from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
+_DELIMITERS = "\t;,"
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
 _LOOSE_KEYS = ("DESCRIPTION", "TIME_STAMP")  # of which nothing is read, and that scripts part from values by blanks
@@ -57,7 +58,8 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
         If the header lacks what is needed, or lines are cut off.
     """
     lines = read_lines(path, sample)
-    header, first = _header(lines)
+    delimiter = _delimiter(lines)
+    header, first = _header(lines, delimiter)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
     if "2D" in included or "SKELETON" in included:
@@ -70,14 +72,16 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
         _, names = _entry(path, header, "BODY_NAMES")
         _check_count(path, header, len(names), "BOD")
     else:
-        names = _markers(path, lines, header, first, notices)
+        # the first line may hold titles
+        names = _markers(path, lines[min(first + 1, len(lines) - 1)], header, delimiter, notices)
     rate_line, rate_text = _entry(path, header, "FREQUENCY")
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
     width = _BODY_COLUMNS if of_bodies else 3
-    leading, first = _leading_cells(path, lines, first, width * len(names))
+    leading, first = _leading_cells(path, lines, first, width * len(names), delimiter)
     n_cells = leading + width * len(names)
-    whole = whole_lines(lines.rows(first, least=0 if leading else n_cells - 1), len(lines), n_cells, "\t", notices)
-    rows = parse_rows(path, whole, n_cells, "\t", leading=leading)
+    numbered = lines.rows(first, least=0 if leading else n_cells - 1)
+    whole = whole_lines(numbered, len(lines), n_cells, delimiter, notices)
+    rows = parse_rows(path, whole, n_cells, delimiter, leading=leading)
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     rows = uncut(lines, rows, count_in(path, frames_line, frames[0], _FIRST_KEY), notices)
     numbers = rows.reshape(len(rows), len(names), width)
@@ -106,10 +110,16 @@ def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats
     return transforms_of(path, np.concatenate([numbers[:, :, :3], quaternions], axis=2), _MM)
 
 
-def _header(lines: Lines) -> tuple[_Header, int]:
+def _delimiter(lines: Lines) -> str:
+    """Return what parts the words of the first line from each other."""
+    _, first = next(lines.numbered(), (0, ""))
+    return next((delimiter for delimiter in _DELIMITERS if delimiter in first), _DELIMITERS[0])
+
+
+def _header(lines: Lines, delimiter: str) -> tuple[_Header, int]:
     header: _Header = {}
     for number, line in lines.numbered():
-        cells = [cell.strip() for cell in line.split("\t")]
+        cells = [cell.strip() for cell in line.split(delimiter)]
         if cells[0].startswith(_LOOSE_KEYS):
             continue
         if not _KEY.fullmatch(cells[0]):
@@ -125,16 +135,15 @@ def _entry(path: Path, header: _Header, key: str) -> tuple[int, list[str]]:
     return header[key]
 
 
-def _markers(path: Path, lines: Lines, header: _Header, first: int, notices: list[str]) -> list[str]:
-    """Return the names of markers; where NO_OF_MARKERS says another number, the columns decide."""
+def _markers(path: Path, row: str, header: _Header, delimiter: str, notices: list[str]) -> list[str]:
+    """Return the names of markers; where NO_OF_MARKERS says another number, the columns of a row decide."""
     if "NO_OF_MARKERS" not in header or "MARKER_NAMES" not in header:
         return _entry(path, header, "MARKER_NAMES")[1]
     line, values = _entry(path, header, "NO_OF_MARKERS")
     announced, names = count_in(path, line, values[0], "NO_OF_MARKERS"), header["MARKER_NAMES"][1]
     if announced == len(names):
         return names
-    row = lines[min(first + 1, len(lines) - 1)]  # the first line may hold titles
-    widths = {row.count("\t") + 1, row.count("\t") + 1 - row.endswith("\t")}
+    widths = {row.count(delimiter) + 1, row.count(delimiter) + 1 - row.endswith(delimiter)}
     fitting = [
         count for count in (len(names), announced) if any(0 <= width - 3 * count <= _MAX_LEADING for width in widths)
     ]
@@ -154,11 +163,11 @@ def _check_count(path: Path, header: _Header, n_names: int, what: str) -> None:
                 raise FormatError(path, line, f"{key} says {announced} and the line of names lists {n_names}")
 
 
-def _leading_cells(path: Path, lines: Sequence[str], first: int, n_cells: int) -> tuple[int, int]:
+def _leading_cells(path: Path, lines: Sequence[str], first: int, n_cells: int, delimiter: str) -> tuple[int, int]:
     """Return how many cells precede the positions, and the index of the first data line."""
     if first == len(lines):
         raise FormatError(path, first, "the file ends after its header; the frames are missing")
-    titles = [cell.strip().lower() for cell in lines[first].split("\t")]
+    titles = [cell.strip().lower() for cell in lines[first].split(delimiter)]
     if titles[0] in _LEADING_TITLES or titles[0].endswith(" x"):
         return sum(title in _LEADING_TITLES for title in titles[:_MAX_LEADING]), first + 1
     leading = len(without_trailing_empty(titles)) - n_cells

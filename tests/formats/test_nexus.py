@@ -28,6 +28,7 @@ FIRST = [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
         f"{DEVICES}\n{TRAJECTORIES}\n",
         TRAJECTORIES.replace("\n", "\r\n"),
         TRAJECTORIES.replace(",", "\t"),
+        "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in TRAJECTORIES.splitlines()),
     ],
 )
 def test_trajectories_are_read_wherever_they_stand(put, text):

@@ -115,3 +115,12 @@ def test_real_recording_is_a_hand_in_millimetres(recording):
     take = read_take(recording("hand/recording.tsv"))
     assert take.positions.shape == (6000, 21, 3)
     assert 300 < np.nanmax(np.abs(take.positions)) < 1500
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_table_that_a_spreadsheet_saved_is_read(put, qualisys_text, delimiter):
+    whole, saved = (
+        read_take(put(f"{n}.tsv", qualisys_text.replace("\t", part))) for n, part in enumerate(("\t", delimiter))
+    )
+    assert saved.names == whole.names
+    np.testing.assert_array_equal(saved.positions, whole.positions)
