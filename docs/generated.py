@@ -115,6 +115,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
 | BTS EMT | 3D tracks | layout of public readers |
 | Vicon Tracker CSV | Objects with quaternions | layout of public readers |
+| Mokka (BTK) ASCII export | points with or without events and analogue data | layout of its writer |
 | Visual3D ASCII export | targets and landmarks of one trial | layout |
 | C3D of Theia | segments with rotations, beside points or alone | layout of C-Motion's extension, against ezc3d |
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |

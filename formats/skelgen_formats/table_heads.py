@@ -1,6 +1,7 @@
 """What the lines above a table of points say: which columns are whose, which is time, rate, unit, and where it begins.
 
-Titles are one line (see `skelgen_formats.titles`), or two, the name over the first or over each of the columns X, Y, Z;
+Titles are one line (see `skelgen_formats.titles`), or two, the name over the first or over each of the columns X, Y, Z
+(Mokka has units between them);
 or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of an ASCII export of Visual3D:
 file, signal, type, folder, and ``ITEM  X  Y  Z``. Before them may stand lines of a word and a value
 (``Frequency: 100``, ``Units: mm``), behind them one of units, or the name of the index that pandas writes.
@@ -102,8 +103,8 @@ def _hear_preamble(head: Head, before: list[list[str]]) -> None:
         stated = _STATED.fullmatch(key)
         if stated and stated[1].lower().startswith("unit"):
             head.unit = head.unit or value.strip(": ")
-        elif stated:
-            head.rate = value.strip(": Hzfps")
+        elif stated and not key.lower().startswith("analog"):
+            head.rate = head.rate or value.strip(": Hzfps")
 
 
 def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
@@ -158,9 +159,11 @@ def _find_times(head: Head, titles: Sequence[str]) -> None:
 
 def _under_names(rows: list[list[str]]) -> Head | None:
     """Names over the first of three columns X, Y, Z, or over each; frame and time may stand before."""
-    if len(rows) < 2:
+    if len(rows) < 3:
         return None
-    axes = without_trailing_empty(rows[1])
+    units = {word.lower() for word in rows[1] if word} - {"s"}
+    has_units = len(units) == 1 and units <= {*MM_PER_UNIT}  # between names and axes, as Mokka has them
+    axes = without_trailing_empty(rows[1 + has_units])
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
@@ -171,7 +174,8 @@ def _under_names(rows: list[list[str]]) -> Head | None:
     bodies = bodies_of(titles)
     if len(bodies) < _FEWEST:
         return None
-    found = Head(bodies, n_cells=len(axes), n_lines=2, unit=bodies[0].unit)
+    unit = units.pop() if has_units else bodies[0].unit
+    found = Head(bodies, n_cells=len(axes), n_lines=2 + has_units, unit=unit)
     _find_times(
         found, [axis if seconds_per_unit(axis) is not None else name for name, axis in zip(names, axes, strict=True)]
     )

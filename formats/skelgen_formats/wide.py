@@ -28,10 +28,17 @@ from skelgen.model.rates import rate_of
 from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.markers import assumed_mm_per_unit, mm_per_unit, scaled, take_from_markers, zeros_unseen
+from skelgen_formats.markers import (
+    assumed_mm_per_unit,
+    equal_unseen,
+    mm_per_unit,
+    scaled,
+    take_from_markers,
+    zeros_unseen,
+)
 from skelgen_formats.options import AUTO, BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.text import parse_rows, rate_in
+from skelgen_formats.text import is_number, parse_rows, rate_in
 from skelgen_formats.titles import AXES, Body
 
 ASSUMED_RATE = 100.0
@@ -43,7 +50,6 @@ QUOTED = re.compile(r'"([^"]*)"')
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
 _OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}  # s
-_FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
 _MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
 
 
@@ -100,7 +106,7 @@ def _numbers_of(
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
-    numbers = _padded(lines.rows(first, least=least), head.delimiter, least)
+    numbers = _padded(_until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
     rows = parse_rows(path, numbers, head.n_cells, head.delimiter, [*wanted, *times])
     if not times:
         return rows, None
@@ -148,25 +154,9 @@ def take_from_table(
         bodies = blank_unseen(numbers)
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
         return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
-    positions = _equal_unseen(zeros_unseen(numbers), notices)
+    positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
-
-
-def _equal_unseen(positions: Floats, notices: list[str]) -> Floats:
-    """Make positions NaN whose coordinates are one number that others have, too; return the same array.
-
-    A point that has such a position throughout is one that stands still, unless another one has it as well.
-    """
-    first = positions[..., 0]
-    equal = (positions == first[..., np.newaxis]).all(axis=2)
-    for value in np.unique(first[equal]).tolist():
-        those = equal & (first == value)
-        count, stands = int(those.sum()), (those | np.isnan(first)).all(axis=0)
-        if count >= _FEWEST_EQUAL and (not stands[those.any(axis=0)].all() or those.any(axis=0).sum() > 1):
-            positions[those] = np.nan
-            notices.append(f"{count} positions are {value:g} along x, y and z, and are taken as unseen")
-    return positions
 
 
 def _factor_and_rate(
@@ -199,6 +189,18 @@ def _rate_of_times(times: Floats, notices: list[str]) -> float:
             notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
             return rate
     return AS_RECORDED_RATE
+
+
+def _until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield the lines up to one that begins with a word behind a blank one: Mokka writes analogue data there."""
+    last, counts = 0, False
+    for number, line in numbered:
+        first = line.split(head.delimiter, 1)[0].strip()
+        if counts and last < number - 1 and first and not is_number(first):
+            head.notices.append(f"another table, which begins in line {number}, is left out")
+            return
+        last, counts = number, bool(first) and is_number(first)
+        yield number, line
 
 
 def _padded(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:

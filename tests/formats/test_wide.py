@@ -281,3 +281,15 @@ def test_tools_of_ndi_are_bodies_beside_their_markers(put):
 def test_angles_beside_places_are_no_points(put):
     text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
     assert read_take(put("angles.csv", text)).names == ("a", "b")
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_export_of_mokka_is_read(put, delimiter):
+    """Rate and events before the titles, units between names and axes, another table behind a blank line."""
+    text = "Frame number,2\nPoint frequency,50\nAnalog frequency,1000\n\nLeft_Foot Strike,0.05,0.25,0.45\n\n"
+    text += "Time,nose,,,tail,,\ns,cm,cm,cm,cm,cm,cm\n,X,Y,Z,X,Y,Z\n0,1,2,3,4,5,6\n0.02,1,2,3,0,0,0\n\n"
+    text += "Time,Fx,Fy\ns,N,N\n0,1,2\n0.001,1,2\n"
+    take = read_take(put("mokka.txt", text.replace(",", delimiter)))
+    assert (take.names, take.rate, take.seen.tolist()) == (("nose", "tail"), 50.0, [[True, True], [True, False]])
+    np.testing.assert_array_equal(take.positions[0], [[10, 20, 30], [40, 50, 60]])
+    assert "another table, which begins in line 13, is left out" in take.notices
