@@ -20,7 +20,7 @@ from skelgen_formats.options import MM_PER_UNIT
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
 
-_UNLABELLED = re.compile(r"(\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
+_UNLABELLED = re.compile(r"((uname)?\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
 COMPUTED = "left out because a model computed them (`--points all` takes them)"
 """What became of points that are no markers, for `noted`."""
 

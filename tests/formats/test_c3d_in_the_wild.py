@@ -325,3 +325,15 @@ def test_segments_beside_points_are_no_points(put):
     ours = read_take(path, bodies=True).world_from_body
     np.testing.assert_allclose(ours[:, 0], theirs[:, 0], rtol=0, atol=F32)
     np.testing.assert_allclose(ours[:, 0], poses[:, 1], rtol=0, atol=F32)
+
+
+def test_frame_rates_that_differ_are_told(put):
+    take = read_take(put("rates.c3d", replace(PLAIN, numbers={("POINT", "RATE"): 60.0}).content))
+    assert take.rate == 60.0
+    assert "the header says 100 Hz and POINT:RATE 60 Hz, which is taken" in take.notices
+
+
+def test_points_that_mokka_numbers_have_no_label(put):
+    take = read_take(put("uname.c3d", replace(PLAIN, labels=("LASI", "RASI", "uname*3")).content))
+    assert take.names == ("LASI", "RASI")
+    assert "1 marker left out because unlabelled: uname*3" in take.notices

@@ -45,6 +45,7 @@ WORDS_PER_POINT = 4
 _PROCESSORS = {84: "<", 85: "<", 86: ">"}  # DEC words are little-endian; only its f32 differ
 _DEC = 85
 _BIGGEST_RATE = 1e6  # Hz; no camera is faster
+_RATE_TOLERANCE = 0.01  # of the rate: what rounding makes of it
 _BIGGEST_SCALE = 1e6  # units per count of an i16
 _PIECE = 1 << 20  # bytes read at once
 
@@ -155,10 +156,8 @@ def _parameter_section(path: Path, head: bytes, stream: Any, size: int) -> tuple
 
 def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Parameters, size: int) -> C3dLayout:
     n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", head, 2)
-    scale, rate = float_of(head[12:16], order, dec), number_of(parameters, ("POINT", "RATE"), 0.0)
-    rate = rate if rate > 0 else float_of(head[20:24], order, dec)
-    rate = float(str(np.float32(rate)))  # 59.94, not 59.93999862670898, from which no clean times come
     notices: list[str] = []
+    scale, rate = float_of(head[12:16], order, dec), _rate(head, order, dec, parameters, notices)
     data_start = _data_start(path, head, order, parameters, size, notices)
     if n_points == 0 and not has_rotations(parameters):
         raise FormatError(path, "byte 2", "the file holds no points; analogue data alone cannot be used")
@@ -188,6 +187,18 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
         notices.append(f"POINT:USED says {used:g} points; the {n_points} of the header are what the file has")
     frames = _frames_held(path, sizes, data_start, room, n_frames is None, notices)
     return C3dLayout(sizes.n_points, frames, sizes.n_analog, rate, sizes.scale, data_start, *known, tuple(notices))
+
+
+def _rate(head: bytes, order: str, dec: bool, parameters: Parameters, notices: list[str]) -> float:
+    """Return the frame rate by POINT:RATE, or by the header where it says none."""
+    # 59.94, not 59.93999862670898, from which no clean times come
+    stated, other = (
+        float(str(np.float32(rate)))
+        for rate in (number_of(parameters, ("POINT", "RATE"), 0.0), float_of(head[20:24], order, dec))
+    )
+    if stated > 0 and 0 < other <= _BIGGEST_RATE and abs(stated - other) > _RATE_TOLERANCE * stated:
+        notices.append(f"the header says {other:g} Hz and POINT:RATE {stated:g} Hz, which is taken")
+    return stated if stated > 0 else other
 
 
 def has_rotations(parameters: Parameters) -> bool:
