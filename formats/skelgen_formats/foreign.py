@@ -16,6 +16,7 @@ class _Foreign(NamedTuple):
 
 
 _NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
+_CELLS, _TITLE_LINES = re.compile(r"[,;\t]"), 24
 _FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _MARKERS = "export the markers as C3D or TRC"
 
@@ -45,9 +46,17 @@ _FOREIGN = (
     _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
     _Foreign((), (".cap", ".vc", ".trb", ".prj"), f"binary data of Cortex or EVaRT; {_MARKERS} from Cortex"),
+    _Foreign((), (".htr", ".gtr"), f"segments of Cortex, which it computed; {_MARKERS} from Cortex"),
     _Foreign((), (".anc", ".anb", ".forces"), f"analogue data of Cortex, no markers; {_MARKERS}"),
     _Foreign((b"<OpenSimDocument",), (".osim",), "a model of OpenSim, without a recording; give its .trc"),
     _Foreign((), (".mot", ".sto"), _OPENSIM),
+    _Foreign((b"<robot", b"<sdf"), (".urdf", ".sdf"), "a model of a robot, without a recording; give its markers"),
+    _Foreign(
+        (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3"),
+        (".bag", ".mcap", ".db3"),
+        "a recording of ROS; write the topic with the markers or poses as CSV, e.g. with `rostopic echo -p`",
+    ),
+    _Foreign((), (".cmz", ".cmo", ".p3d"), f"a workspace of Visual3D; {_MARKERS}, or targets as ASCII, from Visual3D"),
     _Foreign((b"glTF",), (".glb", ".gltf"), f"a 3D scene; {_MARKERS}, or bones as BVH for `skelgen simulate --motion`"),
     _Foreign((b"PXR-USDC", b"#usda"), (".usd", ".usda", ".usdc"), f"a USD scene; {_MARKERS}"),
     _Foreign((), (".blend", ".ma", ".mb", ".max"), f"a scene of an animation program; {_MARKERS}, or bones as BVH"),
@@ -56,9 +65,13 @@ _FOREIGN = (
         (".h5", ".hdf5", ".nwb", ".slp"),
         "an HDF5 file; export a wide CSV (name_x, name_y, name_z) from DeepLabCut, SLEAP or anipose",
     ),
-    _Foreign((b"{", b"["), (".json",), "JSON; write the points as TRC or wide CSV, those of images triangulated first"),
+    _Foreign(
+        (b"{", b"[{", b"[[", b"[\n", b"[\r", b"[ "),
+        (".json",),
+        "JSON; write the points as TRC or wide CSV, those of images triangulated first",
+    ),
     _Foreign((), (".pkl", ".pickle", ".p"), "a pickle, which may run anything; save the positions with numpy.save"),
-    _Foreign((b"PK\x03\x04",), (".xlsx", ".ods"), "a spreadsheet; save the sheet as CSV"),
+    _Foreign((b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls", ".ods"), "a spreadsheet; save the sheet as CSV"),
     _Foreign((b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"), (".zip", ".gz", ".7z"), "an archive; unpack it first"),
     _Foreign(
         (b"RIFF",),
@@ -78,6 +91,25 @@ def no_file(head: bytes) -> str:
     """
     begin = head.lstrip().lower()
     return next((sentence for start, sentence in _INSTEAD if begin.startswith(start)), "")
+
+
+def table_hint(head: bytes) -> str:
+    """Return what the titles of a table lack, or an empty text if the file is no table.
+
+    Parameters
+    ----------
+    head : bytes
+        Its beginning.
+    """
+    lines = [line for line in decoded_head(head).splitlines()[:_TITLE_LINES] if line.strip()]
+    rows = [[cell.strip(' "') for cell in _CELLS.split(line)] for line in lines]
+    if not any(len(row) > 1 for row in rows):
+        return ""
+    for row in rows:
+        along = [{title[:-1] for title in row if title.lower().endswith(axis)} for axis in "xyz"]
+        if along[0] & along[1] - along[2] - {""}:
+            return "the titles name x and y alone: points in images; triangulate them first, e.g. with anipose"
+    return "a table needs titles: name_x, name_y, name_z of each point, or frame, name, x, y, z with a row per point"
 
 
 def is_foreign(head: bytes, path: Path) -> str:

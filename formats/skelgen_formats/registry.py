@@ -50,7 +50,7 @@ from skelgen_formats import (
 )
 from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
-from skelgen_formats.foreign import no_file
+from skelgen_formats.foreign import no_file, table_hint
 from skelgen_formats.lines import Sample
 from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.rest_pose import with_rest_pose
@@ -114,7 +114,8 @@ def recognise(path: Path) -> Format:
             hint = f"`skelgen simulate --motion {path.name}` puts markers on them"
             raise FormatError(path, "", f"{entry.title} holds bones, not markers; {hint}")
     names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in alike or readable)
-    raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
+    hint = f"; {hint}" if (hint := table_hint(head)) else ""
+    raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}{hint}")
 
 
 def read_take(

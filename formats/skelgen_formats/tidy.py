@@ -29,7 +29,7 @@ _FRAMES = (
 )
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
-    *("body", "rigid_body", "rigidbody", "object", "segment", "sensor", "tool"),
+    *("body", "rigid_body", "rigidbody", "object", "segment", "sensor", "station", "tool"),
 )
 _NAMES = (
     *_THINGS,

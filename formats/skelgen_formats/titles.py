@@ -34,6 +34,7 @@ _TIME = re.compile(
     re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mi": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}
+_SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
@@ -175,7 +176,7 @@ def _forward(title: str) -> tuple[str, str, str] | None:
     if (alone := _ALONE.fullmatch(text)) and len(text) > 1:
         return "", alone[1].lower(), unit
     match = _TRANSLATED.fullmatch(text) or _FORWARD.fullmatch(text)
-    if match is None:
+    if match is None or _SENSED.fullmatch(text):
         return None
     named = _NAMED_PLACE.fullmatch(match[1])
     return (named or match)[1], match[2].lower(), unit

@@ -28,6 +28,11 @@ import pytest
         ),
         ("walk.trc", b"\n<!DOCTYPE html><html>", "a web page, not the file"),
         ("walk.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
+        ("walk.htr", b"[Header]\nFileType htr\n", "segments of Cortex"),
+        ("walk.bag", b"#ROSBAG V2.0\n", "a recording of ROS"),
+        ("arm.urdf", b"<robot name='arm'>", "a model of a robot"),
+        ("angles.csv", b"time,hip,knee\n0,1,2\n", "a table needs titles: name_x, name_y, name_z"),
+        ("sleap.csv", b"frame,nose.x,nose.y,nose.score\n0,1,2,1\n", "x and y alone: points in images; triangulate"),
     ],
 )
 def test_file_that_holds_nothing_to_read_says_what_it_is(refused, put, name, content, sentence):

@@ -161,6 +161,10 @@ def test_forces_and_accelerations_are_no_points(refused, put, names):
     assert f"left out: {names[0]}, {names[1]}; nothing else" in refused(put("imu.csv", f"{titles}\n{rows()}"))
 
 
+def test_signals_of_inertial_sensors_and_force_plates_are_no_points(refused, put):
+    assert "a table needs titles" in refused(put("imu.csv", "t,ax,ay,az,gx,gy,gz\n" + rows("{1},")))
+
+
 def test_velocities_beside_points_are_left_out(put):
     head = "nose_x,nose_y,nose_z,tail_x,tail_y,tail_z,nose_vel_x,nose_vel_y,nose_vel_z\n"
     take = read_take(put("both.csv", head + rows(after=",1,2,3")))
