@@ -94,7 +94,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
     text = line.lstrip(_COMMENT + " ") if line.startswith(tuple(_COMMENT)) else line
-    return [cell.strip().strip('"') for cell in text.split(delimiter)]
+    return [cell.strip().strip('"') for cell in text.split(delimiter)] or [""]
 
 
 def _hear_preamble(head: Head, before: list[list[str]]) -> None:

@@ -21,7 +21,7 @@ from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in
 from skelgen_formats.titles import AXES, COMPONENTS, axis_alone, bodies_of, component_alone, seconds_per_unit
-from skelgen_formats.wide import QUOTED, take_from_table
+from skelgen_formats.wide import QUOTED, since_first, take_from_table
 
 _FRAMES = (
     *("frame", "frame_number", "frame_id", "frame_idx", "frame_index", "frames", "frame_no", "frame_nr", "framenumber"),
@@ -89,7 +89,7 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     stamps = None
     if rows.times:
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
-        stamps = (stamps - stamps[:1]) * (seconds_per_unit(titles[at["time"]]) or 1.0)
+        stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
     _, unit = axis_alone(titles[at["x"]]) or ("", "")
     return take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
 

@@ -138,7 +138,8 @@ def _rate(path: Path, lines: Lines, start: int, table: _Table, stated: float, no
     rows = islice(_rows(lines, start, table), _TIMES_READ)
     whole = whole_lines(rows, len(lines), table.n_cells, table.delimiter, [])
     times = parse_rows(path, whole, table.n_cells, table.delimiter, [_LEADING_CELLS - 1])[:, 0]
-    are_times = len(times) >= _FEWEST_TIMES and np.isfinite(times).all() and (np.diff(times) > 0).all()
+    with np.errstate(over="ignore", invalid="ignore"):
+        are_times = len(times) >= _FEWEST_TIMES and np.isfinite(times).all() and (np.diff(times) > 0).all()
     measured = rate_of(times) if are_times and not lines.is_sampled else 0.0
     if not _SLOWEST < measured < _FASTEST or abs(measured - stated) <= _RATE_TOLERANCE * stated:
         return rate_in(path, start + 3, repr(stated), "DataRate")

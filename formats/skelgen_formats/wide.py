@@ -115,7 +115,21 @@ def _numbers_of(
         few = islice(_padded(lines.numbered(first), head.delimiter, least), options.sample.most)
         stamps = parse_rows(path, few, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
-    return rows[:, :-1], (stamps - stamps[:1]) * (head.second or 1.0)
+    return rows[:, :-1], since_first(stamps, head.second)
+
+
+def since_first(times: Floats, second: float) -> Floats:
+    """Return times since the first one [s], or in their unit if no title names it.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        As they stand in the file.
+    second : float
+        Seconds per unit; 0 if unknown.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
+        return (times - times[:1]) * (second or 1.0)
 
 
 def _take(
@@ -178,7 +192,9 @@ def _factor_and_rate(
 
 def _rate_of_times(times: Floats, notices: list[str]) -> float:
     """Return the frame rate of times, which may be in another unit than seconds; `AS_RECORDED_RATE` if none fits."""
-    if len(times) < 2 or not np.isfinite(times).all() or not (np.diff(times) > 0).all():
+    with np.errstate(over="ignore", invalid="ignore"):
+        are_times = len(times) > 1 and np.isfinite(times).all() and (np.diff(times) > 0).all()
+    if not are_times:
         return AS_RECORDED_RATE
     rate = rate_of(times)
     if _SLOWEST < rate < _FASTEST:
@@ -266,7 +282,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
         raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
-    times = None if head.times is None else (numbers[:, -1] - numbers[:1, -1]) * (head.second or 1.0)
+    times = None if head.times is None else since_first(numbers[:, -1], head.second)
     return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
 
 

@@ -227,6 +227,12 @@ def test_times_are_read_in_their_unit(put, title, times):
     assert read_take(put("times.csv", text)).rate == 50.0
 
 
+@pytest.mark.parametrize("last", ["inf", "-1e308", "nan"])
+def test_times_that_are_none_state_no_rate(put, last):
+    text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n1e308,1,2,3,4,5,6\n" + f"{last},1,2,3,4,5,6\n"
+    assert "100 Hz is assumed" in " ".join(read_take(put("times.csv", text)).notices)
+
+
 def test_column_of_times_that_counts_frames_states_no_rate(put):
     text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{n},1,2,3,4,5,6\n" for n in range(3))
     assert "100 Hz is assumed" in " ".join(read_take(put("counted.csv", text)).notices)
@@ -297,3 +303,7 @@ def test_export_of_mokka_is_read(put, delimiter):
     assert (take.names, take.rate, take.seen.tolist()) == (("nose", "tail"), 50.0, [[True, True], [True, False]])
     np.testing.assert_array_equal(take.positions[0], [[10, 20, 30], [40, 50, 60]])
     assert "another table, which begins in line 13, is left out" in take.notices
+
+
+def test_line_of_comment_marks_alone_is_no_line_of_titles(put):
+    assert read_take(put("marks.csv", "%\n#\n" + UNITS)).names == ("nose", "tail.base")
