@@ -31,6 +31,7 @@ _NO_PLACES = re.compile(
 _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
+_NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
@@ -88,6 +89,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
                 _hear_preamble(head, every[:first])
                 _pass_further_titles(head, every)
+                _hear_names(head, every)
                 return _without_no_places(head)
     return None
 
@@ -123,6 +125,15 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
             return
         head.unit = head.unit or units.pop()
         head.n_lines += 1
+
+
+def _hear_names(head: Head, every: list[list[str]]) -> None:
+    """Call points as cells of the first row do where a column is theirs: ROS has ``markers0.marker_name``."""
+    titles, row = {title.lower(): at for at, title in enumerate(every[head.n_lines - 1])}, [*every, []][head.n_lines]
+    for body in head.bodies:
+        columns = [titles[title] for word in _NAME_WORDS if (title := body.name.lower() + word) in titles]
+        named = [row[column] for column in columns if column < len(row) and row[column]]
+        body.name = named[0] if named else body.name
 
 
 def _without_no_places(head: Head) -> Head:

@@ -307,3 +307,12 @@ def test_export_of_mokka_is_read(put, delimiter):
 
 def test_line_of_comment_marks_alone_is_no_line_of_titles(put):
     assert read_take(put("marks.csv", "%\n#\n" + UNITS)).names == ("nose", "tail.base")
+
+
+def test_names_that_stand_in_cells_are_those_of_the_points(put):
+    """As `rostopic echo -p` writes the markers of Vicon."""
+    marker = "field.markers{0}.marker_name,field.markers{0}.translation.x,field.markers{0}.translation.y"
+    titles = ",".join(f"{marker},field.markers{{0}}.translation.z".format(n) for n in range(2))
+    text = f"%time,{titles}\n" + "".join(f"{t}0000000,LASI,1,2,3,RASI,4,5,6\n" for t in (10, 12))
+    take = read_take(put("ros.csv", text))
+    assert (take.names, take.rate) == (("LASI", "RASI"), 50.0)
