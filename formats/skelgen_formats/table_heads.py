@@ -142,6 +142,9 @@ def _without_no_places(head: Head) -> Head:
     if left_out:
         head.notices.append(f"no points, and left out: {', '.join(left_out[:8])}")
     head.bodies = [body for body in head.bodies if body.name not in left_out]
+    angles = [body.name for body in head.bodies if body.turn and not body.is_turned]
+    if angles:
+        head.notices.append(f"rotations other than unit quaternions are left out: {', '.join(angles[:8])}")
     return head
 
 

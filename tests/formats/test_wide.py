@@ -288,6 +288,13 @@ def test_tools_of_ndi_are_bodies_beside_their_markers(put):
     assert read_take(path, bodies=True).names == ("body", "body_2")
 
 
+def test_angles_of_a_body_are_left_out_with_a_notice(put):
+    titles = ",".join(f"{name}_pos_{axis},{name}_rot_{axis}" for name in ("thigh", "shank") for axis in "xyz")
+    take = read_take(put("euler.csv", f"{titles}\n" + "1,90,2,90,3,90,4,90,5,90,6,90\n" * 2))
+    assert take.names == ("thigh", "shank")
+    assert "rotations other than unit quaternions are left out: thigh, shank" in take.notices
+
+
 def test_angles_beside_places_are_no_points(put):
     text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
     assert read_take(put("angles.csv", text)).names == ("a", "b")
