@@ -27,6 +27,7 @@ COMPUTED = "left out because a model computed them (`--points all` takes them)"
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
+_MOST_NUMBERS = 3  # that a program writes for gaps
 _NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
 
@@ -114,7 +115,8 @@ def zeros_unseen(positions: Floats) -> Floats:
 def equal_unseen(positions: Floats, notices: list[str]) -> Floats:
     """Make positions NaN whose coordinates are one number that others have, too; return the same array.
 
-    A point that has such a position throughout is one that stands still, unless another one has it as well.
+    A point that has such a position throughout is one that stands still, unless another one has it as well; where many
+    numbers recur so, the points move along a diagonal.
 
     Parameters
     ----------
@@ -124,13 +126,22 @@ def equal_unseen(positions: Floats, notices: list[str]) -> Floats:
         Gets a sentence for each number.
     """
     first = positions[..., 0]
-    equal = (positions == first[..., np.newaxis]).all(axis=2)
-    for value in np.unique(first[equal]).tolist():
-        those = equal & (first == value)
-        count, stands = int(those.sum()), (those | np.isnan(first)).all(axis=0)
-        if count >= _FEWEST_EQUAL and (not stands[those.any(axis=0)].all() or those.any(axis=0).sum() > 1):
-            positions[those] = np.nan
-            notices.append(f"{count} positions are {value:g} along x, y and z, and are taken as unseen")
+    frames, markers = np.nonzero((positions == first[..., np.newaxis]).all(axis=2))
+    values, which, counts = np.unique(first[frames, markers], return_inverse=True, return_counts=True)
+    recurs = counts >= _FEWEST_EQUAL
+    if not 0 < recurs.sum() <= _MOST_NUMBERS + positions.shape[1]:
+        return positions
+    pairs, n_times = np.unique(which * positions.shape[1] + markers, return_counts=True)  # numbers and their markers
+    numbers, owners = np.divmod(pairs, positions.shape[1])
+    are_all = n_times == (~np.isnan(first)).sum(axis=0)[owners]
+    is_still = (np.bincount(numbers) == 1) & np.isin(np.arange(len(values)), numbers[are_all])
+    are_gaps = recurs & ~is_still
+    if are_gaps.sum() > _MOST_NUMBERS:
+        return positions
+    gone = are_gaps[which]
+    positions[frames[gone], markers[gone]] = np.nan
+    for value, count in zip(values[are_gaps].tolist(), counts[are_gaps].tolist(), strict=True):
+        notices.append(f"{count} positions are {value:g} along x, y and z, and are taken as unseen")
     return positions
 
 

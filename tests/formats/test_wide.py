@@ -250,6 +250,11 @@ def test_point_that_stands_still_where_its_coordinates_are_equal_is_seen(put):
     assert read_take(put("still.csv", text)).seen.all()
 
 
+def test_points_that_move_along_a_diagonal_are_seen(put):
+    text = "a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{n % 9},{n % 9},{n % 9},1,2,3\n" for n in range(1, 40))
+    assert read_take(put("diagonal.csv", text)).positions[3, 0].tolist() == [4000.0] * 3
+
+
 def test_lines_before_the_titles_may_have_many_cells(put):
     """As a recorder of NDI's Aurora writes them: the date, and a sensor's letter behind each title."""
     text = (
