@@ -150,7 +150,7 @@ def _arranged(path: Path, rows: list[list[str]], axes: list[str], first: int) ->
     names = padded[labels.index("Name") if "Name" in labels else 1]
     has_ids = "ID" in labels or (not any(labels) and len(rows) > _FEWEST_TITLE_LINES)
     ids = padded[labels.index("ID") if "ID" in labels else 2] if has_ids else [""] * width
-    return _Titles(padded[0], names, ids, padded[-1], axes, first)
+    return _Titles(padded[0], names, ids, padded[-1], [axis.upper() for axis in axes], first)
 
 
 def _markers(titles: _Titles, notices: list[str]) -> list[_Item]:

@@ -110,6 +110,11 @@ def test_bodies_are_read_where_there_are_no_markers(put, kind, version):
     assert np.isnan(take.world_from_body[1]).all()
 
 
+def test_axes_may_be_titled_in_small_letters(put):
+    take = read_take(put("small.csv", of_bodies().replace(",X,Y,Z,W,X", ",X,Y,Z,w,x")))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [1500, 2500, -3500])
+
+
 def test_bodies_beside_markers_are_read_on_request(put):
     lines = of_bodies().split("\r\n")
     more = (",Marker" * 3, ",toe" * 3, ",T1" * 3, ",Position" * 3, ",X,Y,Z", ",1,2,3", ",4,5,6")
