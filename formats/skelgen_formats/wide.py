@@ -165,12 +165,20 @@ def take_from_table(
     notices: list[str] = []
     numbers = np.array(numbers, dtype=np.float64)
     if numbers.shape[2] > len(AXES):
-        bodies = blank_unseen(numbers)
+        bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
         return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
+
+
+def _lost_unseen(bodies: Floats) -> Floats:
+    """Make bodies NaN at exactly (0, 0, 0), where trackers put one that they lost, but one that never leaves it."""
+    at_origin = (bodies[:, :, : len(AXES)] == 0.0).all(axis=2)
+    leaves = (~at_origin & ~np.isnan(bodies[:, :, 0])).any(axis=0)
+    bodies[at_origin & leaves] = np.nan
+    return bodies
 
 
 def _factor_and_rate(

@@ -285,6 +285,14 @@ def test_points_with_quaternions_are_bodies(put, titles):
     np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
 
 
+def test_body_that_a_tracker_lost_is_unseen(put):
+    """NatNet gives place 0, 0, 0 and no rotation; a body that never leaves the origin is there."""
+    titles = ",".join(f"{name}_{axis}" for name in ("base", "hand") for axis in ("x", "y", "z", "qx", "qy", "qz", "qw"))
+    row = "0,0,0,0,0,0,1,{0},{0},{0},0,0,0,1\n"
+    take = read_take(put("lost.csv", f"{titles}\n{row.format(1)}{row.format(0)}"))
+    assert np.isnan(take.world_from_body[:, :, 0, 0]).tolist() == [[False, False], [False, True]]
+
+
 def test_tools_of_ndi_are_bodies_beside_their_markers(put):
     tool = "Frame#,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error,Marker0.Status,Tx,Ty,Tz,Marker1.Status,Tx,Ty,Tz"
     row = "7,1,0,0,0,10,20,300,0.1,OK,11,21,301,OK,12,20,302"
