@@ -76,13 +76,17 @@ _KEYS = (
 
 @dataclass(frozen=True)
 class _Table:
-    """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured."""
+    """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured.
+
+    Rows may have doubled tabs, too few cells (padded), or a tab before the first cell (indented).
+    """
 
     delimiter: str
     names: list[str]
     n_measured: int
     doubled: bool = False
     padded: bool = False
+    indented: bool = False
 
     @property
     def n_cells(self) -> int:
@@ -159,9 +163,9 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     titles = [
         cell.strip() for cell in (lines[start + 3].split() if delimiter == " " else lines[start + 3].split(delimiter))
     ]
-    if "" in titles and (apart := [part for title in titles for part in _APART.split(title) if part]) != titles:
-        wider = len([title for title in titles if title]) < _LEADING_CELLS + announced <= len(apart)
-        titles = apart if wider else titles
+    apart = [part for title in titles for part in _APART.split(title) if part]
+    if len([*filter(None, titles)]) < _LEADING_CELLS + announced <= len(apart):
+        titles = apart
     filled = [at for at, title in enumerate(titles) if title]
     leading = [at for at in filled[:_LEADING_CELLS] if _LEADING_TITLE.fullmatch(titles[at])]
     places = [at for at in filled if at not in leading]
@@ -170,6 +174,8 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
         names, places = points, places[::3]
     table = _Table(delimiter, names, len(names))
     _, first = next(_rows(lines, start, table), (0, ""))
+    if first.startswith(delimiter) and first.count(delimiter) == table.n_cells:
+        table, first = replace(table, indented=True), first[1:]
     if _filled(first, delimiter) > table.n_cells == len(first.replace(delimiter, " ").split()):
         notices.append("cells are parted by doubled tabs, which are taken as single ones")
         table = replace(table, doubled=True)
@@ -220,8 +226,9 @@ def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
     for number, line in lines.rows(start + _HEADER_LINES - (not has_axes)):
         if line.startswith("#") or not line.strip(table.delimiter + " "):
             continue
-        cells = _DOUBLED.sub(table.delimiter, line) if table.doubled else line
-        cells = " ".join(line.split()) if table.delimiter == " " else cells
+        cells = line.removeprefix(table.delimiter) if table.indented else line
+        cells = _DOUBLED.sub(table.delimiter, cells) if table.doubled else cells
+        cells = " ".join(cells.split()) if table.delimiter == " " else cells
         missing = table.n_cells - 1 - cells.count(table.delimiter) if table.padded else 0
         yield number, cells + table.delimiter * missing
 

@@ -220,3 +220,13 @@ def test_number_that_stands_for_a_gap_is_unseen(edited, text, walk):
     row = text.split("\n")[6].split("\t")
     path = edited("gap.trc", text, "\t".join(row[2:8]), "\t".join(["-9999"] * 6))
     assert read_take(path).seen[0, :3].tolist() == [False, False, True]
+
+
+def test_names_in_columns_of_blanks_above_rows_that_begin_with_a_tab_are_read(put, text, walk):
+    """As scripts write them that compute hip centres for OpenSim."""
+    lines = text.split("\n")
+    lines[3] = "Frame#\tTime            " + "".join(name.ljust(33) for name in walk.names)
+    lines[5:] = [f"\t{line}" if line else "" for line in lines[5:]]
+    take = read_take(put("columns.trc", "\n".join(lines)))
+    assert (take.names, take.rate) == (walk.names, walk.rate)
+    np.testing.assert_array_equal(take.positions, walk.positions)
