@@ -6,6 +6,7 @@ model, parts points of one name. Without a column of names the points are a clou
 they are bodies. Rate and unit are those of a wide table.
 """
 
+import re
 from array import array
 from collections import Counter
 from collections.abc import Sequence
@@ -23,10 +24,7 @@ from skelgen_formats.text import number_in
 from skelgen_formats.titles import AXES, COMPONENTS, axis_alone, bodies_of, component_alone, seconds_per_unit
 from skelgen_formats.wide import QUOTED, since_first, take_from_table
 
-_FRAMES = (
-    *("frame", "frame_number", "frame_id", "frame_idx", "frame_index", "frames", "frame_no", "frame_nr", "framenumber"),
-    *("frame#", "frame_#", "fnum"),
-)
+_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
     *("body", "rigid_body", "rigidbody", "object", "segment", "sensor", "station", "tool"),
@@ -128,10 +126,10 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
     titles = _titles(line, delimiter)
     plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"frame": _FRAMES, "name": _NAMES, "group": _GROUPS}
+    known = {"name": _NAMES, "group": _GROUPS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
-    found["frame"] += found["time"]
+    found["frame"] = [at for at, title in enumerate(plain) if _FRAME.fullmatch(title)] + found["time"]
     for at, title in enumerate(titles):
         if component := component_alone(title):
             found.setdefault(f"q{component}", []).append(at)

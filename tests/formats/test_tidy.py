@@ -69,6 +69,7 @@ def test_rows_that_cannot_be_read_are_told(refused, put, row, sentence):
         ("Frame,Time (ms),Marker Name,X (mm),Y (mm),Z (mm)", "{0},{0}0,{1},{2},{3},{4}"),
         ("frame,marker_id,x_mm,y_mm,z_mm", "{0},{1},{2},{3},{4}"),
         ("id;frame_no;x;y;z", "{1};{0};{2};{3};{4}"),
+        ("video_frame,segment,x_mm,y_mm,z_mm", "{0},{1},{2},{3},{4}"),
     ],
 )
 def test_titles_may_hold_units_and_other_words(put, titles, row):
