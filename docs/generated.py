@@ -103,7 +103,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | C3D, among them of EVa and OptiTrack | Intel words | recorded, against ezc3d |
 | C3D | DEC and SGI words, and the oddities of the changelog | layout |
 | C3D of Nexus 2 with ProCalc | muscle signals and angles as points | recorded, against the CSV of the same take |
-| Cortex, OpenSim, Pyomeca TRC | tabs, commas, blanks, doubled tabs; virtual markers | recorded; layout |
+| Cortex, OpenSim, Pyomeca TRC | tabs, commas, blanks, doubled tabs, indented; virtual markers | recorded; layout |
 | OpenCap, Pose2Sim, Sports2D TRC | keypoints | layout |
 | Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | two recorded; layout |
 | Vicon Workstation, Nexus 1 CSV | TRAJECTORIES, Field # | layout of public readers |
