@@ -91,7 +91,8 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
     points = [body for body in head.bodies if not body.is_turned]
     are_bodies = bool(turned) and (options.bodies or not points)
     if are_bodies and points:
-        head.notices.append(f"{counted(len(points), 'point', 'points')} without a rotation left out")
+        one, several = "point without a rotation is left out", "points without a rotation are left out"
+        head.notices.append(counted(len(points), one, several))
     elif turned and points:
         head.notices.append("bodies with rotations are left out; `--bodies` reads them instead of the points")
     return turned if are_bodies else points, are_bodies
