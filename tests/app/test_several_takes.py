@@ -62,3 +62,16 @@ def test_takes_that_show_one_half_each_give_the_whole_body():
         takes.append(dataclasses.replace(whole.take, positions=positions, name=f"from {first}"))
     both = calibrate_together(takes)
     assert evaluate(both.skeleton, whole.truth).limbs.is_exact
+
+
+def test_takes_of_one_body_are_posed_as_exactly_as_their_skeleton_was_fitted():
+    """The right knee's place along its axis is open: it lies on the line of the shank's two markers."""
+    takes = [
+        simulate("human", seed=5, motion=motion, marker_set="plug-in-gait", n_frames=120).take
+        for motion in ("squat", "walk")
+    ]
+    both = calibrate_together(takes)
+    shank = both.skeleton.skeleton.limb_names.index("right shank")
+    for one in both.takes:
+        assert one.motion.limb_seen[:, shank].all()
+        assert np.nanmax(one.motion.residuals) < 0.1  # mm

@@ -52,12 +52,12 @@ class KnownJoints:
     ----------
     articulation : Articulation
         What the joints allow.
-    rotations : ndarray, shape (n_limbs, 3, 3)
+    rotations : ndarray, shape (n_limbs, 3, 3), optional
         World from limb just before; a limb that a frame does not fix keeps its rotation against the parent.
     """
 
     articulation: Articulation
-    rotations: Floats
+    rotations: Floats | None = None
 
 
 def pose_outward(
@@ -80,8 +80,9 @@ def pose_outward(
     raw_joints : ndarray, shape (n_frames, n_limbs, 3), mm, optional
         Joint above each limb, NaN where unknown. Joints to its children help where a limb's markers do not fix it.
     joints : KnownJoints, optional
-        Frames are posed one by one, and joints turn as they allow. If not given, frames follow each other in time,
-        joints turn freely, and rotations that a frame does not fix are interpolated.
+        The axis of a hinge helps where a limb's points do not fix its rotation. If rotations just before are given,
+        frames are posed one by one, and joints turn as they allow; else frames follow each other in time, joints turn
+        freely, and rotations that a frame does not fix are interpolated.
     rotator : callable
         Closed form of absolute orientation.
     flatness : float
@@ -96,27 +97,33 @@ def pose_outward(
     rotations = np.empty((n_frames, chain.n_limbs, 3, 3))
     origins = np.empty((n_frames, chain.n_limbs, 3))
     fixed = np.zeros((n_frames, chain.n_limbs), dtype=bool)
-    rest = None if joints is None else _against_parents(chain, joints.rotations)
+    rest = None if joints is None or joints.rotations is None else _against_parents(chain, joints.rotations)
     world = np.broadcast_to(np.eye(3), (n_frames, 3, 3))
     for limb in range(chain.n_limbs):
         parent = int(chain.parents[limb])
         points, places, seen = _points_to_fit(chain, limb, positions, raw_joints, flatness)
         fixed[:, limb] = _fixes_rotation(points, seen, parent >= 0, flatness)
         above = world if parent < 0 else rotations[:, parent]
+        if parent >= 0:
+            origins[:, limb] = origins[:, parent] + above @ chain.joints[limb]
+        if joints is not None and joints.articulation.types[limb] == "hinge":
+            helped = fixed[:, parent] & ~fixed[:, limb]
+            axes = joints.articulation.in_child[limb], above @ joints.articulation.in_parent[limb]
+            points, places, seen = _with_axis_point((points, places, seen), axes, origins[:, limb], helped)
+            fixed[:, limb] = _fixes_rotation(points, seen, True, flatness)
         use, turns = np.flatnonzero(fixed[:, limb]), world.copy()
         if parent < 0:
             turns[use] = fit_transform(points, places[use], seen[use], rotator)[:, :3, :3]
         else:
-            origins[:, limb] = origins[:, parent] + above @ chain.joints[limb]
             turns[use] = rotator(moments_about(points, places[use], origins[use, limb], seen[use]))
         rotations[:, limb] = _completed(turns, fixed[:, limb], above, None if rest is None else rest[limb])
         if parent < 0:
             origins[:, limb], placed = _root_origins(rotations[:, limb], points, places, seen)
-            if joints is None:
+            if rest is None:
                 origins[:, limb] = fill_vectors(origins[:, limb], placed)
             else:
                 origins[~placed, limb] = np.nanmean(positions[~placed], axis=1)
-        elif joints is not None:
+        elif joints is not None and rest is not None:
             rotations[:, limb] = joints.articulation.allowed(limb, above, rotations[:, limb])
     return ChainPoses(origins[:, 0].copy(), rotations), fixed
 
@@ -173,6 +180,24 @@ def _points_to_fit(
     enough = _fixes_rotation(points[:n_markers], seen[:, :n_markers], bool(chain.parents[limb] >= 0), flatness)
     seen[enough, n_markers:] = False
     return points, places, seen
+
+
+def _with_axis_point(
+    known: tuple[Floats, Floats, Bools], axes: tuple[Floats, Floats], origins: Floats, helped: Bools
+) -> tuple[Floats, Floats, Bools]:
+    """Points of a limb (in its frame, in the world, which count) with one on its hinge's axis, as far as the others.
+
+    The axes are unit vectors in the limb, shape (3,), and in the world, shape (n_frames, 3). The point counts in frames
+    that are `helped`: there the parent has placed the axis, and the limb's other points do not fix its rotation.
+    """
+    points, places, seen = known
+    size = np.sqrt((points**2).sum(axis=1).mean()) if len(points) else 1.0
+    on_axis = (origins + size * axes[1])[:, np.newaxis]
+    return (
+        np.concatenate([points, size * axes[0][np.newaxis]]),
+        np.concatenate([places, on_axis], axis=1),
+        np.concatenate([seen, helped[:, np.newaxis]], axis=1),
+    )
 
 
 def _fixes_rotation(points: Floats, seen: Bools, about_joint: bool, flatness: float) -> Bools:

@@ -11,6 +11,7 @@ kept; where both are about as likely, the one that follows in time.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses
-from skelgen.kinematics.inverse.root_outward import pose_outward
+from skelgen.kinematics.inverse.root_outward import KnownJoints, pose_outward
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assembly import BodyOfTake
 from skelgen.stages.skeleton.parameters import SkeletonParameters
@@ -114,7 +115,7 @@ class ConstrainedChain:
 
 
 def without_outliers(
-    body: BodyOfTake, chain: Chain, parameters: SkeletonParameters
+    body: BodyOfTake, chain: Chain, parameters: SkeletonParameters, held: Articulation | None = None
 ) -> tuple[Floats, ChainPoses, Bools]:
     """Pose a body from the root outward, and leave positions out that cannot be right.
 
@@ -126,6 +127,8 @@ def without_outliers(
         Its limbs.
     parameters : SkeletonParameters
         Their `outlier_limit`, `rotation` and `flatness`.
+    held : Articulation, optional
+        What the joints allow: axes of hinges help where a limb's points do not fix its rotation.
 
     Returns
     -------
@@ -134,12 +137,14 @@ def without_outliers(
         points of the frame fix each rotation.
     """
     inliers, rotator, flatness = body.positions, parameters.rotator, parameters.flatness
-    poses, fixed = pose_outward(chain, inliers, body.raw_joints, rotator=rotator, flatness=flatness)
+    joints = None if held is None else KnownJoints(held)
+    pose = partial(pose_outward, chain, joints=joints, rotator=rotator, flatness=flatness)
+    poses, fixed = pose(inliers, body.raw_joints)
     for find in (_out_of_reach, _out_of_place):
         outliers = find(chain, poses, fixed, inliers, parameters.outlier_limit)
         if outliers.any():
             inliers = np.where(outliers[..., np.newaxis], np.nan, inliers)
-            poses, fixed = pose_outward(chain, inliers, body.raw_joints, rotator=rotator, flatness=flatness)
+            poses, fixed = pose(inliers, body.raw_joints)
     return inliers, poses, fixed
 
 

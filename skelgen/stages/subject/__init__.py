@@ -4,8 +4,17 @@
 what differs from the calibrated take, `fit` does all of that; `sensors` finds sensors that moved on their limbs.
 """
 
+from skelgen.stages.subject.changes import with_joints_as_fitted
 from skelgen.stages.subject.fit import SubjectFit, fit_subject
 from skelgen.stages.subject.posing import pose_subject, subject_motion
 from skelgen.stages.subject.sensors import SensorShift, find_moved_sensors
 
-__all__ = ["SensorShift", "SubjectFit", "find_moved_sensors", "fit_subject", "pose_subject", "subject_motion"]
+__all__ = [
+    "SensorShift",
+    "SubjectFit",
+    "find_moved_sensors",
+    "fit_subject",
+    "pose_subject",
+    "subject_motion",
+    "with_joints_as_fitted",
+]

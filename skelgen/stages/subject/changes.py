@@ -30,7 +30,7 @@ from scipy.stats import ttest_ind
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.chain.articulation import FREEDOMS
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
-from skelgen.model import Skeleton
+from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.subject.posing import SubjectPoses
 
@@ -144,6 +144,9 @@ def _size(matrix: Floats) -> float:
 LEAST_VALUE = 1e-6
 """rad or mm: exact takes have none."""
 
+HELD = 1e-3
+"""rad; joints that keep so near to their types are held to them: the end of a limb then errs by parts of a mm."""
+
 
 def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -> Skeleton:
     """Return a skeleton some of whose joints, or all, are ball joints.
@@ -164,6 +167,23 @@ def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -
     return replace(skeleton, joints=tuple(joints))
 
 
+def with_joints_as_fitted(skeleton: Skeleton, motion: Motion) -> Skeleton:
+    """Return a skeleton whose joints are ball joints where its own motion does not keep to their types.
+
+    The fit of a skeleton names the type that is nearest, and holds a joint to it only if noise explains the rest.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With the types of joints.
+    motion : Motion
+        To which it was fitted.
+    """
+    off = _angles_off(skeleton, motion.world_from_limb).max(axis=0, initial=0.0)
+    loose = [index for index in _bound_joints(skeleton) if off[skeleton.joints[index].child] > HELD]
+    return with_free_joints(skeleton, tuple(loose))
+
+
 def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) -> tuple[int, ...]:
     """Find joints whose type does not hold in a new take.
 
@@ -179,8 +199,8 @@ def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) 
     tuple of int
         Indices of joints.
     """
-    bound = [index for index, joint in enumerate(skeleton.joints) if FREEDOMS[joint.kind] < FREEDOMS["ball"]]
-    angles = [_angles_off(skeleton, poses) for poses in (before, after)]
+    bound = _bound_joints(skeleton)
+    angles = [_angles_off(skeleton, poses.world_from_limb) for poses in (before, after)]
     found = []
     for index in bound:
         child = skeleton.joints[index].child
@@ -195,12 +215,17 @@ def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) 
     return tuple(found)
 
 
-def _angles_off(skeleton: Skeleton, poses: SubjectPoses) -> Floats:
+def _bound_joints(skeleton: Skeleton) -> list[int]:
+    """Indices of joints whose types allow fewer turns than a ball joint's."""
+    return [index for index, joint in enumerate(skeleton.joints) if FREEDOMS[joint.kind] < FREEDOMS["ball"]]
+
+
+def _angles_off(skeleton: Skeleton, world_from_limb: Floats) -> Floats:
     """Angles [rad] by which rotations of limbs differ from what the joints above allow, shape (n_frames, n_limbs)."""
-    angles = np.zeros(poses.seen.shape)
+    angles = np.zeros(world_from_limb.shape[:2])
     for root in skeleton.roots:
         tree = SkeletonTree(skeleton, int(root), None)
-        free = poses.world_from_limb[:, tree.limbs][..., :3, :3]
+        free = world_from_limb[:, tree.limbs][..., :3, :3]
         held = tree.articulation.projected(tree.chain.parents, free)
         above = np.maximum(tree.chain.parents, 0)
         turns = [rotations[:, above].swapaxes(-1, -2) @ rotations for rotations in (held, free)]

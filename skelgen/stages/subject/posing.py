@@ -117,7 +117,7 @@ def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters
     joints = own[..., :3, 3]  # they place limbs that show too little: a pelvis without markers between its neighbours
     joints[:, 0] = np.nan
     body = BodyOfTake(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
-    inliers, start, fixed = without_outliers(body, chain, parameters)
+    inliers, start, fixed = without_outliers(body, chain, parameters, tree.articulation)
     poses = held.fit_in_time(held.projected(start), inliers, fixed)
     outliers = out_of_line(held, poses, inliers, parameters.robust)
     if outliers.any():

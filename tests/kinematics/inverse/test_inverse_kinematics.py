@@ -7,8 +7,11 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, solve
 from skelgen.kinematics.inverse.motion import MotionAngles
+from skelgen.kinematics.inverse.root_outward import KnownJoints, pose_outward
+from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import joint_angles
 from skelgen.model import Joint, Motion, Skeleton
 
@@ -186,3 +189,19 @@ def test_motion_computes_the_angles_of_inverse_kinematics(arm):
     for joint, true, wanted in zip(motion.joint_angles, angles, posture.angle_std, strict=True):
         np.testing.assert_allclose(joint.values, true, atol=1e-5)
         np.testing.assert_allclose(joint.std, wanted)
+
+
+def test_hinge_is_posed_by_markers_on_a_line_through_its_joint(arm):
+    """Markers beyond the hinge lie on one line with it, which is not its axis: they tell its angle."""
+    skeleton, _, angles = arm
+    tree = SkeletonTree(skeleton, 0, None)
+    places = np.array([[0.0, 0, 100], [0, 0, 250]])
+    offsets = np.concatenate([tree.chain.offsets[:8], places])
+    chain = Chain(tree.chain.parents[:3], np.repeat([0, 1, 2], [4, 4, 2]), tree.chain.joints[:3], offsets)
+    outer = matrix_from_vector(angles[0]) @ matrix_from_vector(angles[1] * X)
+    rotations = np.stack([np.tile(np.eye(3), (N_FRAMES, 1, 1)), matrix_from_vector(angles[0]), outer], axis=1)
+    positions = ChainPoses(np.zeros((N_FRAMES, 3)), rotations).markers(chain)
+    poses, fixed = pose_outward(chain, positions, joints=KnownJoints(tree.articulation))
+    assert fixed.all()
+    np.testing.assert_allclose(poses.rotations, rotations, atol=1e-6)
+    assert not pose_outward(chain, positions)[1][:, 2].any()
