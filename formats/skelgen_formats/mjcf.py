@@ -30,7 +30,8 @@ from skelgen_formats.articulated import (
     range_of,
     remarks_on_joints,
 )
-from skelgen_formats.motion_csv import write_motion
+from skelgen_formats.bones import plain_names
+from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
@@ -76,7 +77,9 @@ def write_mjcf(
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
         write_tree(model, document)
-        write_motion(motion, [name for link in order for name in _columns(link)], project.motion.times, [qpos])
+        columns, names = [name for link in order for name in _columns(link)], plain_names(project.skeleton.joint_names)
+        columns, marked = with_marks(columns, [qpos], project.skeleton, names)
+        write_motion(motion, columns, project.motion.times, marked)
     return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
@@ -157,7 +160,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
-    marks_open="comments of the model",
+    marks_open=f"comments of the model; in the motion, {MARKS_OPEN}",
     remarks=_remarks,
     options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .mjcf.xml and .qpos.csv with MuJoCo's coordinates in every frame; in m and rad.",

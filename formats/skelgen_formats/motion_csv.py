@@ -17,14 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.files import replacing
-from skelgen.model import Project
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Writable, finished_project, per_mm
 
 _JOINTS_TITLE, _ANGLES_TITLE = "Joint positions, CSV", "Joint angles, CSV"
 _DECIMALS = 6  # of mm and of degrees
-_MARKS_OPEN = "columns `<joint>_determined`, 1 or 0, the last; left out if the motion determines all joints"
+MARK = "_determined"
+"""Ends the titles of columns that mark joints whose places the motion does not determine."""
+
+MARKS_OPEN = f"columns `<joint>{MARK}`, 1 or 0, the last; left out if the motion determines all joints"
+"""Where tables of motions say so."""
 _CHUNK_FRAMES = 2000  # frames whose numbers are Python objects at one time
 
 
@@ -59,7 +63,8 @@ def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     numbers = np.concatenate([values.reshape(motion.n_frames, 3 * len(names)) for _, values in kinds], axis=1)
     chunks = (numbers[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
     decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[unit]))
-    _write_marked(project, path, header, chunks, decimals, monitor)
+    marked = with_marks(header, chunks, project.skeleton, names)
+    write_motion(path, marked[0], motion.times, marked[1], decimals=decimals, monitor=monitor)
     return [path]
 
 
@@ -88,23 +93,33 @@ def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> 
     header: list[str] = []
     for name, joint in zip(project.skeleton.joint_names, project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
-    _write_marked(project, path, header, _angles(project), _DECIMALS, monitor)
+    header, chunks = with_marks(header, _angles(project), project.skeleton, project.skeleton.joint_names)
+    write_motion(path, header, project.motion.times, chunks, _DECIMALS, monitor)
     return [path]
 
 
-def _write_marked(
-    project: Project, path: Path, header: list[str], chunks: Iterable[Floats], decimals: int, monitor: Monitor
-) -> None:
-    """Write numbers of joints, and behind them which joints the motion determines if it does not determine all."""
-    determined = [joint.is_determined for joint in project.skeleton.joints]
+def with_marks(
+    header: Sequence[str], chunks: Iterable[Floats], skeleton: Skeleton, names: Sequence[str]
+) -> tuple[list[str], Iterable[Floats]]:
+    """Return a header and its numbers, with marks of the joints behind them if the motion does not determine all.
+
+    Parameters
+    ----------
+    header : sequence of str, length n_columns
+        Names of the numbers.
+    chunks : iterable of ndarray, shape (n_rows, n_columns)
+        The numbers of successive frames.
+    skeleton : Skeleton
+        With the joints.
+    names : sequence of str, length n_joints
+        What the joints are called in the file.
+    """
+    determined = [joint.is_determined for joint in skeleton.joints]
     if all(determined):
-        write_motion(path, header, project.motion.times, chunks, decimals, monitor)
-        return
+        return list(header), chunks
     marks = np.array(determined, dtype=np.float64)
     marked = (np.hstack([chunk, np.tile(marks, (len(chunk), 1))]) for chunk in chunks)
-    titles = [f"{name}_determined" for name in project.skeleton.joint_names]
-    places = [decimals] * len(header) + [0] * len(titles)
-    write_motion(path, [*header, *titles], project.motion.times, marked, places, monitor)
+    return [*header, *(name + MARK for name in names)], marked
 
 
 def write_motion(
@@ -112,7 +127,7 @@ def write_motion(
     header: Sequence[str],
     times: Floats,
     chunks: Iterable[Floats],
-    decimals: int | Sequence[int] | None = None,
+    decimals: int | None = None,
     monitor: Monitor = SILENT,
 ) -> None:
     """Write a row per frame: number of the frame from 0, time [s], and numbers.
@@ -127,8 +142,8 @@ def write_motion(
         Time of each frame.
     chunks : iterable of ndarray, shape (n_rows, n_columns)
         The numbers of successive frames, together `n_frames` rows.
-    decimals : int or sequence of int, length n_columns, optional
-        Digits behind the point; as many as give the same number back if left out.
+    decimals : int, optional
+        Digits behind the point, but for marks; as many as give the same number back if left out.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -137,7 +152,7 @@ def write_motion(
     WriteError
         If the file cannot be written.
     """
-    places = [decimals] * len(header) if decimals is None or isinstance(decimals, int) else decimals
+    places = [0 if name.endswith(MARK) else decimals for name in header]
     row = "%d,%r" + "".join(",%r" if digits is None else f",%.{digits}f" for digits in places) + "\n"
     numbers = (values for chunk in chunks for values in chunk.tolist())
     frames = enumerate(zip(times.tolist(), numbers, strict=True))
@@ -192,7 +207,7 @@ JOINTS_CSV = Format(
     write=lambda value, path, options, monitor: write_joints_csv(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("joints",),
-    marks_open=_MARKS_OPEN,
+    marks_open=MARKS_OPEN,
     options=(AXES, UNIT, RATE),
     note="One row per frame; three columns per joint, then the three standard deviations of each.",
 )
@@ -204,7 +219,7 @@ ANGLES_CSV = Format(
     write=lambda value, path, options, monitor: write_angles_csv(value, path, monitor),
     check=lambda value, options: finished_project(value, _ANGLES_TITLE),
     keeps=("angles",),
-    marks_open=_MARKS_OPEN,
+    marks_open=MARKS_OPEN,
     options=(RATE,),
     note="One row per frame; every angle of every joint with its standard deviation, in degrees.",
 )

@@ -12,10 +12,15 @@ Per body seven columns: the position of its origin in the world, and the unit qu
 that takes the body's axes to the world's: p_world = R(q) p_body + (x, y, z). Axes are right-handed. A body that is not
 seen in a frame has seven empty cells. The time, in seconds, is for the reader's convenience; the rate counts.
 Quaternions may be off unit length by a thousandth and are normalised; q and -q mean the same, qw >= 0 is written.
+
+The bodies of a project are its limbs, whose origins are the joints to their parents. If the motion leaves open where
+one of these joints is, columns ``thigh.determined`` stand last, one for each limb with a joint above: 0 where its
+origin is a choice, or 1. They are not read.
 """
 
 import csv
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +40,7 @@ from skelgen_formats.writing import check_writable_names
 _MAGIC = "skelgen-poses"
 _VERSION = "1"
 _COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+_MARK = ".determined"
 _LEADING_CELLS = 2  # frame and time
 _HEADER_LINES = 4
 
@@ -64,10 +70,8 @@ def read_poses(path: Path, fixed_distance: float = 0.0, sample: Sample | None = 
     lines = read_lines(path, sample)
     header = [split_cells(path, line, number, ",") for number, line in enumerate(lines[:_HEADER_LINES], start=1)]
     rate, factor = _rate_and_unit(path, header)
-    names = _names(path, header[3])
-    rows = parse_rows(
-        path, lines.rows(_HEADER_LINES), _LEADING_CELLS + len(_COLUMNS) * len(names), ",", leading=_LEADING_CELLS
-    )
+    names, wanted = _names(path, header[3])
+    rows = parse_rows(path, lines.rows(_HEADER_LINES), len(header[3]), ",", range(wanted), leading=_LEADING_CELLS)
     numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
     take = take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
     if not fixed_distance:
@@ -103,14 +107,26 @@ def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     rotations = quaternion_from_matrix(take.world_from_body[seen, :3, :3])
     numbers[seen] = np.concatenate([take.world_from_body[seen, :3, 3], rotations], axis=1)
     numbers = numbers * ([per_mm(unit)] * 3 + [1.0] * 4)
+    marks = _marks(value)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         titles = ["frame", "time", *(f"{defused(name)}.{column}" for name in names for column in _COLUMNS)]
+        titles += [f"{defused(name)}{_MARK}" for name in marks]
         header = ((_MAGIC, _VERSION), ("rate", repr(take.rate), "Hz"), ("unit", unit), titles)
         csv.writer(stream, lineterminator="\n").writerows(header)
         for frame, row in enumerate(with_progress(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
             cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
-            stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
+            stream.write(",".join([str(frame), repr(frame / take.rate), *cells, *marks.values()]) + "\n")
     return [path]
+
+
+def _marks(value: Writable) -> dict[str, str]:
+    """Whether the motion determines the joint above each limb that is written, 1 or 0; nothing if it does all."""
+    if not isinstance(value, Project) or isinstance(value.take, Poses):
+        return {}
+    joints, names = value.skeleton.joints, value.skeleton.limb_names
+    if all(joint.is_determined for joint in joints):
+        return {}
+    return {names[joint.child]: str(int(joint.is_determined)) for joint in joints}
 
 
 def _poses_of(value: Writable) -> Poses:
@@ -147,16 +163,18 @@ def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, 
     return rate_in(path, 2, header[1][1], "rate"), mm_per_unit(path, 3, header[2][1])
 
 
-def _names(path: Path, titles: Sequence[str]) -> list[str]:
+def _names(path: Path, titles: Sequence[str]) -> tuple[list[str], int]:
+    """Names of the bodies, and how many columns there are before the marks of joints."""
+    titles = list(takewhile(lambda title: not title.endswith(_MARK), titles))
     columns = titles[_LEADING_CELLS:]
     titled = [title.rpartition(".")[0] for title in columns[:: len(_COLUMNS)]]
     expected = ["frame", "time", *(f"{name}.{column}" for name in titled for column in _COLUMNS)]
     names = [undefused(name) for name in titled]
-    if not names or list(titles) != expected:
+    if not names or titles != expected:
         raise FormatError(path, 4, f"column titles must be frame, time and {', '.join(_COLUMNS)} of each body in turn")
     if len(set(names)) < len(names) or not all(name.strip() for name in names):
         raise FormatError(path, 4, "two bodies have the same name, or one has none; names must differ")
-    return names
+    return names, len(titles)
 
 
 FORMAT = Format(
@@ -169,6 +187,7 @@ FORMAT = Format(
     write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),
     keeps=("bodies", "motion"),
+    marks_open="columns `<limb>.determined` of the joints above the limbs, 1 or 0, the last; left out if all are 1",
     remarks=_remarks,
     options=(AXES, UNIT, RATE, FIXED_DISTANCE),
     note="Position and unit quaternion (scalar first) of each body, or limb of a project, per frame; unseen is empty.",

@@ -34,7 +34,7 @@ from skelgen_formats.articulated import (
     rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
-from skelgen_formats.motion_csv import write_motion
+from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
@@ -91,7 +91,10 @@ def write_urdf(
     with arriving_together(path.parent) as folder:
         model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
         write_tree(model, _robot(project, links, path.stem, density))
-        write_motion(motion, columns, project.motion.times, [np.stack([single.values for single in singles], axis=1)])
+        values = [np.stack([single.values for single in singles], axis=1)]
+        names = plain_names(project.skeleton.joint_names)
+        columns, marked = with_marks(columns, values, project.skeleton, names)
+        write_motion(motion, columns, project.motion.times, marked)
     return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
@@ -206,7 +209,7 @@ FORMAT = Format(
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "motion"),
-    marks_open="comments of the robot",
+    marks_open=f"comments of the robot; in the motion, {MARKS_OPEN}",
     remarks=_remarks,
     options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .urdf and .urdf.csv with the value of each joint in every frame; in m and rad.",

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from skelgen_formats.bones import bone_names, matrix_from_xyzw
+from skelgen_formats.motion_csv import MARK
 from skelgen_formats.registry import write_file
 
 from skelgen.geometry.rotations import transform_from
@@ -209,9 +210,10 @@ def _by_ezc3d(files: Sequence[Path], project: Project) -> Floats:
 
 
 def read_columns(path: Path) -> tuple[list[str], Floats]:
-    """Return the header and the numbers of a motion that stands beside a robot's model."""
-    rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    return rows[0], np.array(rows[1:], dtype=float)
+    """Return the header and the numbers of a motion that stands beside a robot's model, without marks of joints."""
+    header, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+    n_columns = sum(not name.endswith(MARK) for name in header)  # marks are the last
+    return header[:n_columns], np.array(rows, dtype=float)[:, :n_columns]
 
 
 JUDGES = (

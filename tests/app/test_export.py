@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats.registry import find_format
+from skelgen_formats.registry import find_format, read_take
 from skelgen_formats.writing import PARTS, choices_in
 
 from skelgen.app.export import (
@@ -163,13 +163,22 @@ def test_files_with_comments_name_the_joints_that_motion_does_not_determine(with
     assert sentence in export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})[file].read_text()
 
 
-@pytest.mark.parametrize("name", ["joints-csv", "angles-csv"])
+@pytest.mark.parametrize("name", ["joints-csv", "angles-csv", "urdf", "mjcf"])
 def test_wide_tables_have_a_column_for_each_joint_if_motion_leaves_one_open(with_open_joint, tmp_path, name):
     entry = entry_of(name)
-    (path,) = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})
+    path = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})[-1]
     header, *rows = (line.split(",")[-2:] for line in path.read_text().splitlines())
     assert header == [f"{joint}_determined" for joint in with_open_joint.skeleton.joint_names]
     assert rows == [["0", "1"]] * with_open_joint.motion.n_frames
+
+
+def test_poses_have_a_column_for_the_joint_above_each_limb_which_is_not_read(with_open_joint, tmp_path):
+    entry, names = entry_of("poses-csv"), with_open_joint.skeleton.limb_names
+    (path,) = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})
+    header, *rows = (line.split(",")[-2:] for line in path.read_text().splitlines()[3:])
+    assert header == [f"{names[joint.child]}.determined" for joint in with_open_joint.skeleton.joints]
+    assert rows == [["0", "1"]] * with_open_joint.motion.n_frames
+    assert read_take(path).names == names
 
 
 def test_long_tables_have_a_column_of_joints_that_motion_determines(with_open_joint, tmp_path):
