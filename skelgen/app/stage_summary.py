@@ -227,7 +227,7 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     yield f"{counted(len(types), 'joint')}: {listed_types}." if types else "One limb without joints."
     n_untyped = types.count("undetermined")
     if n_untyped:
-        yield f"{counted(n_untyped, 'joint')} turn{'s' * (n_untyped == 1)} too little to tell the type."
+        yield f"Turns do not tell the type of {counted(n_untyped, 'joint')}: too small, or hidden by errors of markers."
     n_axes = sum(map(_has_open_axis, project.skeleton.joints))
     if n_axes:
         yield f"The motion does not determine the axis of {counted(n_axes, 'joint')}."

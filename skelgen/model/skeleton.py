@@ -94,8 +94,9 @@ class Joint:
         Of the child's rotation against the parent, in the parent's axes, by errors of the skeleton: it adds to the
         covariance by the noise of a frame.
     open_directions : int
-        In how many of three directions the motion does not determine the position in the parent: where it is drawn
-        along them is a choice, and the deviation is as large as the limb. A hinge has one, its axis.
+        In how many of three directions the motion alone does not determine the position in the parent: where it is
+        drawn along them is a choice, or what is known of joints of any body, and `std` says how well. The axis of a
+        hinge is the first of them.
     is_placed_by_marker_set : bool
         Whether the place rests on the marker set that a person wears, whose joints are known, because the motion alone
         does not determine it.

@@ -73,7 +73,7 @@ def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"kind": "undetermined"}, "1 joint turns too little to tell the type."),
+        ({"kind": "undetermined"}, "Turns do not tell the type of 1 joint:"),
         ({"is_placed_by_marker_set": True}, "The marker set places 1 joint, as the motion does not."),
         ({"kind": "hinge", "axis": [1.0, 0.0, 0.0], "axis_std": [0.0, 0.1, 0.1]}, "determine the axis of 1 joint."),
     ],

@@ -136,7 +136,7 @@ def _kind(kind: str) -> str:
         "universal": _tr("universal joint"),
         "hinge": _tr("hinge"),
         "rigid": _tr("rigid"),
-        "undetermined": _tr("turns too little to tell its type"),
+        "undetermined": _tr("its turns do not tell its type"),
     }[kind]
 
 

@@ -20,6 +20,9 @@ STILL = np.deg2rad(2.0)
 ALIGNED = 0.8
 """Cosine from which two directions are one to somebody who moves."""
 
+AMPLE = np.deg2rad(60.0)
+"""rad; from this range on, a limb whose joint is off swings beside its markers by as much as the joint is off."""
+
 ALL_OF_IT = 0.99
 """Of the limb's size: a position with a larger standard deviation is not determined at all."""
 
@@ -53,14 +56,39 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     """
     if not len(relative):
         return RangeOfMotion(np.eye(3), np.zeros(3))
-    middle = middle_of(relative)
-    turns = relative_vectors(*contiguous(middle[np.newaxis], relative)) @ middle.T
+    turns = _turns(relative)
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
     along = turns @ directions.T
     ranges = np.ptp(along, axis=0)
     order = np.argsort(-ranges, kind="stable")
     return RangeOfMotion(directions[order], ranges[order])
+
+
+def turned_about_and_across(relative: Floats, direction: Floats) -> tuple[float, float]:
+    """Return by how much [rad] a joint turns about a direction, and at most about an axis across it.
+
+    Turns about the direction leave what lies along it where it is: only those across it tell the place along it.
+
+    Parameters
+    ----------
+    relative : ndarray, shape (n_frames, 3, 3)
+        Rotations child against parent.
+    direction : ndarray, shape (3,)
+        Unit vector in the parent.
+    """
+    if not len(relative):
+        return 0.0, 0.0
+    turns = _turns(relative)
+    about = turns @ direction
+    across = turns - about[:, np.newaxis] * direction
+    return float(np.ptp(about)), float(np.ptp(across @ np.linalg.eigh(across.T @ across)[1][:, -1]))
+
+
+def _turns(relative: Floats) -> Floats:
+    """Rotation vectors [rad] from the mean of rotations, in the parent, shape (n_frames, 3)."""
+    middle = middle_of(relative)
+    return np.asarray(relative_vectors(*contiguous(middle[np.newaxis], relative)) @ middle.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +125,26 @@ class Observed:
         return f"{self.sentence}; {self.advice}" if self.sentence and self.advice else self.sentence
 
 
+def open_directions(covariance: Floats, size: float, axis: Floats | None = None) -> int:
+    """Return in how many directions a joint's place is not determined; the axis of a hinge is the first of them.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (3, 3), mm^2
+        Of its place.
+    size : float, mm
+        Of the limb below it.
+    axis : ndarray, shape (3,), optional
+        Of a hinge, in the frame of the covariance.
+    """
+    limit = (DETERMINED_PART * size) ** 2
+    n_open = int((np.linalg.eigvalsh(covariance) > limit).sum())
+    if axis is None or not n_open:
+        return n_open
+    across = np.eye(3) - np.outer(axis, axis)
+    return 1 + int((np.linalg.eigvalsh(across @ covariance @ across) > limit).sum())
+
+
 def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
     """Return what the motion determines of every joint, from the frames that show both of its limbs.
 
@@ -114,32 +162,48 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
         relative = parent.swapaxes(1, 2) @ child
         turned = range_of_motion(relative)
-        covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+        covariance = covariance_of_place(joint)
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
         limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
-        n_open = int((values > (DETERMINED_PART * size) ** 2).sum())
-        place = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
+        n_open = open_directions(covariance, size, joint.axis if joint.kind == "hinge" else None)
+        place = _undetermined(joint, turned, relative, vectors[:, -1], (worst, size))
         place = place if len(shown) else _never_shown(limbs, worst, size)
-        sentence = "; ".join(part for part in (*_not_by_motion(joint, len(shown) > 0), place) if part)
+        others = _not_by_motion(joint, turned, n_open, len(shown) > 0)
+        sentence = "; ".join(part for part in (*others, place) if part)
         advice = ""
-        if n_open > (joint.kind == "hinge") or joint.kind == "undetermined" or joint.is_placed_by_marker_set:
+        if not joint.is_determined or n_open > (joint.kind == "hinge") or joint.kind == "undetermined":
             markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
             middle = (markers - joint.position_in_child).mean(axis=0) if len(markers) else np.zeros(3)
             open_direction = vectors[:, -1] if n_open else None
-            advice = _missing_marker(skeleton, limbs)
+            advice = _missing_marker(skeleton, limbs) or _better_markers(relative, open_direction)
             advice = advice or _missing_motion(joint.child, turned, open_direction, middle_of(relative) @ middle)
         found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence, advice))
     return tuple(found)
 
 
-def _not_by_motion(joint: Joint, is_shown: bool) -> Iterator[str]:
-    """Say that a joint is placed by the marker set, and that its type is open although frames show how it turns."""
+def covariance_of_place(joint: Joint) -> Floats:
+    """Return the covariance of a joint's place in its parent, shape (3, 3), mm^2."""
+    return np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+
+
+def _not_by_motion(joint: Joint, motion: RangeOfMotion, n_open: int, is_shown: bool) -> Iterator[str]:
+    """Say what places a joint where motion alone does not, and that its type is open although frames show its turns.
+
+    What is known of joints of any body places it in the directions that motion leaves open and that are known (`n_open`
+    are not).
+    """
     called = f"the joint between limb {joint.parent} and {joint.child}"
     if joint.is_placed_by_marker_set:
         yield f"{called} is placed by the marker set: the motion alone does not determine where it is"
+    elif joint.open_directions > n_open and joint.is_determined:
+        yield f"{called} turns about one axis only: what is known of such joints places it along that axis"
+    elif joint.open_directions > n_open:
+        yield f"{called} lies where joints of such limbs are expected: the motion alone does not determine where it is"
     if joint.kind == "undetermined" and is_shown:
-        yield f"{called} turns too little to tell its type"
+        turn = motion.ranges[0]
+        hidden = f"turns by {np.rad2deg(turn):.0f} deg, but errors of the markers hide its type"
+        yield f"{called} {hidden if turn >= AMPLE else 'turns too little to tell its type'}"
 
 
 def middle_of(relative: Floats) -> Floats:
@@ -151,6 +215,13 @@ def _missing_marker(skeleton: Skeleton, limbs: tuple[int, int]) -> str:
     """Say which of two limbs need a second marker: no motion shows how a limb with one marker turns."""
     alone = [f"limb {limb}" for limb in limbs if len(skeleton.markers_of(limb)) == 1]
     return f"one marker only: put a second one on {' and '.join(alone)}" if alone else ""
+
+
+def _better_markers(relative: Floats, open_direction: Floats | None) -> str:
+    """Say that markers are what is missing, where a joint turns far enough to tell its place in the open direction."""
+    if open_direction is None or turned_about_and_across(relative, open_direction)[1] < AMPLE:
+        return ""
+    return "markers nearer to the bone, or more of them, would tell it"
 
 
 def _missing_motion(limb: int, motion: RangeOfMotion, open_direction: Floats | None, along: Floats) -> str:
@@ -199,22 +270,31 @@ def _never_shown(limbs: tuple[int, int], std: float, size: float) -> str:
 
 
 def _undetermined(
-    limbs: tuple[int, int], kind: str, motion: RangeOfMotion, direction: Floats, std: float, size: float
+    joint: Joint, motion: RangeOfMotion, relative: Floats, direction: Floats, deviation: tuple[float, float]
 ) -> str:
-    """Say in a sentence which direction of a joint's position is not determined; empty if all are."""
+    """Say in a sentence which direction of a joint's position is not determined; empty if all are.
+
+    The deviation [mm] along that direction stands beside the size of the limb [mm], which it does not exceed.
+    """
+    std, size = deviation
     if std <= DETERMINED_PART * size:
         return ""
-    joint = f"the joint between limb {limbs[0]} and {limbs[1]}"
+    called = f"the joint between limb {joint.parent} and {joint.child}"
     at_all = std >= ALL_OF_IT * size
     spread = f" (anywhere within the limb's size, +-{size:.0f} mm)" if at_all else f", +-{std:.0f} mm"
     if motion.ranges[0] < STILL:
-        return f"{joint} does not turn: its place is not determined{spread}"
-    if kind == "hinge":
-        return f"{joint} turns about one axis only: its place along that axis is not determined{spread}"
-    turns = ", ".join(f"{np.rad2deg(one):.0f}" for one in motion.ranges)
+        return f"{called} does not turn: its place is not determined{spread}"
+    if joint.kind == "hinge" and abs(joint.free_axis() @ direction) > ALIGNED:
+        return f"{called} turns about one axis only: its place along that axis is not determined{spread}"
+    about, across = np.rad2deg(turned_about_and_across(relative, direction))
     way = ", ".join(f"{one:.2f}" for one in direction)
     known = f"is not determined{spread}" if at_all else f"is known to +-{std:.0f} mm only"
+    if np.deg2rad(across) >= AMPLE:
+        return (
+            f"the place of {called} along ({way}) of limb {joint.parent} {known}, although it turns by "
+            f"{across:.0f} deg across that direction"
+        )
     return (
-        f"{joint} turns too little (by {turns} deg about its three directions): along ({way}) of limb {limbs[0]} its "
-        f"place {known}"
+        f"{called} turns by {across:.0f} deg across ({way}) of limb {joint.parent}, which is too little (the "
+        f"{about:.0f} deg about that direction tell nothing of it): along it its place {known}"
     )

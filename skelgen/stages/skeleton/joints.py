@@ -14,10 +14,10 @@ from skelgen.kinematics.chain.chain import Chain, ObservedChain, observed, resid
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
-from skelgen.kinematics.joints.observability import DETERMINED_PART
+from skelgen.kinematics.joints.observability import open_directions
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
 from skelgen.kinematics.joints.rotations import UniversalRotation
-from skelgen.model.arrays import Bools, Floats, spread_frames
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 NEIGHBOUR_WEIGHT = 0.1
 """Weight of a limb's other joints beside its markers for the place of a hinge along its axis. It is small: near the
@@ -258,35 +258,25 @@ def errors_of_limbs(
     return limb_errors(last, along, correlation_time)
 
 
-def determined_by_prior(
-    last: Calibration, by_motion: Floats | None, types: list[JointType], correlation_time: float
-) -> set[int]:
-    """Return the limbs below joints that motion and prior determine together, and motion alone leaves open.
+def directions_left_open(last: Calibration, types: list[JointType], correlation_time: float) -> Ints:
+    """Return in how many directions a fit leaves the joint above each limb open, shape (n_limbs,).
 
     Parameters
     ----------
     last : Calibration
-        The fit, with the information of both.
-    by_motion : ndarray, shape (n_constants, n_constants), or None
-        `Calibration.known_information` of the motion alone.
+        The fit, with what its `known_information` says of joints beside the motion.
     types : list of JointType
         Of the joints above limbs 1, 2, ...
     correlation_time : float
         Frames of residuals that are worth one independent frame.
     """
-    alone = replace(last, known_information=by_motion)
-    return _left_open(alone, types, correlation_time) - _left_open(last, types, correlation_time)
-
-
-def _left_open(last: Calibration, types: list[JointType], correlation_time: float) -> set[int]:
-    """Limbs below joints that a fit does not determine, but for hinges' places along their axes."""
     errors = errors_of_limbs(last, types, {}, np.zeros(last.chain.n_limbs), correlation_time)
-    found = set()
+    n_open = np.zeros(last.chain.n_limbs, dtype=np.intp)
     for limb, kind in enumerate(types, start=1):
-        known = np.linalg.svd(errors.joint(limb, int(last.chain.parents[limb])), compute_uv=False)
-        n_open = int((known > DETERMINED_PART * limb_size(last.chain, limb)).sum())
-        found |= {limb} if n_open > (kind.kind == "hinge") else set()
-    return found
+        root = errors.joint(limb, int(last.chain.parents[limb]))
+        axis = kind.axis_in_parent if kind.kind == "hinge" else None
+        n_open[limb] = open_directions(root @ root.T, limb_size(last.chain, limb), axis)
+    return n_open
 
 
 def _along_hinges(chain: Chain, types: list[JointType], freedom: Floats) -> Floats:

@@ -5,7 +5,7 @@ Limbs are aligned over all frames and averaged, joined from the root, and posed 
 errors that add up from limb to limb (Gaschler 2011, 5.3).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.calibration.limb_errors import deviations
 from skelgen.kinematics.inverse.motion import MotionAngles
-from skelgen.kinematics.joints.observability import Observed, observed_joints
+from skelgen.kinematics.joints.observability import covariance_of_place, observed_joints, open_directions, size_of_limb
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
@@ -71,9 +71,6 @@ def fit_skeleton(
     fitted = _fitted(some, loops, parameters, are_poses, monitor)
     skeleton = _make_skeleton(fitted, limbs, some.topology)
     motion = _make_motion(fitted, some.trajectories, skeleton)
-    observed = observed_joints(skeleton, motion)
-    astray = {int(one.body.limbs[limb]) for one in fitted for limb in one.astray}
-    skeleton = _with_open_directions(skeleton, observed, astray)
     n_outliers = _counted_outliers(fitted, trajectories.n_markers)
     if len(frames) < trajectories.n_frames:
         played = play_back(fitted, skeleton, take, frames, parameters, monitor)
@@ -81,8 +78,7 @@ def fit_skeleton(
     if parameters.frames_per_second:
         motion = replace(motion, rate=parameters.frames_per_second)
     notices = (*_unseen_notices(motion), *_outlier_notices(n_outliers, trajectories), *_loop_notices(fitted))
-    notices += tuple(_astray_notices(skeleton, astray))
-    for notice in (*notices, *(joint.notice for joint in observed if joint.sentence)):
+    for notice in (*notices, *(joint.notice for joint in observed_joints(skeleton, motion) if joint.sentence)):
         monitor.notice(notice)
     return skeleton, motion
 
@@ -129,25 +125,6 @@ def _loop_notices(fitted: list[FittedBody]) -> Iterator[str]:
     for one in fitted:
         if one.loops:
             yield from loop_notices(one.loops, one.body.limbs)
-
-
-def _with_open_directions(skeleton: Skeleton, observed: Sequence[Observed], astray: set[int]) -> Skeleton:
-    """Note in how many directions motion leaves each joint open; joints gone astray are open in any case."""
-    joints = [
-        replace(joint, open_directions=max(seen.n_open, 1 + (joint.kind == "hinge") if joint.child in astray else 0))
-        for joint, seen in zip(skeleton.joints, observed, strict=True)
-    ]
-    return replace(skeleton, joints=tuple(joints))
-
-
-def _astray_notices(skeleton: Skeleton, astray: set[int]) -> Iterator[str]:
-    """Say which joints above the given limbs were put where joints are expected, as motion places them out of reach."""
-    for joint in skeleton.joints:
-        if joint.child in astray:
-            yield (
-                f"the joint between limb {joint.parent} and {joint.child} lies where joints of such limbs are "
-                "expected: motion alone places it out of their reach"
-            )
 
 
 def _unseen_notices(motion: Motion) -> Iterator[str]:
@@ -210,7 +187,21 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
         marker_noise=noise,
         loops=tuple(joint for one in fitted if one.loops is not None for joint in _loop_joints(one, one.loops)),
     )
-    return replace(skeleton, length_std=_length_std(fitted, skeleton))
+    n_open = {
+        int(limb): int(n)
+        for one in fitted
+        if one.n_open is not None
+        for limb, n in zip(one.body.limbs, one.n_open, strict=True)
+    }
+    joints = tuple(_with_open_directions(skeleton, joint, n_open.get(joint.child, 0)) for joint in skeleton.joints)
+    return replace(skeleton, joints=joints, length_std=_length_std(fitted, skeleton))
+
+
+def _with_open_directions(skeleton: Skeleton, joint: Joint, n_by_motion: int) -> Joint:
+    """Note in how many directions motion leaves a joint open, or motion and what is known of it."""
+    axis = joint.axis if joint.kind == "hinge" else None
+    n_open = open_directions(covariance_of_place(joint), size_of_limb(skeleton, joint.child), axis)
+    return replace(joint, open_directions=max(n_open, n_by_motion))
 
 
 def _make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: Skeleton) -> Motion:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.joints.observability import observed_joints, range_of_motion
+from skelgen.kinematics.joints.observability import observed_joints, open_directions, range_of_motion
 from skelgen.model import Joint, Motion, Skeleton
 
 SIZE = 100.0  # mm
@@ -75,10 +75,28 @@ def test_what_is_nowhere_told_is_as_uncertain_as_the_limb_is_large(joined):
     assert said.endswith("is not determined (anywhere within the limb's size, +-100 mm)")
 
 
-def test_joint_that_turns_too_little_names_the_direction(joined):
-    said = joined("ball", (20, 3, 2), [15, 1, 1]).sentence
-    assert "turns too little (by 20, 3, 2 deg" in said
-    assert "known to +-15 mm only" in said
+def test_joint_that_turns_too_little_names_the_direction_and_the_turns_across_it(joined):
+    """Turns about the direction, however large, say nothing of the place along it."""
+    said = joined("ball", (120, 3, 2), [15, 1, 1]).sentence
+    assert "turns by 3 deg across (1.00, 0.00, 0.00) of limb 0, which is too little (the 120 deg about" in said
+    assert said.endswith("along it its place is known to +-15 mm only")
+
+
+def test_turns_that_suffice_are_not_called_too_little(joined):
+    """A joint whose place is open although it turns far enough lacks better markers, not more motion."""
+    seen = joined("ball", (40, 120, 2), [15, 1, 1])
+    assert seen.sentence.endswith("is known to +-15 mm only, although it turns by 120 deg across that direction")
+    assert seen.advice == "markers nearer to the bone, or more of them, would tell it"
+    hidden = joined("undetermined", (120, 3, 2), [1, 1, 1]).sentence
+    assert hidden.endswith("turns by 120 deg, but errors of the markers hide its type")
+
+
+def test_hinge_that_is_open_across_its_axis_is_not_determined():
+    """The place of a hinge along its axis is open in any case: one open direction across it makes two."""
+    across, along = np.diag([1.0, 400.0, 1.0]), np.diag([400.0, 1.0, 1.0])
+    axis = np.array([1.0, 0.0, 0.0])
+    assert [open_directions(one, SIZE, axis) for one in (across, along, np.eye(3))] == [2, 1, 0]
+    assert [open_directions(one, SIZE) for one in (across, along, np.eye(3))] == [1, 1, 0]
 
 
 def test_determined_place_is_not_talked_about(joined):

@@ -9,6 +9,7 @@ import pytest
 
 import skelgen
 from skelgen.evaluation import evaluate
+from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.simulation import simulate
 from skelgen.stages.skeleton import SkeletonParameters
 
@@ -59,3 +60,14 @@ def test_more_frames_say_more_of_white_noise_and_nothing_of_soft_tissue(soft_tis
     deviations = [np.median([np.linalg.norm(joint.std) for joint in one.joints]) for one in (few, many)]
     assert np.array_equal(*places) == is_worn
     assert (deviations[1] < 0.7 * deviations[0]) != is_worn
+
+
+def test_joint_that_only_what_is_known_of_bodies_places_is_marked_however_well_it_is_placed():
+    worn = {"motion": "squat", "marker_set": "plug-in-gait", "soft_tissue": "realistic"}
+    project = skelgen.reconstruct(simulate("human", n_frames=200, seed=1, noise=0.3, **worn).take)
+    joints = dict(zip(project.skeleton.joint_names, project.skeleton.joints, strict=True))
+    knee, seen = joints["right knee"], dict(zip(joints, observed_joints(project.skeleton, project.motion), strict=True))
+    assert seen["right knee"].n_open == 0  # motion and prior together leave nothing open
+    assert not knee.is_placed_by_marker_set
+    assert not knee.is_determined
+    assert "lies where joints of such limbs are expected" in seen["right knee"].sentence
