@@ -52,7 +52,7 @@ from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
 from skelgen_formats.foreign import no_file, table_hint
 from skelgen_formats.lines import Sample
-from skelgen_formats.options import AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
+from skelgen_formats.options import ALL_POINTS, AUTO, KEYPOINTS, POINTS, Format, Options, OptionValue, Writable
 from skelgen_formats.rest_pose import with_rest_pose
 from skelgen_formats.writing import table_of, turn_wished
 
@@ -160,7 +160,7 @@ def _sampled(read: Callable[[Path, Options], Take], path: Path, options: Options
 
 
 def with_kind(take: Take, points: str) -> Take:
-    """Return a take whose points are told to be markers or keypoints.
+    """Return a take whose points are told to be markers or keypoints, or to be markers without exception.
 
     Parameters
     ----------
@@ -169,8 +169,10 @@ def with_kind(take: Take, points: str) -> Take:
     points : str
         One of `POINTS.choices`.
     """
-    if not isinstance(take, Trajectories) or points not in (AUTO, KEYPOINTS):
+    if not isinstance(take, Trajectories) or points not in (AUTO, KEYPOINTS, ALL_POINTS):
         return take
+    if points == ALL_POINTS:
+        return replace(take, are_all_wanted=True)
     why = "as was stated" if points == KEYPOINTS else keypoint_evidence(take.names, take.positions)
     notice = f"the points are keypoints, which sit on joints: {why}; bones between them become the skeleton"
     notice += " (`--points markers` takes them as markers on limbs)"

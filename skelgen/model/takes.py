@@ -123,6 +123,8 @@ class Trajectories:
         Path of the file that it was read from; what else a C3D file holds is written back from there.
     are_keypoints : bool
         Whether the points sit on joints, as pose estimation gives them, and not on limbs, as markers do.
+    are_all_wanted : bool
+        Whether the user asked for all points, those that a model computed, too: none is left out by its name.
     """
 
     positions: Floats
@@ -132,6 +134,7 @@ class Trajectories:
     notices: tuple[str, ...] = ()
     origin: str = field(default="", metadata={"is_stored": False})
     are_keypoints: bool = False
+    are_all_wanted: bool = False
 
     def __post_init__(self) -> None:
         positions = check_floats(self.positions, (None, None, 3), "positions")

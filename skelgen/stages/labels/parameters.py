@@ -171,7 +171,8 @@ class LabelParameters(StageParameters):
     )
     computed_points: bool = declare(
         False,
-        "Whether points whose names say that a model computed them (LHJC, COM, PELO) are taken for markers, too.",
+        "Whether points whose names say that a model computed them (LHJC, COM, PELO) are taken for markers, too, "
+        "as they are where all points of a file were asked for.",
         acts_with="take=labelled",
     )
     repair: bool = declare(

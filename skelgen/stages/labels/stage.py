@@ -113,7 +113,7 @@ def check_labels(
 ) -> tuple[Trajectories, Labelling]:
     """Look for errors in the labels of a take that carries some, repair them, and say how sure the labels are.
 
-    Points that a model computed, by their names, are no markers, and are left out.
+    Points that a model computed, by their names, are no markers, and are left out, unless the user asked for them.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def check_labels(
     monitor : Monitor
         Receives notices, and may cancel.
     """
-    if not parameters.computed_points:
+    if not (parameters.computed_points or take.are_all_wanted):
         take = without_computed(take, monitor)
     if parameters.add_random:
         take = replace(take, positions=with_jitter(take.positions, parameters, seed))

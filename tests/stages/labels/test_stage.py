@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
+import skelgen
 from skelgen.errors import InputError, ParameterError, SkelgenError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
@@ -61,6 +62,15 @@ def test_points_that_a_model_computed_are_no_markers_unless_they_are_asked_for()
     assert check_labels(named, DEFAULTS, monitor=notes)[0].names == take.names[:-1]
     assert "computed and no markers: LHJC (`--set labels.computed_points=yes` takes them)" in notes.sentences[0]
     assert check_labels(named, LabelParameters(computed_points=True))[0].names == named.names
+
+
+def test_all_points_of_a_file_stay_where_a_reader_is_asked_for_all(tmp_path):
+    take = simulate("rods", n_frames=50).take
+    names = (*take.names[:-1], "LHJC")
+    skelgen.write(replace(take, names=names), tmp_path / "rods.trc")
+    every, some = (skelgen.read(tmp_path / "rods.trc", points=wanted) for wanted in ("all", "auto"))
+    assert check_labels(every, DEFAULTS)[0].names == names
+    assert check_labels(some, DEFAULTS)[0].names == names[:-1]
 
 
 @pytest.mark.parametrize("structure", ["rods", "classic-human", "human"])
