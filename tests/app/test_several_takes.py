@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from skelgen.app.several_takes import are_named_alike, calibrate_together, moved_markers
+from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.simulation import simulate
 
@@ -75,3 +77,19 @@ def test_takes_of_one_body_are_posed_as_exactly_as_their_skeleton_was_fitted():
     for one in both.takes:
         assert one.motion.limb_seen[:, shank].all()
         assert np.nanmax(one.motion.residuals) < 0.1  # mm
+
+
+@pytest.mark.parametrize(
+    ("factor", "labelled", "sentence"),
+    [
+        (1.1, True, r"large: the skeleton explains \d+ % of the positions that it could; it is of another body"),
+        (1.02, False, r"large: \d+ of \d+ markers sit elsewhere on their limbs .*: this is another body, or"),
+    ],
+)
+def test_take_of_another_body_is_refused_with_a_sentence_that_says_so(factor, labelled, sentence):
+    first = simulate("human", seed=1, n_frames=300, noise=0.5).take
+    second = simulate("human", seed=2, n_frames=200, noise=0.5, labelled=labelled).take
+    places = "positions" if labelled else "points"
+    larger = dataclasses.replace(second, name="large", **{places: factor * getattr(second, places)})
+    with pytest.raises(InputError, match=sentence):
+        calibrate_together([first, larger])

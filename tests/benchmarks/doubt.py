@@ -1,11 +1,12 @@
 """Whether probabilities hold: ``python tests/benchmarks/doubt.py [n_takes] [--learn]``.
 
-Simulated people, animals, machines and random trees with soft tissue, 12 takes of each kind unless told otherwise, and
-real people (``../shared/data/bodies`` beside the project), nothing given. Memberships of markers and edges of trees are
-sorted by their probability; beside stand how many are right. A marker is right on a limb most of whose markers are of
-its body, alone where no limb is of its body; an edge between neighbouring bodies or two parts of one. With --learn the
-constants of skelgen/stages/limbs/membership.py and skelgen/stages/joints/costs.py are learned anew, every kind
-alike.
+Simulated people, animals, machines and random trees with soft tissue, and bodies that are seen without any error, 12
+takes of each kind unless told otherwise; real people (``../shared/data/bodies`` beside the project), and a shoulder
+whose markers stand on pins in the bones (``../shared/data/bone_pin``). Nothing is given. Memberships of markers and
+edges of trees are sorted by their probability; beside stand how many are right. A marker is right on a limb most of
+whose markers are of its body, alone where no limb is of its body; an edge between neighbouring bodies or two parts of
+one. With --learn the constants of skelgen/stages/limbs/membership.py and skelgen/stages/joints/costs.py are learned
+anew, every kind alike, without takes of rigid bodies: the constants are about skin and noise.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import limbs as limb_benchmark
 import numpy as np
 from people import USUAL_PLACE, load
+from real_recordings import BONE_PINS, BONES, CENTRE
 from shown import show, show_machine
 from sklearn.linear_model import LogisticRegression
 
+import skelgen
 from skelgen.benchmark.people import simulated_animal, simulated_person
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -32,6 +36,9 @@ from skelgen.stages.limbs import find_limbs, membership
 BOUNDS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9)
 WANTED, AT = 0.93, 0.95  # of what is stated with so much and more
 TREES = ("tree:8", "tree:15", "quadruped", "tree:10")
+EXACT = ("human", "quadruped", "classic-human", "tree:8")
+RIGID = ("exact", "bone pins")
+"""Kinds of takes without soft tissue and noise to speak of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +110,23 @@ def takes(n_takes: int) -> Iterator[Known]:
         tissue, moved = (3.0, 8.0)[index % 2], (1.0, 0.5, 0.3)[index % 3]
         options = {"n_frames": 400, "noise": 0.5, "soft_tissue": tissue, "motion_range": moved}
         yield simulated("soft tree", simulate(TREES[index % len(TREES)], seed=2000 + index, **options))
+        yield simulated("exact", simulate(EXACT[index % len(EXACT)], seed=3000 + index, n_frames=400))
     for path in sorted(USUAL_PLACE.glob("*.truth.npz")):
         real = load(USUAL_PLACE, path.name.removesuffix(".truth.npz"))
         yield Known("real person", real.take, real.allowed, real.parents)
+    pins = USUAL_PLACE.parent / BONE_PINS
+    if pins.exists():
+        yield on_bone_pins(pins)
+
+
+def on_bone_pins(path: Path) -> Known:
+    """A shoulder by the names of its markers; its joint's centre, one of the points, is on both bones."""
+    take = skelgen.read(path)
+    assert isinstance(take, Trajectories)
+    bones = ("thorax", "scapula", "humerus")
+    allowed = np.array([[BONES.get(name, "humerus") == bone for bone in bones] for name in take.names])
+    allowed[take.names.index(CENTRE), 1:] = True
+    return Known("bone pins", take, allowed, np.array([-1, 0, 1]))
 
 
 def simulated(kind: str, made: SimulatedTake) -> Known:
@@ -176,6 +197,7 @@ def edge_features(topology: Topology, stated: Floats) -> Floats:
 
 def learn(told: list[Told]) -> None:
     """Print the constants that these takes give; every kind weighs alike, and every take of a kind."""
+    told = [one for one in told if one.kind not in RIGID]
     part = {kind: 1 / sum(one.kind == kind for one in told) for kind in {one.kind for one in told}}
     features = np.concatenate([one.marker_features for one in told])
     right, alone = (np.concatenate([getattr(one, name) for one in told]) for name in ("marker_is_right", "is_alone"))
