@@ -18,6 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.questions import questions_on
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import Format, Writable
@@ -193,8 +194,8 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "position_mean": motion.joint_positions[:, index].mean(axis=0) if motion.n_frames else None,
             "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
             "range_of_motion": _turns(observed[index].motion),
-            "not_determined": observed[index].sentence or None,
-            "to_do": observed[index].advice or None,
+            "not_determined": with_names_of_limbs(observed[index].sentence, project.limbs) or None,
+            "to_do": with_names_of_limbs(observed[index].advice, project.limbs) or None,
             **_fields(joint, "is_determined", "is_fully_determined", "open_directions"),
             "is_placed_by_marker_set": joint.is_placed_by_marker_set,
         }

@@ -4,7 +4,6 @@ shape and motion; and the tables in which the user says it: names of limbs, and 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -273,28 +272,6 @@ def _with_stated(names: Sequence[str], stated: Mapping[int, str]) -> tuple[str, 
     taken = set(stated.values())
     rest = (f"limb{limb}" if name in taken else name for limb, name in enumerate(names))
     return tuple(stated.get(limb, name) for limb, name in enumerate(rest))
-
-
-def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:
-    """Return a sentence of a stage with the names of limbs in the place of their numbers.
-
-    Parameters
-    ----------
-    sentence : str
-        It speaks of ``limb 3``, ``limbs 3 and 4``, ``limb 3 and 4`` or ``limbs 3, 4 and 5``.
-    limbs : Limbs
-        What they are called; limbs without a name keep their numbers.
-    """
-
-    def named(match: re.Match[str]) -> str:
-        numbers = [int(number) for number in re.findall(r"[0-9]+", match[0])]
-        if any(number >= limbs.n_limbs for number in numbers):
-            return match[0]
-        if all(limbs.called(number) == f"limb {number}" for number in numbers):
-            return match[0]
-        return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.called(int(number[1])), match[0])
-
-    return re.sub(r"\blimbs? [0-9]+(?:(?:, | and (?:limb )?)[0-9]+\b)*(?![.,]?[0-9])", named, sentence)
 
 
 def _limb_of(project: Project, limbs: Limbs, correction: Correction) -> int:

@@ -10,10 +10,10 @@ from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, stated_number
 from skelgen.app.inputs import check_take
-from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.app.stages import PIPELINE, Stage, with_result
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Limbs, Poses, Project, StageReport, Trajectories
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.project import STAGES
 from skelgen.progress import SILENT, Monitor
 

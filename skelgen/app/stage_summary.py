@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
-from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.model import Joint, Limbs, PointCloud, Poses, Project, Take
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.progress import counted
 
 _MOST_POINTERS = 200

@@ -12,6 +12,7 @@ from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, runs_of
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
@@ -294,8 +295,8 @@ def _joint_rows(project: Project) -> list[Row]:
             row["is_determined"] = joint.is_determined
             row["is_fully_determined"] = joint.is_fully_determined
             row["is_placed_by_marker_set"] = joint.is_placed_by_marker_set
-            row["not_determined"] = observed[index].sentence or None
-            row["to_do"] = observed[index].advice or None
+            row["not_determined"] = with_names_of_limbs(observed[index].sentence, project.limbs) or None
+            row["to_do"] = with_names_of_limbs(observed[index].advice, project.limbs) or None
         rows.append(row)
     return rows
 

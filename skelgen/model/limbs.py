@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -186,3 +187,25 @@ def check_limb_names(names: Sequence[str], n_limbs: int) -> tuple[str, ...]:
         If a name is missing, empty or used twice.
     """
     return check_names(names or tuple(f"limb{limb}" for limb in range(n_limbs)), n_limbs, "limb")
+
+
+def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:
+    """Return a sentence of a stage with the names of limbs in the place of their numbers.
+
+    Parameters
+    ----------
+    sentence : str
+        It speaks of ``limb 3``, ``limbs 3 and 4``, ``limb 3 and 4`` or ``limbs 3, 4 and 5``.
+    limbs : Limbs
+        What they are called; limbs without a name keep their numbers.
+    """
+
+    def named(match: re.Match[str]) -> str:
+        numbers = [int(number) for number in re.findall(r"[0-9]+", match[0])]
+        if any(number >= limbs.n_limbs for number in numbers):
+            return match[0]
+        if all(limbs.called(number) == f"limb {number}" for number in numbers):
+            return match[0]
+        return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.called(int(number[1])), match[0])
+
+    return re.sub(r"\blimbs? [0-9]+(?:(?:, | and (?:limb )?)[0-9]+\b)*(?![.,]?[0-9])", named, sentence)

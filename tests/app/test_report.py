@@ -14,7 +14,7 @@ import pytest
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import find_cost_graph
-from skelgen.app.drawing.poses import find_views
+from skelgen.app.drawing.poses import find_views, left_side, reference_joints
 from skelgen.app.drawing.scales import envelope, limb_colour, ramp_rgba, ticks
 from skelgen.app.drawing.wording import as_many_as_fit, digits, duration, percent
 from skelgen.app.report import report_html, write_report
@@ -251,6 +251,31 @@ def test_vertical_is_the_axis_along_which_the_lowest_marker_rests():
     assert abs(front.across[0]) > abs(front.across[2])
     axes = np.stack([side.across, side.up, side.toward])
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+
+
+def test_front_of_a_body_with_sides_is_what_faces_it_however_wide_it_is():
+    """A body that reaches forward along x is wider from the side than from the front."""
+    body = np.random.default_rng(1).uniform([0, -150, 0], [900, 150, 1700], (30, 3))
+    walk = np.arange(50)[:, np.newaxis, np.newaxis] * [20.0, 10.0, 0.0]
+    front, side = find_views(body, body + walk, np.array([0.0, 1.0, 0.0]))
+    assert (front.title, front.across.tolist(), front.toward.tolist()) == ("Front view", [0, 1, 0], [1, 0, 0])
+    assert front.up.tolist() == side.up.tolist() == [0, 0, 1]
+
+
+def test_sides_of_a_body_are_those_of_limbs_that_hang_on_one(make_project):
+    skeleton = make_project(parents=(-1, 0, 0)).skeleton
+    left, right = reference_joints(skeleton)
+    sides = replace(skeleton, limb_names=("pelvis", "left thigh", "right thigh"))
+    np.testing.assert_allclose(left_side(sides), (left - right) / np.linalg.norm(left - right))
+    assert left_side(skeleton) is None
+
+
+def test_report_says_what_limbs_are_called_where_it_says_what_motion_does_not_determine(make_project):
+    project = make_project(parents=(-1, 0, 0)).with_limb_names(("pelvis", "left thigh", "right thigh"))
+    placed = tuple(replace(joint, is_placed_by_marker_set=True) for joint in project.skeleton.joints)
+    project = replace(project, _skeleton=replace(project.skeleton, joints=placed))
+    sentence = report_content(project)["angles"]["sentences"][0]
+    assert sentence.startswith("the joint between pelvis and left thigh is placed by the marker set")
 
 
 def test_vertical_is_the_axis_along_which_nothing_lies_below_the_floor():

@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph, tree_path
 from skelgen.app.drawing.measures import tidy_places
-from skelgen.app.drawing.poses import find_views, reference_markers
+from skelgen.app.drawing.poses import find_views, left_side, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, listed, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
@@ -129,7 +129,8 @@ def body_places(project: Project) -> Floats:
     middle = markers[known].mean(axis=0)
     centres = np.where(counts[:, np.newaxis] > 0, sums / np.maximum(counts, 1)[:, np.newaxis], middle)
     sample = trajectories.positions[:: max(trajectories.n_frames // _SAMPLES, 1)]
-    view = find_views(markers[known], sample)[0]
+    left = left_side(project.skeleton) if project.has("skeleton") else None
+    view = find_views(markers[known], sample, left)[0]
     return _apart(_widened(_boxed(centres @ np.stack([view.across, -view.up], axis=1))))
 
 

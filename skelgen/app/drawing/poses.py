@@ -7,10 +7,12 @@ import numpy as np
 
 from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.limbs import body_and_limb
 
 _FLAT = 0.3  # an axis along which the body extends less than this share of its size is hardly the vertical
 _SUNK = 0.05  # of the body's size: markers that lie farther below zero are not above a floor at zero
 _RARELY = 0.01  # of the frames, in which a stray may lie below
+_LYING = 0.5  # of a unit vector's length: a body whose left side has less of it level lies on its side
 _SURE = 0.9  # confidence below which a marker counts as doubtful
 
 
@@ -43,12 +45,13 @@ class View:
     toward: Floats
 
 
-def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
+def find_views(points: Floats, marker_positions: Floats, left: Floats | None = None) -> tuple[View, View]:
     """Choose a front and a side view.
 
     The vertical is taken for the coordinate axis along which nothing lies below zero, where most systems have their
     floor; of several, or if there is none, for that along which the lowest marker moves least over the take: feet stay
-    near the floor. The front is the horizontal direction in which the reference pose is widest.
+    near the floor. The front is what faces a body whose left side is known; else the side on which the reference pose
+    is widest.
 
     Parameters
     ----------
@@ -56,9 +59,16 @@ def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
         The reference pose.
     marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
         The whole take; NaN allowed.
+    left : ndarray, shape (3,), optional
+        Unit vector from the right to the left of the body in the reference pose, see `left_side`.
     """
     vertical = _vertical(points, marker_positions)
     up = np.eye(3)[vertical]
+    if left is not None and np.linalg.norm(left - (left @ up) * up) > _LYING:
+        across = left - (left @ up) * up
+        across /= np.linalg.norm(across)
+        toward = np.cross(across, up)
+        return View("Front view", across, up, toward), View("Side view", -toward, up, across)
     level = points - points.mean(axis=0)
     level = level - np.outer(level @ up, up)
     across = np.linalg.svd(level, full_matrices=False)[2][0] if np.ptp(level) > 0 else np.eye(3)[vertical - 1]
@@ -67,6 +77,26 @@ def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
     across *= -1.0 if across[np.argmax(np.abs(across))] < 0 else 1.0
     toward = np.cross(across, up)
     return View("Front view (widest side)", across, up, toward), View("Side view", -toward, up, across)
+
+
+def left_side(skeleton: Skeleton) -> Floats | None:
+    """Return the direction from right to left in the reference pose, a unit vector; None where no sides are known.
+
+    It is that between the joints above limbs that are called alike but for their side, and hang on one limb: from the
+    right to the left hip, and from the right to the left shoulder.
+    """
+    places = {
+        (joint.parent, skeleton.limb_names[joint.child]): place
+        for joint, place in zip(skeleton.joints, reference_joints(skeleton), strict=True)
+    }
+    between = np.zeros(3)
+    for (parent, name), place in places.items():
+        limb = body_and_limb(name)[1]
+        other = (parent, name.removesuffix(limb) + limb.replace("left ", "right ", 1))
+        if limb.startswith("left ") and other in places:
+            between += place - places[other]
+    length = float(np.linalg.norm(between))
+    return between / length if length > 0 else None
 
 
 def _vertical(points: Floats, marker_positions: Floats) -> int:

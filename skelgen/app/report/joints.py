@@ -14,6 +14,7 @@ from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats, spread_frames
+from skelgen.model.limbs import with_names_of_limbs
 
 Content = dict[str, Any]
 
@@ -96,8 +97,16 @@ def _fitted(joint: Joint) -> Content:
     axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
     covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
     stds = {"std": _place_std(joint, covariance), "child_std": _place_std(joint, joint.covariance_in_child)}
-    how = "by the marker set" if joint.is_placed_by_marker_set else "" if joint.is_determined else "a choice"
-    return {"placed": how, "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+    return {"placed": _placed(joint), "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+
+
+def _placed(joint: Joint) -> str:
+    """What places a joint where the motion does not; empty if it does."""
+    if joint.is_placed_by_marker_set:
+        return "by the marker set"
+    if joint.is_determined:
+        return "" if joint.is_fully_determined else "a choice along its axis"
+    return "a choice"
 
 
 def _place_std(joint: Joint, covariance: Floats | None) -> str:
@@ -153,7 +162,7 @@ def _angles(project: Project, graph: CostGraph) -> Content:
         "rows": rows,
         "figures": figures,
         "n_open": _OPEN_FIGURES,
-        "sentences": [seen.notice for seen in observed if seen.sentence],
+        "sentences": [with_names_of_limbs(seen.notice, project.limbs) for seen in observed if seen.sentence],
     }
 
 

@@ -20,6 +20,7 @@ from skelgen.app.drawing.poses import (
     View,
     find_bones,
     find_views,
+    left_side,
     place_markers,
     reference_joints,
     reference_markers,
@@ -194,12 +195,13 @@ def _points(project: Project, frames: slice) -> _Points:
 
 
 def _front(project: Project) -> View:
-    """The view of the widest side, as the pictures of the reference pose have it."""
+    """The view of the front, as the pictures of the reference pose have it."""
     sample = slice(None, None, max(project.take.n_frames // _SAMPLES, 1))
     points = _points(project, sample)
     if project.has("skeleton") and project.skeleton.n_limbs:
         body = np.concatenate([reference_markers(project.skeleton), reference_joints(project.skeleton)])
-        return find_views(body[~np.isnan(body[:, 0])], project.motion.marker_positions)[0]
+        left = left_side(project.skeleton)
+        return find_views(body[~np.isnan(body[:, 0])], project.motion.marker_positions, left)[0]
     places = points.places
     if not places.shape[1]:
         places = np.full((len(points.counts), int(points.counts.max(initial=0)), 3), np.nan)

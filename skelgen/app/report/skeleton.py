@@ -15,7 +15,15 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
-from skelgen.app.drawing.poses import Bones, View, find_bones, find_views, reference_joints, reference_markers
+from skelgen.app.drawing.poses import (
+    Bones,
+    View,
+    find_bones,
+    find_views,
+    left_side,
+    reference_joints,
+    reference_markers,
+)
 from skelgen.app.drawing.scales import limb_colour, round_below
 from skelgen.app.drawing.wording import as_many_as_fit, clipped, digits, plain
 from skelgen.model import Joint, Project
@@ -251,7 +259,7 @@ class _Body:
 
 
 def pose_figures(project: Project) -> list[tuple[str, Markup]]:
-    """Draw the widest and the narrowest side of the reference pose, at one scale.
+    """Draw the front and the side of the reference pose, at one scale; the front is the widest side if none is known.
 
     Returns
     -------
@@ -259,14 +267,14 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
         Title and drawing of each view.
     """
     body = _Body.of(project)
-    views = find_views(body.points, project.motion.marker_positions)
+    views = find_views(body.points, project.motion.marker_positions, left_side(project.skeleton))
     size = max(float(np.ptp(body.seen(view, 1.0).points, axis=0).max()) for view in views)
     scale = _LONGER_SIDE / max(size, 1e-9)
     return [(view.title, _view(project, body.seen(view, scale), view, scale)) for view in views]
 
 
 def small_figure(project: Project, side: float) -> str:
-    """Draw the widest side of the reference pose, limbs and joints alone, as a file of its own.
+    """Draw the front of the reference pose, limbs and joints alone, as a file of its own.
 
     Parameters
     ----------
@@ -276,7 +284,7 @@ def small_figure(project: Project, side: float) -> str:
         Of the square that it fills.
     """
     body = _Body.of(project)
-    front, _ = find_views(body.points, project.motion.marker_positions)
+    front, _ = find_views(body.points, project.motion.marker_positions, left_side(project.skeleton))
     scale = side * _FILLED / max(float(np.ptp(body.seen(front, 1.0).points, axis=0).max()), 1e-9)
     flat = body.seen(front, scale)
     flat = flat.moved(*((side - np.ptp(flat.points, axis=0)) / 2).tolist())

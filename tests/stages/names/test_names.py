@@ -9,10 +9,10 @@ import pytest
 
 import skelgen
 from skelgen.app.corrections import without_correction
-from skelgen.app.limb_names import with_names_of_limbs
 from skelgen.errors import InputError, ParameterError
 from skelgen.marker_sets import MARKER_SETS, worn_markers
 from skelgen.model import Limbs
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.stages.names import (
     find_marker_set,
     marker_names,
