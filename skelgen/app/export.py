@@ -175,7 +175,7 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     marking = (registry.marking_sentence(entry, path) + ".",) if options.filled else ()
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
     losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
-    choices = choices_in(project) if "joints" in entry.keeps else ()
+    choices = choices_in(project) if "joints" in entry.keeps or entry.marks_open else ()
     if choices and not entry.marks_open:
         choices = (*choices, f"{entry.title} has no place to say that of its joints; a summary-json beside it does.")
     called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)

@@ -181,6 +181,13 @@ def test_poses_have_a_column_for_the_joint_above_each_limb_which_is_not_read(wit
     assert read_take(path).names == names
 
 
+@pytest.mark.parametrize("name", ["poses-csv", "angles-csv", "bvh", "gltf"])
+def test_exports_name_the_joints_that_motion_does_not_determine(with_open_joint, tmp_path, name):
+    entry = entry_of(name)
+    remarks = preview_export(with_open_joint, entry, export_path(tmp_path, "x", entry), {}).remarks
+    assert set(choices_in(with_open_joint)) <= set(remarks)
+
+
 def test_long_tables_have_a_column_of_joints_that_motion_determines(with_open_joint, tmp_path):
     entry = entry_of("table-csv")
     joints = export_project(with_open_joint, entry, export_path(tmp_path, "x", entry), {})[1]
