@@ -140,14 +140,16 @@ class JointSearch:
         costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
         stated = stated.seen(costs.order, monitor)
         parting = Parting(usual_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
-        tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, parting)
+        n_markers = [segment.n_markers for segment in segments]
+        tree = find_tree(costs, guesses, n_markers, stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
         n_frames = len(segments[0].points)
         raw = positions_of_joints(joints, tree.parents, n_frames)
         if n_frames < trajectories.n_frames:
             raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
         topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)
-        topology = with_certainty(replace(topology, loops=loop_joints(tree.parents, costs)), costs.turns, stated)
+        loops = loop_joints(tree.parents, costs, n_markers)
+        topology = with_certainty(replace(topology, loops=loops), costs.turns, stated)
         notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
         notices += undetermined_limb_notices(placed)
         if parameters.solver == "conjugate-gradient":

@@ -252,8 +252,10 @@ def _exceeds(values: Floats, times: float) -> Bools:
     return np.asarray(values > times * np.median(values))
 
 
-def loop_joints(parents: Ints, costs: JointCosts) -> tuple[Pair, ...]:
+def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> tuple[Pair, ...]:
     """Return pairs of limbs that seem joined although the tree does not join them: they close loops.
+
+    How a limb with one marker turns is not seen, so that nothing tells what it is joined to beside its parent.
 
     Parameters
     ----------
@@ -261,6 +263,8 @@ def loop_joints(parents: Ints, costs: JointCosts) -> tuple[Pair, ...]:
         The tree.
     costs : JointCosts
         Costs of all joints.
+    n_markers : sequence of int, length n_limbs
+        Of each limb.
     """
     children = np.flatnonzero(parents >= 0)
     if len(children) < 2:
@@ -273,6 +277,8 @@ def loop_joints(parents: Ints, costs: JointCosts) -> tuple[Pair, ...]:
         closes = (costs.comparable <= LOOP_COST * usual) & (costs.squares <= CHANCE * costs.expected)
         closes &= costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
     closes[children, above] = closes[above, children] = False
+    alone = np.flatnonzero(np.asarray(n_markers) < 2)
+    closes[alone] = closes[:, alone] = False
     return tuple((int(first), int(second)) for first, second in np.argwhere(np.triu(closes, 1)))
 
 

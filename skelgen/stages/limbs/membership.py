@@ -78,7 +78,8 @@ def doubt_notices(limbs: Limbs, names: Sequence[str]) -> Iterator[str]:
         own, share = 100 * limbs.probability[marker], 100 * shares[marker]
         other = limbs.called(int(rivals[marker])) if rivals[marker] >= 0 else "a limb of its own"
         limb = limbs.called(int(limbs.limb_of_marker[marker]))
-        yield f"{names[marker]} is on {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %)"
+        more = ", which is likelier by its distances" if share > own else ""
+        yield f"{names[marker]} is on {limb} ({own:.0f} %), but could be on {other} ({share:.0f} %){more}"
     if len(limbs.doubtful) > MOST_NAMED:
         others = counted(len(limbs.doubtful) - MOST_NAMED, "more marker is", "more markers are")
         yield f"{others} perhaps on another limb"

@@ -12,6 +12,8 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.stages.joints import JointConstraints, JointParameters, JointSearch, find_joints
+from skelgen.stages.joints.costs import JointCosts
+from skelgen.stages.joints.tree import loop_joints
 
 TISSUE = {"noise": 0.5, "soft_tissue": 3.0}
 PLATE = np.array([[60.0, 0.0, 0.0], [-30.0, 50.0, 0.0], [-30.0, -50.0, 10.0], [0.0, 0.0, 60.0]])  # mm
@@ -300,3 +302,11 @@ def test_a_search_asked_again_with_other_constraints_finds_what_a_new_one_does(s
     assert edges(again) != edges(first)
     np.testing.assert_array_equal(again.parents, new.parents)
     np.testing.assert_array_equal(again.raw_joint_positions, new.raw_joint_positions)
+
+
+def test_limb_with_one_marker_closes_no_loop():
+    """Of a chain of four limbs whose ends seem joined, the last has one marker, whose turns nobody sees."""
+    parents, seen = np.array([-1, 0, 1, 2]), np.ones((4, 4))
+    costs = JointCosts(comparable=seen, order=seen, squares=seen, expected=seen, turns=seen)
+    assert (0, 3) in loop_joints(parents, costs, [3, 3, 3, 2])
+    assert loop_joints(parents, costs, [3, 3, 3, 1]) == ((0, 2),)

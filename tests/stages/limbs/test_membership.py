@@ -57,6 +57,15 @@ def test_the_next_limb_is_the_most_likely_other_one_or_none():
     assert not len(Limbs([0, 0], np.zeros((2, 2))).doubtful)
 
 
+def test_a_limb_that_is_likelier_than_the_markers_own_is_said_to_be_so():
+    membership = [[0.03, 0.96], [0.0, 1.0], [0.55, 0.45], [1.0, 0.0]]
+    limbs = Limbs([0, 1, 0, 0], np.zeros((4, 4)), membership=membership)
+    assert list(doubt_notices(limbs, ["LFIN", "LWRA", "LWRB", "LFRM"])) == [
+        "LFIN is on limb 0 (3 %), but could be on limb 1 (96 %), which is likelier by its distances",
+        "LWRB is on limb 0 (55 %), but could be on limb 1 (45 %)",
+    ]
+
+
 def test_more_than_certain_is_refused():
     with pytest.raises(InputError, match="no probabilities"):
         Limbs([0, 0], np.zeros((2, 2)), membership=[[1.5], [0.5]])
