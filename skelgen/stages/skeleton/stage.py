@@ -128,11 +128,14 @@ def _loop_notices(fitted: list[FittedBody]) -> Iterator[str]:
 
 
 def _unseen_notices(motion: Motion) -> Iterator[str]:
-    """Say in one sentence which limbs are interpolated, the worst first."""
-    unseen = (~motion.limb_seen).sum(axis=0).tolist()
-    worst = sorted((limb for limb, count in enumerate(unseen) if count), key=lambda limb: (-unseen[limb], limb))
+    """Say of each limb that is never seen to turn, and in one sentence which are interpolated, the worst first."""
+    unseen, n_frames = (~motion.limb_seen).sum(axis=0).tolist(), motion.n_frames
+    for limb, count in enumerate(unseen):
+        if count == n_frames:
+            yield f"no frame shows enough of limb {limb} to tell how it turns"
+    some = (limb for limb, count in enumerate(unseen) if 0 < count < n_frames)
+    worst = sorted(some, key=lambda limb: (-unseen[limb], limb))
     if worst:
-        n_frames = motion.n_frames
         parts = [f"limb {limb} in {unseen[limb]} ({100 * unseen[limb] / n_frames:.1f} %)" for limb in worst]
         yield f"interpolated where a frame shows too little of a limb: {', '.join(parts)} of {n_frames} frames"
 

@@ -75,6 +75,17 @@ def test_limbs_that_never_move_against_each_other_say_so():
     assert np.linalg.norm(skeleton.joints[0].std) > 10.0  # mm
 
 
+def test_limb_that_no_frame_shows_to_turn_is_not_called_interpolated():
+    """Three rods, the last with one marker only."""
+    rods = simulate("rods", n_frames=N_FRAMES, noise=0.3).take
+    take = Trajectories(rods.positions[:, :7], rods.names[:7], rods.rate)
+    limbs, heard = Limbs(np.repeat([0, 1, 2], 3)[:7], np.zeros((7, 7))), Heard()
+    motion = fit_skeleton(take, limbs, find_joints(take, limbs), monitor=heard)[1]
+    assert not motion.limb_seen[:, 2].any()
+    assert "no frame shows enough of limb 2 to tell how it turns" in heard.said
+    assert not any("interpolated" in one for one in heard.said)
+
+
 def test_limbs_that_move_well_are_determined():
     skeleton, motion, said = fitted(two_limbs(40.0))
     assert_no_nan(skeleton, motion)
