@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skelgen_formats.articulated import capsule_of, links_of
@@ -197,3 +199,13 @@ def test_take_is_refused(small_project, tmp_path, name):
     with pytest.raises(WriteError, match="not a take"):
         write_file(small_project.trajectories, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["walk.urdf", "walk.mjcf.xml"])
+def test_coordinates_are_read_without_the_marks_of_joints(jointed_project, tmp_path, name):
+    first, *others = jointed_project.skeleton.joints
+    joints = (replace(first, open_directions=3), *others)
+    marked = replace(jointed_project, _skeleton=replace(jointed_project.skeleton, joints=joints))
+    plain, with_marks = (read_columns(write_file(one, tmp_path / name)[1]) for one in (jointed_project, marked))
+    assert with_marks[0] == plain[0]
+    np.testing.assert_array_equal(with_marks[1], plain[1])
