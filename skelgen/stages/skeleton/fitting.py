@@ -4,7 +4,7 @@ A fit with free joints of some frames tells the types of the joints. With joints
 are fitted together, outliers left out; soft tissue and closed loops are fitted where the take or the user has them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,8 +82,7 @@ class FittedBody:
     tissue : SoftTissue, optional
         How markers slide on the limbs, if they do.
     n_open : ndarray of intp, shape (n_limbs,), optional
-        In how many directions motion alone does not determine the joint above each limb, or places it out of reach;
-        if not given, the errors say it. Those that the marker set places count where it leaves them open.
+        In how many directions motion alone leaves the joint above each limb open, see `joints.places_left_open`.
     by_marker_set : tuple of int
         Limbs below joints that the marker set places because motion alone does not determine them.
     """
@@ -230,25 +229,12 @@ def _fitted_chain(
         astray = sorted({*astray, *out_of_reach(found.last)})
         by_motion = found.last.known_information
         found, astray = _within_reach(found, astray, worn=worn, segments=segments)
-        found = _with_doubt(found, by_motion, astray, worn)
+        last = found.last
+        placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn is not None else set()
+        alone = replace(last, known_information=by_motion)
+        n_open, by_set = body_joints.places_left_open((alone, last), found.types, found.correlated, astray, placed)
+        found = replace(found, n_open=n_open, by_marker_set=by_set)
     return fitter.closed(found, loops), seen, lasts
-
-
-def _with_doubt(found: _Fit, by_motion: Floats | None, astray: Sequence[int], worn: KnownBody | None) -> _Fit:
-    """Note which joints motion alone does not determine, by its information, and which of these the marker set places.
-
-    Joints that motion places out of reach (`astray`) are not determined by it in any direction but a hinge's axis.
-    """
-    last = found.last
-    alone = replace(last, known_information=by_motion)
-    n_open, n_left = (body_joints.directions_left_open(one, found.types, found.correlated) for one in (alone, last))
-    along = np.array([0] + [int(kind.kind == "hinge") for kind in found.types])
-    helped = set(np.flatnonzero((n_open > along) & (n_left <= along)).tolist())
-    placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn is not None else set()
-    by_set = placed & helped.union(astray)
-    n_open[list(astray)] = np.maximum(n_open, 1 + along)[list(astray)]
-    n_open[list(by_set)] = n_left[list(by_set)]
-    return replace(found, n_open=n_open, by_marker_set=tuple(sorted(by_set)))
 
 
 class _Fitter:

@@ -1,5 +1,6 @@
 """The joints of a fitted chain: their types, their places along hinge axes, and their uncertainty."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -258,24 +259,50 @@ def errors_of_limbs(
     return limb_errors(last, along, correlation_time)
 
 
-def directions_left_open(last: Calibration, types: list[JointType], correlation_time: float) -> Ints:
-    """Return in how many directions a fit leaves the joint above each limb open, shape (n_limbs,).
+def places_left_open(
+    fits: tuple[Calibration, Calibration],
+    types: list[JointType],
+    correlation_time: float,
+    astray: Sequence[int],
+    placed: set[int],
+) -> tuple[Ints, tuple[int, ...]]:
+    """Find in how many directions motion alone leaves each joint open, and which joints the marker set places instead.
 
     Parameters
     ----------
-    last : Calibration
-        The fit, with what its `known_information` says of joints beside the motion.
+    fits : tuple of Calibration
+        The fit with the information of the motion alone, and with what is known of joints.
     types : list of JointType
         Of the joints above limbs 1, 2, ...
     correlation_time : float
         Frames of residuals that are worth one independent frame.
+    astray : sequence of int
+        Limbs below joints that motion places out of reach: it tells no direction but a hinge's axis.
+    placed : set of int
+        Limbs below joints whose places the marker set knows.
+
+    Returns
+    -------
+    tuple of ndarray of intp, shape (n_limbs,), and tuple of int
+        Directions; of joints that the marker set places, those that it leaves open. The limbs below these joints.
     """
-    errors = errors_of_limbs(last, types, {}, np.zeros(last.chain.n_limbs), correlation_time)
-    n_open = np.zeros(last.chain.n_limbs, dtype=np.intp)
+    n_open, n_left = (_directions_left_open(fit, types, correlation_time) for fit in fits)
+    along = np.array([0] + [int(kind.kind == "hinge") for kind in types])
+    helped = set(np.flatnonzero((n_open > along) & (n_left <= along)).tolist())
+    by_set = sorted(placed & helped.union(astray))
+    n_open[list(astray)] = np.maximum(n_open, 1 + along)[list(astray)]
+    n_open[by_set] = n_left[by_set]
+    return n_open, tuple(by_set)
+
+
+def _directions_left_open(fit: Calibration, types: list[JointType], correlation_time: float) -> Ints:
+    """In how many directions a fit leaves the joint above each limb open, shape (n_limbs,)."""
+    errors = errors_of_limbs(fit, types, {}, np.zeros(fit.chain.n_limbs), correlation_time)
+    n_open = np.zeros(fit.chain.n_limbs, dtype=np.intp)
     for limb, kind in enumerate(types, start=1):
-        root = errors.joint(limb, int(last.chain.parents[limb]))
+        root = errors.joint(limb, int(fit.chain.parents[limb]))
         axis = kind.axis_in_parent if kind.kind == "hinge" else None
-        n_open[limb] = open_directions(root @ root.T, limb_size(last.chain, limb), axis)
+        n_open[limb] = open_directions(root @ root.T, limb_size(fit.chain, limb), axis)
     return n_open
 
 
