@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model import Project, Trajectories
+from skelgen.model import Limbs, Project, Trajectories
 from skelgen.model.arrays import check_whole
 from skelgen.model.corrections import Correction, named_marker
+from skelgen.model.limbs import body_and_limb
 from skelgen.model.topology import parents_from_names
 from skelgen.progress import Monitor
 
 if TYPE_CHECKING:
     from skelgen.stages.joints import JointConstraints
     from skelgen.stages.limbs import LimbConstraints
+    from skelgen.stages.names import MarkerSet
 
 
 @dataclass(frozen=True)
@@ -107,13 +109,14 @@ def limb_constraints(project: Project, marker_set: str, monitor: Monitor) -> Lim
     """
     from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
 
-    together: list[tuple[str, ...]] = _markers_of_segments(project, marker_set)
+    worn = worn_set(project, marker_set)
+    together = [] if worn is None or marker_set == "auto" else _markers_of_segments(worn)
     apart: list[tuple[str, ...]] = [tuple(markers[0] for markers in together)]
     for correction in corrections_of(project, "limbs", monitor):
         share, part = _stated_of_limbs(project, correction)
         together += share
         apart += part
-    return LimbConstraints(tuple(together), tuple(apart))
+    return LimbConstraints(tuple(together), tuple(apart), () if worn is None else _markers_of_wearers(worn))
 
 
 def check_no_contradiction(project: Project, correction: Correction) -> None:
@@ -191,13 +194,14 @@ def joint_constraints(
     """
     from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
 
-    of_person = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project))
+    of_person = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project), project.limbs)
     stated: dict[tuple[int, int], bool] = {}
-    root = project.limbs.names.index("pelvis") if of_person and "pelvis" in project.limbs.names else None
+    called = [body_and_limb(name)[1] for name in project.limbs.names]
+    roots = [limb for limb, name in enumerate(called) if of_person and name == "pelvis"]
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
         if correction.kind == "root":
-            root = limbs[0]
+            roots.insert(0, limbs[0])
         else:
             stated[min(limbs), max(limbs)] = correction.kind == "join"
     for pairs, wanted in ((options.joined, True), (options.parted, False)):
@@ -210,7 +214,7 @@ def joint_constraints(
         joined=tuple(pair for pair, wanted in is_joint.items() if wanted),
         parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
         parents=None if options.hierarchy is None else parents_from_names(names, _by_name(names, options.hierarchy)),
-        root=root if options.root is None else _limb_called(project, options.root),
+        roots=roots if options.root is None else (_limb_called(project, options.root), *roots),
         of_person=tuple(pair for pair in of_person if pair not in stated),
     )
 
@@ -244,19 +248,47 @@ def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
     return types
 
 
-def _markers_of_segments(project: Project, marker_set: str) -> list[tuple[str, ...]]:
-    """The markers of each segment of a marker set that the user states."""
-    if marker_set in {"auto", "none"}:
-        return []
-    from skelgen.stages.names import find_marker_set  # noqa: PLC0415 - reads tables
+def worn_set(project: Project, marker_set: str) -> MarkerSet | None:
+    """Return the marker set that a take wears, or None if it wears none that is known.
 
-    worn = find_marker_set(marker_set, project.trajectories.names)
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    marker_set : str
+        The set that the user states; ``auto`` finds it by the names of markers, ``none`` takes none.
+
+    Raises
+    ------
+    InputError
+        If a set is stated of which the take has less than half, or of which names do not say who wears it.
+    """
+    from skelgen.stages.names import find_marker_set, recognised_set  # noqa: PLC0415 - reads tables
+
+    names = project.trajectories.names
+    if marker_set in {"auto", "none"}:
+        return recognised_set(names) if marker_set == "auto" and names else None
+    worn = find_marker_set(marker_set, names)
     if 2 * len(worn.segments) < worn.n_markers:
         raise InputError(f"the marker set {marker_set} is not worn: the take has {worn.sentence}")
-    segments: dict[str, list[str]] = {}
+    worn.check_wearers()
+    return worn
+
+
+def _markers_of_segments(worn: MarkerSet) -> list[tuple[str, ...]]:
+    """The markers of each segment of each person who wears a set."""
+    segments: dict[tuple[str, str], list[str]] = {}
     for marker, segment in worn.segments.items():
-        segments.setdefault(segment, []).append(marker)
+        segments.setdefault((worn.wearers[marker], segment), []).append(marker)
     return [tuple(markers) for markers in segments.values()]
+
+
+def _markers_of_wearers(worn: MarkerSet) -> tuple[tuple[str, ...], ...]:
+    """The markers of each person, if several wear a set."""
+    persons: dict[str, list[str]] = {}
+    for marker, wearer in worn.wearers.items():
+        persons.setdefault(wearer, []).append(marker)
+    return tuple(map(tuple, persons.values())) if len(persons) > 1 else ()
 
 
 def names_by_markers(project: Project) -> tuple[str, ...]:
@@ -269,18 +301,28 @@ def names_by_markers(project: Project) -> tuple[str, ...]:
     return name_limbs(project.limbs, markers, worn)
 
 
-def joints_of_person(names: Sequence[str]) -> dict[tuple[int, int], bool]:
-    """Joints between the segments of a person that limbs are named by; a segment that is missing is passed over."""
+def joints_of_person(names: Sequence[str], limbs: Limbs) -> dict[tuple[int, int], bool]:
+    """Return the joints between the segments of each person; a segment that is missing is passed over.
+
+    Parameters
+    ----------
+    names : sequence of str, length n_limbs
+        Of segments, in the order of the limbs.
+    limbs : Limbs
+        Which body each is on.
+    """
     from skelgen.stages.names import PARENTS  # noqa: PLC0415 - reads tables
 
-    limb_of = {name: limb for limb, name in enumerate(names)}
+    bodies = limbs.body_of_limb.tolist()
+    limb_of = {(bodies[limb], body_and_limb(name)[1]): limb for limb, name in enumerate(names)}
     joints = {}
-    for name, limb in limb_of.items():
+    for (body, name), limb in limb_of.items():
         parent = PARENTS.get(name, "")
-        while parent and parent not in limb_of:
+        while parent and (body, parent) not in limb_of:
             parent = PARENTS.get(parent, "")
         if parent:
-            joints[min(limb, limb_of[parent]), max(limb, limb_of[parent])] = True
+            pair = limb, limb_of[body, parent]
+            joints[min(pair), max(pair)] = True
     return joints
 
 

@@ -84,7 +84,6 @@ def with_segments(
     monitor : Monitor
         Receives a notice of markers that the data put elsewhere.
     """
-    from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
     from skelgen.stages.names import recognised_set  # noqa: PLC0415 - reads tables
 
     names = project.trajectories.names
@@ -113,7 +112,8 @@ def with_segments(
     if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
         return None
     apart = tuple(group[0] for group in segments.values())
-    return LimbConstraints((*constraints.together, *map(tuple, segments.values())), (*constraints.apart, apart))
+    together = (*constraints.together, *map(tuple, segments.values()))
+    return replace(constraints, together=together, apart=(*constraints.apart, apart))
 
 
 def _subject(name: str) -> str:
@@ -183,7 +183,7 @@ def with_tree(
     monitor : Monitor
         Receives a notice of joints that the data refuse.
     """
-    wanted = joints_of_person(limb_names)
+    wanted = joints_of_person(limb_names, project.limbs)
     names = [name.rstrip("0123456789 ") for name in limb_names]
     found = {frozenset((names[one], names[other])) for one, other in topology.edges.tolist()}
     missing = [pair for pair in wanted if frozenset((names[pair[0]], names[pair[1]])) not in found]

@@ -160,7 +160,7 @@ def find_hierarchy(
     if isinstance(tree, Mapping):
         parents = parents_from_names(poses.names, tree)
     else:
-        parents = spanning_forest(gaps, root=None if tree is None else body_index(poses, tree))
+        parents = spanning_forest(gaps, roots=() if tree is None else (body_index(poses, tree),))
     for name, kind in (types or {}).items():
         if name not in poses.names or kind not in DETERMINED_TYPES:
             raise InputError(

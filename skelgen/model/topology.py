@@ -5,7 +5,7 @@ networkx takes a fifth of a second to import: it is imported where a graph is as
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -192,7 +192,7 @@ def _graph_of_costs(costs: Floats) -> Graph:
     return graph
 
 
-def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None = None) -> Ints:
+def spanning_forest(costs: Floats, sizes: Ints | None = None, roots: Sequence[int] = ()) -> Ints:
     """Return the parent of each limb in the minimum spanning forest over joint costs, by Prim's algorithm (1957).
 
     Parameters
@@ -203,8 +203,8 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
         Number of markers on each limb. The root of a tree is the limb from which most branches hang that are alike in
         their number of markers, of several the one with most markers, and never one of a single marker if there are
         others. Without them every limb counts as one.
-    root : int, optional
-        Limb that is the root of its tree in any case.
+    roots : sequence of int, optional
+        Limbs that are the roots of their trees in any case; the first of several that are in one tree.
 
     Returns
     -------
@@ -223,7 +223,9 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None =
     branches = _branch_numbers(tree, sizes)
     parents = np.full(len(costs), -1, dtype=np.intp)
     placed: set[int] = set()
-    for start in sorted(tree, key=lambda limb: (limb != root, sizes[limb] == 1, -branches[limb], -sizes[limb], limb)):
+    given = {limb: rank - len(roots) for rank, limb in reversed(list(enumerate(roots)))}
+    ranks = {limb: (given.get(limb, 0), sizes[limb] == 1, -branches[limb], -sizes[limb], limb) for limb in tree}
+    for start in sorted(tree, key=lambda limb: ranks[limb]):
         if start not in placed:
             placed.add(start)
             for parent, child in bfs_edges(tree, start):

@@ -9,6 +9,7 @@ import pytest
 
 import skelgen
 from skelgen.app.limb_names import read_limb_names
+from skelgen.stages.limbs.bodies import with_stated_bodies
 from skelgen.stages.names import PARENTS
 
 
@@ -120,3 +121,32 @@ def test_set_among_many_other_markers_is_left_to_the_user_with_a_note(walking):
     wide = replace(take, positions=positions, names=(*take.names, *others))
     project = skelgen.reconstruct(wide, until="limbs")
     assert any("`--marker-set plug-in-gait` makes use of it" in notice for notice in project.reports["limbs"].notices)
+
+
+@pytest.mark.parametrize("marker_set", ["animation-41", "auto"])
+def test_each_of_two_people_has_the_limbs_and_the_tree_of_the_set_that_names_say_they_wear(marker_set):
+    options = {"motion": "walk", "marker_set": "animation-41", "subjects": 2, "apart": 300.0, "seed": 1}
+    take = skelgen.simulate("human", n_frames=200, noise=0.3, **options).take
+    project = skelgen.reconstruct(take, parameters={"limbs": {"marker_set": marker_set}}, until="joints")
+    for body, subject in zip(project.bodies, ("subject 1", "subject 2"), strict=True):
+        assert {take.names[marker].rpartition(":")[0] for marker in body.markers} == {subject}
+        names = {limb: project.limbs.names[limb].rpartition(": ")[2] for limb in body.limbs.tolist()}
+        edges = [{names[limb] for limb in edge} for edge in project.topology.edges.tolist() if edge[0] in names]
+        assert {frozenset(edge) for edge in edges} == {
+            frozenset(pair) for pair in PARENTS.items() if "toes" not in pair[0]
+        }
+        assert marker_set == "auto" or names[body.root] == "pelvis"
+
+
+def test_stated_set_that_is_worn_twice_without_names_of_the_people_is_refused():
+    take = skelgen.simulate("human", n_frames=20, motion="walk", marker_set="animation-41", subjects=2).take
+    plain = [name.rpartition(": ")[2] + "." * (marker >= 41) for marker, name in enumerate(take.names)]
+    nameless = skelgen.Trajectories(take.positions, plain, take.rate)
+    with pytest.raises(skelgen.errors.InputError, match="do not say who wears them"):
+        skelgen.reconstruct(nameless, parameters={"limbs": {"marker_set": "animation-41"}})
+
+
+def test_markers_of_no_stated_body_stay_with_those_to_which_their_distances_vary_least():
+    deviation = np.array([[0, 9, 1, 9], [9, 0, 2, 9], [1, 2, 0, 9], [9, 9, 9, 0]], dtype=float)
+    found, stated = np.array([0, 0, 0, 1]), (np.array([0]), np.array([1]))
+    assert with_stated_bodies(found, stated, deviation).tolist() == [0, 1, 0, 3]

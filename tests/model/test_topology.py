@@ -76,7 +76,7 @@ def test_root_is_the_limb_with_most_joints_then_the_largest_unless_it_is_given()
     chain = symmetric(np.array([[0, 1, 9, 9], [0, 0, 1, 9], [0, 0, 0, 1], [0, 0, 0, 0.0]]))
     assert spanning_forest(chain).tolist() == [1, -1, 1, 2]
     assert spanning_forest(chain, np.array([1, 1, 5, 1])).tolist() == [1, 2, -1, 2]
-    assert spanning_forest(chain, root=3).tolist() == [1, 2, 3, -1]
+    assert spanning_forest(chain, roots=(3,)).tolist() == [1, 2, 3, -1]
 
 
 @pytest.mark.parametrize("n_fingers", [0, 3, 5])

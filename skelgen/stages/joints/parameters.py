@@ -109,8 +109,8 @@ class JointConstraints:
         Limbs between which there is a joint, and limbs between which there is none, the lower index first.
     parents : ndarray of intp, shape (n_limbs,), optional
         The whole tree, -1 for roots; found if not given.
-    root : int, optional
-        Limb that is the root of its tree; found by `spanning_forest` if not given.
+    roots : sequence of int
+        Limbs that are the roots of their trees, the first of several in one tree; others `spanning_forest` finds.
     of_person : sequence of pairs of int
         Those of `joined` that a marker set adds: they are left out where too few frames show both limbs.
     """
@@ -118,7 +118,7 @@ class JointConstraints:
     joined: Sequence[Pair] = ()
     parted: Sequence[Pair] = ()
     parents: Ints | None = None
-    root: int | None = None
+    roots: Sequence[int] = ()
     of_person: Sequence[Pair] = ()
 
     def edges(self, n_limbs: int) -> list[Pair]:

@@ -127,10 +127,10 @@ def find_tree(
         _check_parents(constraints.parents, costs.order)
         return Tree(constraints.parents, known, [])
     markers = np.array(sizes, dtype=np.intp)
-    parents = spanning_forest(allowed, markers, constraints.root)
+    parents = spanning_forest(allowed, markers, constraints.roots)
     direct = past_single_markers(parents, replace(costs, order=allowed), markers, constraints.joined)
     if direct is not None:
-        parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.root)
+        parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.roots)
     false = [] if parting is None else _false_joints(parents, costs, guesses, parting)
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
@@ -140,7 +140,7 @@ def find_tree(
         parent = int(parents[child])
         if (parent, child) not in cut:
             kept[child, parent] = kept[parent, child] = allowed[child, parent]
-    return Tree(spanning_forest(kept, markers, constraints.root), known, cut)
+    return Tree(spanning_forest(kept, markers, constraints.roots), known, cut)
 
 
 def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:

@@ -98,6 +98,35 @@ def seen_together(positions: Floats, n_bodies: int = 0) -> Ints:
     return np.asarray(nearest[part])
 
 
+def with_stated_bodies(body_of_marker: Ints, stated: tuple[Ints, ...], deviation: Floats) -> Ints:
+    """Return the bodies of markers where some are stated.
+
+    Parameters
+    ----------
+    body_of_marker : ndarray of intp, shape (n_markers,)
+        What is found.
+    stated : tuple of ndarray of intp
+        Markers of each body that is stated.
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Of distances; NaN where never seen together. Of a body that is found, a marker of which nothing is stated stays
+        with the stated marker to which its distance varies least.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        The stated bodies have the first numbers; others follow in the order in which they were numbered.
+    """
+    bodies = body_of_marker + len(stated)
+    for number, markers in enumerate(stated):
+        bodies[markers] = number
+    loose = np.flatnonzero(bodies >= len(stated))
+    for marker in loose.tolist():
+        near = np.setdiff1d(np.flatnonzero(body_of_marker == body_of_marker[marker]), loose)
+        if len(near):
+            bodies[marker] = bodies[near[np.nan_to_num(deviation[marker, near], nan=np.inf).argmin()]]
+    return bodies
+
+
 def _common_frames(is_seen: Bools) -> Floats:
     """Number of frames that show both of two markers, shape (n_markers, n_markers)."""
     seen = is_seen.astype(np.float32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -169,15 +169,18 @@ class LimbConstraints:
         Names of markers; each group shares a limb, groups with a common marker are one.
     apart : iterable of sequence of str
         Names of markers; no two of a group share a limb.
+    bodies : iterable of sequence of str
+        Names of markers; each group is on a body of its own.
     """
 
     together: NameGroups = ()
     apart: NameGroups = ()
+    bodies: NameGroups = ()
 
     def with_parameters(self, parameters: LimbParameters) -> LimbConstraints:
         """Return these constraints and those that the parameters hold as text, e.g. ``"LKNE, LANK; RKNE, RANK"``."""
         together = (*self.together, *_name_groups(parameters.together))
-        return LimbConstraints(together, (*self.apart, *_name_groups(parameters.apart)))
+        return replace(self, together=together, apart=(*self.apart, *_name_groups(parameters.apart)))
 
     def of_markers(self, names: Sequence[str]) -> MarkerConstraints:
         """Return the constraints on markers by index.
@@ -207,7 +210,8 @@ class LimbConstraints:
             raise InputError(f"{first!r} and {second!r} are asked to share a limb and not to; take one of both back")
         blocks = [tuple(np.flatnonzero(block_of == block).tolist()) for block in np.unique(block_of)]
         of_block = np.array([block_of == block for block in block_of])
-        return MarkerConstraints(blocks, np.asarray(of_block @ forbidden @ of_block, dtype=np.bool_))
+        bodies = tuple(_indices(group, index_of) for group in self.bodies)
+        return MarkerConstraints(blocks, np.asarray(of_block @ forbidden @ of_block, dtype=np.bool_), bodies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,10 +224,13 @@ class MarkerConstraints:
         Markers that share a limb; those of which nothing is stated are blocks of one.
     apart : ndarray of bool, shape (n_markers, n_markers)
         Markers that may not share a limb.
+    bodies : tuple of ndarray of intp
+        Markers of each body that is stated; none once markers are parted into bodies.
     """
 
     blocks: list[Group]
     apart: Bools
+    bodies: tuple[Ints, ...] = ()
 
     @property
     def is_empty(self) -> bool:

@@ -18,7 +18,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
-from skelgen.stages.limbs.bodies import find_bodies, seen_together
+from skelgen.stages.limbs.bodies import find_bodies, seen_together, with_stated_bodies
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
@@ -135,7 +135,7 @@ def _groups(
     _check_numbers(trajectories.name, len(usable), n_limbs)
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
-    body_of_marker, sure = _bodies(trajectories.positions, usable, named, parameters, n_limbs)
+    body_of_marker, sure = _bodies(trajectories.positions, usable, every.steady, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
@@ -167,15 +167,25 @@ def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, na
 
 
 def _bodies(
-    positions: Floats, usable: Ints, named: MarkerConstraints, parameters: LimbParameters, n_limbs: int | None
+    positions: Floats,
+    usable: Ints,
+    deviation: Floats,
+    named: MarkerConstraints,
+    parameters: LimbParameters,
+    n_limbs: int | None,
 ) -> tuple[Ints, Floats]:
-    """Body of each marker, and the probability of each body; limbs that the user states are not parted."""
+    """Body of each marker, and the probability of each body; limbs and bodies that are stated are not parted."""
     body_of_marker = np.zeros(positions.shape[1], dtype=np.intp)
     if n_limbs is not None and parameters.n_bodies > 1:
         raise InputError("give either the number of limbs or that of bodies: how limbs are shared is not known")
     if parameters.n_bodies == 1 or n_limbs is not None or parameters.method != "rigidity":
         return body_of_marker, np.ones(1)
     parts = seen_together(positions[:, usable], parameters.n_bodies)
+    stated = named.bodies if parameters.n_bodies in {0, len(named.bodies)} else ()
+    if stated:
+        body_of_marker[usable] = parts
+        parts = with_stated_bodies(body_of_marker, stated, deviation)[usable]
+        parts = np.unique(parts, return_inverse=True)[1]
     body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies, parts)
     if len(sure) < parameters.n_bodies:
         raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
@@ -183,7 +193,7 @@ def _bodies(
         for markers in [usable[parts == part] for part in range(int(parts.max()) + 1)]:
             numbers, body = np.unique(body_of_marker[markers], return_inverse=True)
             body_of_marker[markers] = numbers[with_whole_people(positions[:, markers], body)]
-    for block in named.blocks:
+    for block in (*stated, *named.blocks):
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
     kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)
@@ -204,7 +214,7 @@ def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
         yield (
             f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-            "stays near one of another, or they are never seen together"
+            "stays near one of another, they are never seen together, or the names of markers say so"
         )
 
 

@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from skelgen.errors import ParameterError
+from skelgen.errors import InputError, ParameterError
 from skelgen.marker_sets import MARKER_SETS, read_table, worn_markers
 
 OTHER_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "nokov-53", "opencap")
@@ -63,10 +63,41 @@ class MarkerSet:
     n_taken: int
 
     @property
+    def wearers(self) -> Mapping[str, str]:
+        """Who wears each marker: what stands before the last colon of its name, if the set is worn more than once.
+
+        One wearer, called by the empty name, if no marker of the set is there twice.
+        """
+        names = list(map(plain_name, self.segments))
+        if len(set(names)) == len(names):
+            return dict.fromkeys(self.segments, "")
+        return {name: name.rpartition(":")[0].strip() for name in self.segments}
+
+    def check_wearers(self) -> None:
+        """Refuse a set that is worn more than once where names do not say by whom.
+
+        Raises
+        ------
+        InputError
+            If one wearer has half of the set twice.
+        """
+        worn: dict[tuple[str, str], list[str]] = {}
+        for name, wearer in self.wearers.items():
+            worn.setdefault((wearer, plain_name(name)), []).append(name)
+        alike = [names for names in worn.values() if len(names) > 1]
+        if 2 * len(alike) >= self.n_markers:
+            raise InputError(
+                f"markers of {self.title} are there twice, as {' and '.join(alike[0])}, but their names do not "
+                "say who wears them; begin names with that of the person, as in anna:LFHD and bob:LFHD"
+            )
+
+    @property
     def sentence(self) -> str:
         """What is recognised, e.g. ``39 of 39 markers: Plug-in Gait full body``."""
+        n_wearers = len(set(self.wearers.values()))
         whole = "" if len(self.segments) == self.n_markers else f" ({len(self.segments)} of its {self.n_markers})"
-        return f"{len(self.segments)} of {self.n_taken} markers: {self.title}{whole}"
+        worn = f", worn by {n_wearers}" if n_wearers > 1 else whole
+        return f"{len(self.segments)} of {self.n_taken} markers: {self.title}{worn}"
 
     @property
     def hint(self) -> str:

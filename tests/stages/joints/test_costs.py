@@ -45,7 +45,7 @@ def row_of_limbs(ratios, wrong=GAP):
 )
 def test_gaps_count_as_far_as_they_are_measured(ratios, parent):
     guesses, costs = row_of_limbs(ratios)
-    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), None)
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(roots=(0,)), None)
     assert tree.parents[-1] == parent
 
 
@@ -54,7 +54,7 @@ def test_a_dear_joint_whose_gap_noise_explains_is_not_cut():
     for limb in range(N_LIMBS - 1):  # the last limb is far from all others, and hardly turns
         guesses[limb, N_LIMBS - 1] = JointGuess(np.zeros((0, 3)), NOISE / 2, NOISE, 3000.0, 0.02, np.nan, 100)
     costs = comparable_costs(guesses, N_LIMBS, ALPHA)
-    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), Parting(100.0, NOBODY))
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(roots=(0,)), Parting(100.0, NOBODY))
     assert not tree.cut and (tree.parents < 0).sum() == 1
 
 
@@ -66,6 +66,6 @@ def test_a_dear_joint_is_cut_unless_limbs_on_both_sides_are_of_one_person(known)
     costs = comparable_costs(guesses, N_LIMBS, ALPHA)
     of_one = NOBODY.copy()
     of_one[0, N_LIMBS - 1] = of_one[N_LIMBS - 1, 0] = known
-    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(root=0), Parting(100.0, of_one))
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(roots=(0,)), Parting(100.0, of_one))
     assert (len(tree.cut) == 0) == known
     assert (tree.parents < 0).sum() == (1 if known else 2)
