@@ -32,9 +32,6 @@ _LEAST_OF_BODY = 4
 """Tracks left out at once that may be a body: the pose of three markers is free, a fourth one shows that they belong
 together."""
 
-BY_SUBJECT = "taken from the calibrated skeleton of"
-"""How the notice begins that says whose skeleton labelled a take."""
-
 _LASTING_SECONDS = 0.25
 """A marker that is off its place for less is not worth a sentence."""
 
@@ -66,10 +63,7 @@ def advice_on(project: Project) -> tuple[str, ...]:
     """
     if not project.has_labelling or not project.trajectories.n_frames or not project.trajectories.n_markers:
         return ()
-    report = project.reports.get("labels")
-    by_subject = report is not None and any(sentence.startswith(BY_SUBJECT) for sentence in report.notices)
-    sentences = _sentences(project.take, project.trajectories, project.labelling, by_subject)
-    return (*_about_standing(project), *sentences)
+    return (*_about_standing(project), *_sentences(project.take, project.trajectories, project.labelling))
 
 
 def doubtful_share(labelling: Labelling) -> float:
@@ -84,20 +78,20 @@ def left_out_share(project: Project) -> float:
     return float(project.labelling.left_out.sum()) / max(project.take.n_points, 1)
 
 
-def _sentences(take: object, markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
+def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     share = doubtful_share(labelling)
     if share > _MANY_DOUBTS:
         yield (
             f"{100 * share:.0f} % of all positions are doubtful: do not rely on these labels as a whole before the "
             "causes below are gone"
         )
-    body = _body_left_out(markers, labelling) if by_subject else 0
+    body = _body_left_out(markers, labelling) if labelling.subject else 0
     if body:
         yield (
             f"up to {body} tracks longer than {_LONG_SECONDS:g} s are left out at the same time: another body may be "
             "in the take; give its skeleton too, one --skeleton for each body"
         )
-    yield from _about_pieces(markers, labelling, by_subject)
+    yield from _about_pieces(markers, labelling)
     yield from _about_rare_markers(markers, labelling)
     if labelling.twins:
         named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
@@ -108,7 +102,7 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling, by_sub
         yield f"too few markers are seen beside {named} when they come back: one more marker on such a limb helps"
     yield from _about_misfits(markers, labelling)
     if isinstance(take, PointCloud) and not body:
-        yield from _about_ghosts(take, markers, labelling, by_subject)
+        yield from _about_ghosts(take, markers, labelling)
     if not body:
         yield from _about_visibility(markers)
 
@@ -123,14 +117,14 @@ def _about_standing(project: Project) -> Iterator[str]:
         )
 
 
-def _about_pieces(markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
+def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     pieces = {doubt.marker: doubt.rival for doubt in labelling.doubts if doubt.kind == "piece"}
     if not pieces:
         return
     named = _named([f"{markers.names[one]} of {markers.names[whole]}" for one, whole in sorted(pieces.items())])
     suspicious = {doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL}
     likely = markers.n_markers - len(suspicious)
-    if by_subject:
+    if labelling.subject:
         yield f"some markers look like pieces of others ({named}): name them by hand"
         return
     yield (
@@ -159,7 +153,7 @@ def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]
         )
 
 
-def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling, by_subject: bool) -> Iterator[str]:
+def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     share = float(labelling.left_out.sum()) / max(take.n_points, 1)
     if share > _MANY_GHOSTS:
         yield (
@@ -169,7 +163,7 @@ def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling,
     long = len(_long_lost_tracks(markers, labelling)[0])
     if long:
         what = "1 track is" if long == 1 else f"{long} tracks are"
-        remedy = "name it by hand" if by_subject else "try --n-markers with one more"
+        remedy = "name it by hand" if labelling.subject else "try --n-markers with one more"
         yield (
             f"{what} left out although they last longer than {_LONG_SECONDS:g} s: a reflection, or a marker that "
             f"was not recognised; {remedy}"

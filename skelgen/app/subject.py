@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from skelgen.app.advice import BY_SUBJECT
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
@@ -190,9 +189,10 @@ def run_with_subject(
     seconds = time.perf_counter() - started
     for sentence in fit.notices:
         monitor.notice(sentence)
-    notice = _where_from(subject)
+    notice = _notice_of(subject)
     report = StageReport(settings.labels.as_mapping(), seconds, (notice, *fit.notices))
-    done = project.with_trajectories(fit.trajectories, report, _label_quality(take, fit))
+    labelling = replace(_label_quality(take, fit), subject=_called(subject))
+    done = project.with_trajectories(fit.trajectories, report, labelling)
     posing = StageReport(settings.skeleton.as_mapping(), 0.0, (notice,))
     return _with_skeleton(done, subject, fit.limbs, (fit.skeleton, fit.motion), posing)
 
@@ -210,7 +210,7 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     sentences = _sentences_on_sensors(take, names, skeleton, seats, loose)
     for sentence in sentences:
         monitor.notice(sentence)
-    notice = _where_from(subject)
+    notice = _notice_of(subject)
     trajectories = Trajectories(positions, names, take.rate, take.name, take.notices)
     done = project.with_trajectories(trajectories, StageReport({}, 0.0, (notice, *sentences)))
     limbs = Limbs(skeleton.limb_of_marker, np.full((len(names), len(names)), np.nan), skeleton.limb_names)
@@ -241,8 +241,12 @@ def _with_skeleton(
     return done.with_skeleton(*found, report)
 
 
-def _where_from(subject: Project) -> str:
-    return f"{BY_SUBJECT} {subject.source.path if subject.source else subject.name}"
+def _called(subject: Project) -> str:
+    return str(subject.source.path if subject.source else subject.name) or "another take"
+
+
+def _notice_of(subject: Project) -> str:
+    return f"taken from the calibrated skeleton of {_called(subject)}"
 
 
 def _label_quality(take: PointCloud | Trajectories, fit: SubjectFit) -> Labelling:

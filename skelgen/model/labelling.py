@@ -201,6 +201,8 @@ class Labelling:
         What the thesis' method gave, where it was asked for beside another one (`labels.compare`).
     findings : tuple of Finding
         Errors of labels that came with the take, in the order of their first frames.
+    subject : str
+        The calibrated take whose skeleton labelled this one, its file or name; empty for takes labelled otherwise.
     """
 
     confidence: Floats
@@ -210,6 +212,7 @@ class Labelling:
     tracklets: Tracklets | None = None
     classic: Agreement | None = None
     findings: tuple[Finding, ...] = ()
+    subject: str = ""
 
     def __post_init__(self) -> None:
         confidence = check_floats(self.confidence, (None, None), "confidence")

@@ -43,6 +43,7 @@ def test_take_is_fitted_by_the_skeleton_of_another_one(folder, tmp_path, command
     assert scores.as_mapping()["summary"]["mean_joint_error"] < 1.0
     known = skelgen.app.project_file.archive.open_project(folder / "rom" / "rom.skelgen")
     assert project.skeleton.lengths == known.skeleton.lengths
+    assert project.labelling.subject == str(folder / "rom.c3d")
     assert {".xml", ".html", ".json"} <= {path.suffix for path in (tmp_path / "out").iterdir()}
 
 

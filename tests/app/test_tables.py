@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from skelgen.app.advice import BY_SUBJECT, advice_on
+from skelgen.app.advice import advice_on
 from skelgen.app.tables import column_rows, project_tables, take_facts
 from skelgen.cli.screen import Screen, show_project
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
@@ -125,8 +126,7 @@ def test_a_body_whose_skeleton_is_not_given_is_said():
     cloud = PointCloud(np.zeros((1400, 3)), np.arange(201) * 7, np.arange(200) / 100.0)
     lost = Tracklets(np.arange(4), [-1] * 4, [0, 10, 20, 30], [150] * 4, [100] * 4)
     labelling = Labelling(np.full((200, 3), 0.99), (), (), np.full(200, 4), lost)
-    report = StageReport(notices=(f"{BY_SUBJECT} anna",))
-    (told,) = advice_on(Project(cloud).with_trajectories(markers, report, labelling))
+    (told,) = advice_on(Project(cloud).with_trajectories(markers, StageReport(), replace(labelling, subject="anna")))
     assert "up to 4 tracks" in told
     assert "--skeleton for each body" in told
     found = " ".join(advice_on(Project(cloud).with_trajectories(markers, StageReport(), labelling)))
