@@ -20,6 +20,7 @@ from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
+from skelgen.stages.joints.still_limbs import still_limb_notices
 from skelgen.stages.joints.tree import (
     Parting,
     Tree,
@@ -152,6 +153,10 @@ class JointSearch:
         topology = with_certainty(replace(topology, loops=loops), costs.turns, stated)
         notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
         notices += undetermined_limb_notices(placed)
+        notices += still_limb_notices(
+            [segment.markers for segment in segments],
+            np.concatenate([topology.edges, np.reshape(topology.loops, (-1, 2)).astype(np.intp)]),
+        )
         if parameters.solver == "conjugate-gradient":
             notices += stuck_joint_notices(joints, tree.parents)
         for notice in notices:

@@ -1,0 +1,40 @@
+"""A tree that still limbs alone hold together may be that of several bodies; joints of limbs that move are evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.stages.joints.still_limbs import still_limb_notices
+
+MOVING = np.random.default_rng(0).normal(0.0, 100.0, (50, 6, 3))
+STILL = np.zeros((50, 4, 3))
+
+
+def nameless(take):
+    return skelgen.Trajectories(take.positions, [f"M{marker}" for marker in range(take.n_markers)], take.rate)
+
+
+@pytest.mark.parametrize(("subjects", "n_notices"), [(1, 0), (2, 1)])
+def test_two_people_who_stand_side_by_side_are_told_and_one_is_not(subjects, n_notices):
+    options = {"motion": "reach", "marker_set": "animation-41", "n_frames": 300, "soft_tissue": "realistic"}
+    apart = {"apart": 300.0} if subjects > 1 else {}
+    take = nameless(skelgen.simulate("human", seed=0, noise=0.3, subjects=subjects, **options, **apart).take)
+    project = skelgen.reconstruct(take, until="joints")
+    assert sum("may belong to 2 bodies" in notice for notice in project.reports["joints"].notices) == n_notices
+
+
+@pytest.mark.parametrize("edges", [[(0, 2), (2, 3), (3, 1)], [(0, 2), (2, 1)]], ids=["two feet", "feet as one limb"])
+def test_limbs_that_still_ones_alone_join_may_belong_to_two_bodies(edges):
+    limbs = [MOVING, MOVING + 500.0, STILL, STILL + 300.0][: len(edges) + 1]
+    (notice,) = still_limb_notices(limbs, np.array(edges))
+    assert notice.startswith("limbs 0 and 1 may belong to 2 bodies")
+    assert not list(still_limb_notices(limbs, np.array([*edges, (0, 1)])))
+    assert not list(still_limb_notices(limbs, np.array([(0, 2)])))
+
+
+def test_arms_that_move_on_a_still_trunk_are_one_body():
+    trunk, unseen = np.zeros((50, 20, 3)), np.full((50, 2, 3), np.nan)
+    edges = np.array([(0, 1), (1, 2), (1, 3)])
+    assert not list(still_limb_notices([MOVING, trunk, MOVING + 500.0, unseen], edges))
