@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
+from skelgen.simulation import simulate
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.hidden_groups import match_hidden
 
@@ -79,3 +80,17 @@ def same(found: np.ndarray, marker: np.ndarray) -> bool:
     """Whether points share a marker exactly where they truly do, whatever the markers' numbers are."""
     pairs = np.unique(np.stack([found, marker]), axis=1)
     return bool(found.min() >= 0 and pairs.shape[1] == len(np.unique(marker)) == len(np.unique(found)))
+
+
+def test_a_body_that_left_with_both_arms_exchanged_is_matched_as_a_whole() -> None:
+    """Left and right forearm are alike, so that only the upper arms say which is which; nothing is seen for a while."""
+    case = simulate("human", seed=23, n_frames=400, noise=0.3)
+    positions, names = case.take.positions, np.array(case.truth.limb_names)[case.truth.limb_of_marker]
+    frame, marker = np.nonzero(np.broadcast_to((np.arange(400) // 100 != 1)[:, np.newaxis], positions.shape[:2]))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=400))])
+    cloud = PointCloud(positions[frame, marker], starts, case.take.times)
+    exchanged = np.arange(len(names))
+    left, right = (np.flatnonzero(names == f"{side} forearm") for side in ("left", "right"))
+    exchanged[left], exchanged[right] = right, left
+    take = FollowedCloud(cloud, marker + len(names) * (frame >= 200), case.take.rate, SPACING)
+    assert same(match_hidden(take, np.where(frame >= 200, exchanged[marker], marker)), marker)

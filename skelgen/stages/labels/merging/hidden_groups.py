@@ -10,7 +10,8 @@ side that have no marker, are matched with the markers of the other side togethe
 side, what two of a side's markers i, j gain when they are a and b of the other side is the evidence of the distance
 (a, b) with those samples added, less that of both apart (`_kernels.marker_exchanges.explained`); so it is for their
 distances to what is not hidden. Only the steadiest distances of each count. The best matching of the whole group is
-found by a beam over its members, those seen longest first, and kept if it explains the take better by `LEAST_GAIN`.
+found by a beam over its members, each tied by steady distances to one before it, and kept if it explains the take
+better by `LEAST_GAIN`. So a whole body that left and came back is matched, too, though left and right limbs are alike.
 """
 
 from typing import NamedTuple
@@ -37,8 +38,8 @@ LEAST_MOMENTS = 2
 LEAST_HIDDEN = 3
 """Members and goals together: one of each is what it is."""
 
-MOST_HIDDEN = 26
-"""Larger groups are not matched: time grows with the fourth power."""
+MOST_HIDDEN = 64
+"""Larger groups are not matched: time and memory grow with the fourth power. 45 markers of a body take 0.3 s."""
 
 STEADIEST = 8
 """Distances of each marker that count on either side of a cut."""
@@ -192,13 +193,29 @@ def _matching(group: _Group, n_markers: int, spacing: float) -> Ints | None:
     alone, pairs = _tables(group, n_markers, spacing)
     kept = np.searchsorted(goals, members)
     kept = np.where(goals[np.minimum(kept, len(goals) - 1)] == members, kept, -1)
-    order = np.lexsort([-group.inside[0][members, members], members >= n_markers])
+    order = _order(group, n_markers, spacing)
     clash = group.inside[0][np.ix_(members, members)] > 0
     best, score = _beam(alone, pairs, clash, np.where(kept >= 0, -UNMATCHED, 0.0), order)
     if (best == kept).all() or score < _score(kept, alone, pairs) + LEAST_SCORE:
         return None
     stays = np.where(kept >= 0, -1, members)
     return np.where(best >= 0, goals[best], stays)
+
+
+def _order(group: _Group, n_markers: int, spacing: float) -> Ints:
+    """The order in which members are matched: each is tied by steady distances to one before it, leftovers come last.
+
+    So what is matched speaks of what comes next, and a beam finds a whole body that left and came back.
+    """
+    members = group.members
+    ties = explained(group.inside, spacing)[np.ix_(members, members)]
+    last, seen = members >= n_markers, group.inside[0][members, members]
+    order = [int(np.lexsort([-seen, last])[0])]
+    while len(order) < len(members):
+        tied = ties[order].max(axis=0)
+        tied[order] = -np.inf
+        order.append(int(np.lexsort([-seen, -tied, last + 2 * np.isinf(tied)])[0]))
+    return np.array(order)
 
 
 def _tables(group: _Group, n_markers: int, spacing: float) -> tuple[Floats, Floats]:
