@@ -1,4 +1,4 @@
-"""Markers that stand still to within their noise until the end of a take while others move.
+"""Markers that stand still to within their noise until the end of a take while others move, and what is asked of them.
 
 What is fixed in the room shows white noise: its successive differences have twice the variance of its positions, von
 Neumann's ratio (Annals of Mathematical Statistics 12, 1941). A body that holds still sways, however little, so that its
@@ -9,6 +9,7 @@ import numpy as np
 
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.questions import LEFT_OUT_SHARE, Question, by_worth, questions_on
 
 STILL_SECONDS = 2.0
 """A shorter rest says nothing of what a marker is."""
@@ -51,6 +52,30 @@ def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:
     counts = np.bincount(limbs[[marker for marker, _ in still]] + 1, minlength=1)
     counts[0] = 0 if project.has("limbs") else counts[0]  # on no limb
     return tuple((marker, first) for marker, first in still if counts[limbs[marker] + 1] < _OF_A_LIMB)
+
+
+def open_questions(project: Project) -> tuple[Question, ...]:
+    """Return what the labels of a project leave open, what settles most first.
+
+    Beside what labels say of themselves (`questions_on`) it is asked whether what stands still is a marker on a body: a
+    reflection that stays is as steady as any marker. What the user has confirmed, or deleted, is not asked for.
+
+    Parameters
+    ----------
+    project : Project
+        With or without labels.
+    """
+    if not project.has_labelling:
+        return ()
+    seen, names = project.trajectories.seen, project.trajectories.names
+    confirmed = {name for one in project.corrections if one.kind == "confirm" for name in one.names}
+    found = list(questions_on(project.labelling))
+    for marker, first in standing_markers(project):
+        frames = np.flatnonzero(seen[first:, marker]) + first
+        last, settles = int(frames[-1]), LEFT_OUT_SHARE * len(frames)
+        if names[marker] not in confirmed:
+            found.append(Question("still", (marker,), first, last, settles, spans=((first, last),)))
+    return by_worth(found)
 
 
 def _rest_begins(markers: Trajectories, marker: int) -> int | None:

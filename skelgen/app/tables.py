@@ -7,13 +7,13 @@ from skelgen_formats.lines import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.app.first_look import TakeFacts, account_of
+from skelgen.app.standing import open_questions
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, runs_of
 from skelgen.model.limbs import with_names_of_limbs
-from skelgen.model.questions import questions_on
 from skelgen.model.skeleton import joint_between
 
 Cell = str | int | float | bool | list[str] | list[float] | None
@@ -206,7 +206,7 @@ def _labelling_facts(project: Project) -> LabellingFacts:
         "doubtful_spans": len(labelling.doubts),
         "doubtful_share": doubtful_share(labelling),
         "advice": list(advice_on(project)),
-        "questions": [one.sentence(project.trajectories.names) for one in questions_on(labelling)],
+        "questions": [one.sentence(project.trajectories.names) for one in open_questions(project)],
     }
     if isinstance(project.take, PointCloud):
         facts["left_out"], facts["left_out_share"] = int(labelling.left_out.sum()), left_out_share(project)

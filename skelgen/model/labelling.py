@@ -1,5 +1,7 @@
 """How sure the identities of markers are: tracklets before and after, confidence, doubtful spans, what is left out."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +79,20 @@ class Tracklets:
             return self.first, self.last
         starts = np.searchsorted(self.track, np.arange(self.n_tracklets))
         return np.minimum.reduceat(self.first, starts), np.maximum.reduceat(self.last, starts)
+
+    def of(self, parts: Bools) -> Tracklets:
+        """Return some of the parts; their tracks are numbered anew.
+
+        Parameters
+        ----------
+        parts : ndarray of bool, shape (n_parts,)
+            Which parts stay.
+        """
+        track = np.unique(self.track[parts], return_inverse=True)[1].reshape(-1)
+        point = None if self.first_point is None else self.first_point[parts]
+        position = None if self.first_position is None else self.first_position[parts]
+        marker, first, last, n_points = (one[parts] for one in (self.marker, self.first, self.last, self.n_points))
+        return Tracklets(track, marker, first, last, n_points, point, position)
 
     @property
     def n_left_out(self) -> int:

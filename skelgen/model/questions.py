@@ -1,7 +1,7 @@
 """The questions that labels leave open, ordered by how much each answer would settle."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ class Question:
     ----------
     kind : str
         ``same``: are two markers one? ``which``: is it this marker or the other? ``real``: is it a marker at all?
+        ``still``: is what stands still while others move a marker on a body?
         ``whose``: which marker is a track that was left out?
     markers : tuple of int
         Markers that it is about: the doubtful one, and for ``same`` and ``which`` the one that it may be; none for
@@ -76,6 +77,8 @@ class Question:
             asked = f"is {called[0]} in {frames} not {called[1]}"
         elif self.kind == "real":
             asked = f"is {called[0]} a marker ({frames})"
+        elif self.kind == "still":
+            asked = f"is {called[0]}, which stands still in {frames} while others move, a marker on a body"
         elif self.position is None:
             asked = f"which marker is the point that is left out in {frames}"
         else:
@@ -95,8 +98,12 @@ def questions_on(labelling: Labelling) -> tuple[Question, ...]:
     labelling : Labelling
         With its doubtful spans and tracklets.
     """
-    found = [*_on_doubts(labelling), *_on_tracks(labelling)]
-    return tuple(sorted(found, key=lambda one: (-one.settles, one.first_frame, one.markers)))
+    return by_worth([*_on_doubts(labelling), *_on_tracks(labelling)])
+
+
+def by_worth(questions: Iterable[Question]) -> tuple[Question, ...]:
+    """Return questions in the order of how much their answers settle, the most first."""
+    return tuple(sorted(questions, key=lambda one: (-one.settles, one.first_frame, one.markers)))
 
 
 def _on_doubts(labelling: Labelling) -> Iterator[Question]:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+import skelgen
 from skelgen.app.advice import advice_on
-from skelgen.app.standing import standing_markers
-from skelgen.model import Labelling, Project, StageReport, Trajectories
+from skelgen.app.standing import open_questions, standing_markers
+from skelgen.model import Identities, Identity, Labelling, PointCloud, Project, StageReport, Trajectories
+from skelgen.simulation import simulate
 
 
 def project_with(fixed, noise, sway=0.0):
@@ -40,3 +42,34 @@ def test_a_marker_that_sways_is_on_a_body_that_holds_still():
 def test_three_markers_that_rest_together_are_a_limb():
     assert standing_markers(project_with(3, 0.3)) == ()
     assert len(standing_markers(project_with(2, 0.3))) == 2
+
+
+def haunted():
+    """Points of rods, and a reflection that stays in its place, without names."""
+    take = simulate("rods", n_frames=400, noise=0.2, seed=1).take
+    ghost = np.array([900.0, 900.0, 400.0]) + np.random.default_rng(0).normal(0.0, 0.2, (400, 1, 3))
+    points = np.concatenate([take.positions, ghost], axis=1)
+    n_points = points.shape[1]
+    return PointCloud(points.reshape(-1, 3), np.arange(401) * n_points, take.times)
+
+
+def test_it_is_asked_whether_a_reflection_that_stays_is_a_marker_and_answered_once():
+    project = skelgen.reconstruct(haunted(), until="limbs")
+    (question,) = open_questions(project)
+    (ghost,) = question.markers
+    name = project.trajectories.names[ghost]
+    assert question.kind == "still"
+    assert question.sentence(project.trajectories.names).startswith(f"is {name}, which stands still in frames 0 to 399")
+    assert open_questions(skelgen.correct(project, "confirm", [name])) == ()
+    without = skelgen.correct(project, "delete", [name])
+    for answered in (without, skelgen.reconstruct(without, until="limbs")):
+        assert name not in answered.trajectories.names
+        assert open_questions(answered) == ()
+
+
+def test_a_track_that_is_stated_to_be_nobody_is_not_asked_for_again():
+    project = skelgen.reconstruct(haunted(), until="labels", n_markers=9)
+    (question,) = open_questions(project)
+    assert question.kind == "whose"
+    stated = Identities((Identity("nobody", 0, question.position),))
+    assert open_questions(skelgen.reconstruct(haunted(), until="labels", n_markers=9, identities=stated)) == ()

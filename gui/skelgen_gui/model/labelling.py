@@ -12,7 +12,7 @@ from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.corrections import NOBODY, Correction, Identities, Identity
 from skelgen.model.labelling import seen_runs
-from skelgen.model.questions import Question, questions_on
+from skelgen.model.questions import Question
 from skelgen_gui.model import translate
 from skelgen_gui.model.wording import limb_words
 
@@ -175,11 +175,6 @@ class Answer:
     corrections: tuple[Correction, ...]
 
 
-def open_questions(project: Project) -> tuple[Question, ...]:
-    """Return what the labels leave open, what settles most first."""
-    return questions_on(project.labelling) if project.has_labelling else ()
-
-
 def question_words(question: Question, names: Iterable[str]) -> str:
     """Return a question as a sentence that begins with a capital letter.
 
@@ -215,10 +210,13 @@ def answers(project: Project, question: Question) -> tuple[Answer, ...]:
             Answer(translate("Labelling", "One marker"), (Correction("merge", called[::-1]),)),
             Answer(translate("Labelling", "Two markers"), confirmed),
         )
-    if question.kind == "real":
+    if question.kind in {"real", "still"}:
+        seen = np.flatnonzero(project.trajectories.seen[:, question.markers[0]])
+        is_later = question.kind == "still" and len(seen) and seen[0] < question.first_frame
+        first = question.first_frame if is_later else None  # what fell off was a marker before
         return (
             Answer(translate("Labelling", "A marker"), confirmed),
-            Answer(translate("Labelling", "No marker"), (Correction("delete", called),)),
+            Answer(translate("Labelling", "No marker"), (Correction("delete", called, first),)),
         )
     swapped = tuple(Correction("swap", called, *span) for span in spans)
     return (

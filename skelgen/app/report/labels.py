@@ -30,10 +30,10 @@ from skelgen.app.report.pictures import (
     row_labels,
     time_axis,
 )
+from skelgen.app.standing import open_questions
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
 from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
-from skelgen.model.questions import questions_on
 from skelgen.progress import counted
 
 _MOST_ROWS = 40
@@ -126,7 +126,7 @@ def labels_content(project: Project) -> LabelsContent:
     return LabelsContent(
         facts=_facts(project),
         advice=advice_on(project),
-        questions=[one.sentence(project.trajectories.names) for one in questions_on(labelling)[:_MOST_QUESTIONS]],
+        questions=[one.sentence(project.trajectories.names) for one in open_questions(project)[:_MOST_QUESTIONS]],
         rows=[_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
         findings=[_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
         more=len(labelling.doubts) - len(shown),

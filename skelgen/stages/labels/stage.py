@@ -239,6 +239,7 @@ def _labelled(
     for sentence in notices:
         monitor.notice(sentence)
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
+    tracks = constraints.open_tracks if constraints else tracks
     return trajectories, label_quality.PointLabels(cloud, tracks, found, classic, stated)
 
 

@@ -193,7 +193,7 @@ def _bodies(
         for markers in [usable[parts == part] for part in range(int(parts.max()) + 1)]:
             numbers, body = np.unique(body_of_marker[markers], return_inverse=True)
             body_of_marker[markers] = numbers[with_whole_people(positions[:, markers], body)]
-    for block in (*stated, *named.blocks):
+    for block in (*(tuple(one.tolist()) for one in stated), *named.blocks):
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
     kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QApplication, QDialog
-from skelgen_gui.model.labelling import answers, marker_rows, names_left, naming, open_questions, with_point_named
+from skelgen_gui.model.labelling import answers, marker_rows, names_left, naming, with_point_named
 from skelgen_gui.model.selection import Marked, Selection
 
 import skelgen
+from skelgen.app.standing import open_questions
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.labelling import Doubt, Tracklets

@@ -29,6 +29,8 @@ class CorrectedLabels:
         Marker before the corrections that each position comes from, -1 where it is unseen.
     touched : ndarray of bool, shape (n_frames, n_markers)
         Positions whose marker the user has stated.
+    deleted : ndarray of bool, shape (n_frames, n_markers_before)
+        Positions before the corrections that are no marker, as the user states.
     notices : tuple of str
         Positions that were lost.
     """
@@ -36,6 +38,7 @@ class CorrectedLabels:
     trajectories: Trajectories
     source: Ints
     touched: Bools
+    deleted: Bools
     notices: tuple[str, ...]
 
 
@@ -80,7 +83,7 @@ def corrected_quality(
         Positions of the corrected labels whose marker the user has stated earlier.
     """
     prior = LABELS_FOUND if are_found else LABELS_GIVEN
-    tracklets = None if before.tracklets is None else _followed(before.tracklets, edits.source)
+    tracklets = None if before.tracklets is None else _followed(before.tracklets, edits)
     breaks = None if tracklets is None else _track_breaks(tracklets, edits.trajectories.seen)
     stated = edits.touched if stated is None else edits.touched | stated
     certainty = identity_confidence(edits.trajectories, breaks, stated, prior)
@@ -124,6 +127,7 @@ class _Editor:
         here = np.arange(trajectories.n_markers, dtype=np.int32)
         self.source = np.where(trajectories.seen, here, np.int32(-1))
         self.touched = np.zeros(self.source.shape, dtype=np.bool_)
+        self.deleted = np.zeros(self.source.shape, dtype=np.bool_)
         self.notices: list[str] = []
 
     def find(self, correction: Correction) -> list[int]:
@@ -168,7 +172,11 @@ class _Editor:
 
     def delete(self, correction: Correction, markers: list[int]) -> None:
         """Leave positions out; a marker without any left is removed."""
-        self.source[_frames(correction), markers] = -1
+        for marker in markers:
+            frames = np.arange(len(self.source))[_frames(correction)]
+            frames = frames[self.source[frames, marker] >= 0]
+            self.deleted[frames, self.source[frames, marker]] = True
+            self.source[frames, marker] = -1
         self._drop([marker for marker in markers if (self.source[:, marker] < 0).all()])
 
     def swap(self, correction: Correction, markers: list[int]) -> None:
@@ -211,7 +219,9 @@ class _Editor:
         positions[self.source < 0] = np.nan
         notices = (*self._original.notices, *self.notices)
         changed = dataclasses.replace(self._original, positions=positions, names=tuple(self.names), notices=notices)
-        return CorrectedLabels(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
+        return CorrectedLabels(
+            changed, self.source, self.touched & (self.source >= 0), self.deleted, tuple(self.notices)
+        )
 
 
 _ACTS = {
@@ -237,12 +247,16 @@ def _frames(correction: Correction) -> slice:
     return slice(correction.first_frame or 0, None if last is None else last + 1)
 
 
-def _followed(tracklets: Tracklets, source: Ints) -> Tracklets:
-    """Parts of tracklets with the markers that they went to after the corrections, as their middle frames tell."""
+def _followed(tracklets: Tracklets, edits: CorrectedLabels) -> Tracklets:
+    """Parts of tracklets with the markers that they went to after the corrections, as their middle frames tell.
+
+    Parts that are no marker, as the user states, are left out: nobody asks again which marker they are.
+    """
     middle = (tracklets.first + tracklets.last) // 2
-    there = source[middle] == tracklets.marker[:, np.newaxis]
+    there = edits.source[middle] == tracklets.marker[:, np.newaxis]
     marker = np.where(there.any(axis=1) & (tracklets.marker >= 0), there.argmax(axis=1), -1)
-    return dataclasses.replace(tracklets, marker=marker)
+    is_deleted = edits.deleted[middle, tracklets.marker] & (tracklets.marker >= 0)
+    return dataclasses.replace(tracklets, marker=marker).of(~is_deleted)
 
 
 def _track_breaks(tracklets: Tracklets, seen: Bools) -> Bools:

@@ -47,6 +47,11 @@ class PointConstraints:
     name_of_point: Ints
     track_of_point: Ints
 
+    @property
+    def open_tracks(self) -> Ints:
+        """Tracks of points that may be markers, shape (n_points,); -1 also for what the user says is none."""
+        return np.where(self.name_of_point == NOBODY, -1, self.track_of_point)
+
 
 class _Claim(NamedTuple):
     """A statement about one track: its points `first` .. `last`, in order of frames, have the name `name`."""
