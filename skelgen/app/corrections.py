@@ -6,11 +6,19 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.app.constraints import check_no_contradiction, corrected_marker, corrections_of
-from skelgen.app.limb_names import renamed_joints, renamed_limbs
+from skelgen.app.limb_names import (
+    limb_of,
+    names_with_stated,
+    renamed_joints,
+    renamed_limbs,
+    stated_names,
+    with_joint_names,
+)
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import RULES, Correction, Place
+from skelgen.model.limbs import BODY_END, body_and_limb
 from skelgen.progress import Monitor
 
 _EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smooth"})
@@ -45,7 +53,7 @@ def with_correction(project: Project, correction: Correction) -> Project:
     if correction.kind == "fill":
         return added
     if correction.kind == "name":
-        return renamed_limbs(added) if project.has("limbs") else added
+        return _renamed_limbs(added) if project.has("limbs") else added
     if correction.kind == "name-joint":
         return renamed_joints(added) if project.has("skeleton") else added
     return added.before(correction.stage)
@@ -66,7 +74,7 @@ def without_correction(project: Project, index: int) -> Project:
         return replace(project, corrections=kept)
     if project.corrections[index].kind == "name":
         bare = replace(project, corrections=kept)
-        return renamed_limbs(bare) if project.has("limbs") else bare
+        return _renamed_limbs(bare, project.corrections[index]) if project.has("limbs") else bare
     if project.corrections[index].kind == "name-joint":
         bare = replace(project, corrections=kept)
         return renamed_joints(bare) if project.has("skeleton") else bare
@@ -161,6 +169,33 @@ def corrected_labels(
     if labelling is not None:
         labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud))
     return edits.trajectories, labelling
+
+
+def with_stated_limb_names(project: Project) -> Project:
+    """Return a project in which limbs and joints that the user named are called so, and all others as they are.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    """
+    named = project.with_limb_names(names_with_stated(project.limbs.names, stated_names(project, project.limbs)))
+    stated = with_joint_names(named, named.skeleton).joints
+    joints = (new if new.name else old for new, old in zip(stated, named.skeleton.joints, strict=True))
+    return named.with_skeleton(replace(named.skeleton, joints=tuple(joints)), named.motion, named.reports["skeleton"])
+
+
+def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Project:
+    """The project with limbs as its corrections call them; those of a calibrated skeleton keep their names else."""
+    if not (project.has_labelling and project.labelling.subject and project.has("skeleton")):
+        return renamed_limbs(project)
+    names = list(project.limbs.names)
+    if taken_back is not None:
+        limb, bodies = limb_of(project, project.limbs, taken_back), project.bodies
+        found = renamed_limbs(project).limbs.names[limb]
+        body = next((body.name for body in bodies if limb in body.limbs), "")
+        names[limb] = f"{body}{BODY_END}{body_and_limb(found)[1]}" if len(bodies) > 1 else found
+    return project.with_limb_names(names_with_stated(names, stated_names(project, project.limbs)))
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:

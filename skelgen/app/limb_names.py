@@ -157,7 +157,7 @@ def names_in_motion(
     found = names_by_shape(skeleton, motion, stated, lambda: worn_by_shape(project))
     for sentence in found.sentences:
         monitor.notice(sentence)
-    return _with_stated(found.names, stated)
+    return names_with_stated(found.names, stated)
 
 
 def _of_trees(limbs: Limbs, parents: Ints) -> Limbs:
@@ -247,7 +247,7 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
         elif (likely := set_among_others(markers)) is not None:
             monitor.notice(likely.hint)
         names = name_limbs(limbs, markers, worn)
-    return replace(limbs, names=_with_stated(names, stated_names(project, limbs)))
+    return replace(limbs, names=names_with_stated(names, stated_names(project, limbs)))
 
 
 def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
@@ -262,20 +262,38 @@ def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
     """
     stated: dict[int, str] = {}
     for correction in (one for one in project.corrections if one.kind == "name"):
-        limb = _limb_of(project, limbs, correction)
+        limb = limb_of(project, limbs, correction)
         stated = {other: name for other, name in stated.items() if name != correction.value} | {limb: correction.value}
     return stated
 
 
-def _with_stated(names: Sequence[str], stated: Mapping[int, str]) -> tuple[str, ...]:
-    """Names with those that the user gave; another limb that was called so has its number."""
+def names_with_stated(names: Sequence[str], stated: Mapping[int, str]) -> tuple[str, ...]:
+    """Return names of limbs with those that the user gave; another limb that was called so has its number.
+
+    Parameters
+    ----------
+    names : sequence of str, length n_limbs
+        Without them.
+    stated : mapping of int to str
+        From `stated_names`.
+    """
     taken = set(stated.values())
     rest = (f"limb{limb}" if name in taken else name for limb, name in enumerate(names))
     return tuple(stated.get(limb, name) for limb, name in enumerate(rest))
 
 
-def _limb_of(project: Project, limbs: Limbs, correction: Correction) -> int:
-    """The limb that most of a correction's markers are on."""
+def limb_of(project: Project, limbs: Limbs, correction: Correction) -> int:
+    """Return the limb that most of a correction's markers are on; raise `InputError` if none is on a limb.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    limbs : Limbs
+        Of its markers.
+    correction : Correction
+        It names markers.
+    """
     markers = [corrected_marker(project.trajectories, correction, which) for which in range(len(correction.names))]
     on_limbs = [limb for limb in limbs.limb_of_marker[markers].tolist() if limb >= 0]
     if not on_limbs:

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
+from skelgen.app.corrections import with_stated_limb_names
 from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
@@ -194,7 +195,7 @@ def run_with_subject(
     labelling = replace(_label_quality(take, fit), subject=_called(subject))
     done = project.with_trajectories(fit.trajectories, report, labelling)
     posing = StageReport(settings.skeleton.as_mapping(), 0.0, (notice,))
-    return _with_skeleton(done, subject, fit.limbs, (fit.skeleton, fit.motion), posing)
+    return _as_stated(_with_skeleton(done, subject, fit.limbs, (fit.skeleton, fit.motion), posing), monitor)
 
 
 def _run_with_sensors(project: Project, take: Poses, subject: Project, settings: Settings, monitor: Monitor) -> Project:
@@ -239,6 +240,24 @@ def _with_skeleton(
     topology = replace(subject.topology.for_take(project.take.n_frames), spans=spans)
     done = done.with_topology(topology, StageReport({}, 0.0, (*report.notices, *notices)))
     return done.with_skeleton(*found, report)
+
+
+def _as_stated(project: Project, monitor: Monitor) -> Project:
+    """The project with the names that the user gave; of other corrections a notice says that the skeleton stands."""
+    from skelgen.stages.labels import apply_corrections  # noqa: PLC0415 - loads scipy
+
+    for one in project.corrections:
+        if one.kind == "rename":
+            edited = apply_corrections(project.trajectories, (one,))
+            project = project.renamed(edited.trajectories.names)
+    project = with_stated_limb_names(project)
+    passed = [one.sentence for one in project.corrections if one.kind not in {"rename", "name", "name-joint", "fill"}]
+    notices = tuple(f"not obeyed, as the skeleton of another take labels this one: {one}" for one in passed)
+    for sentence in notices:
+        monitor.notice(sentence)
+    report = project.reports["labels"]
+    told = {**project.reports, "labels": replace(report, notices=(*report.notices, *notices))}
+    return replace(project, reports=told)
 
 
 def _called(subject: Project) -> str:

@@ -9,6 +9,7 @@ from skelgen_formats.bone_profiles import with_bone_names
 
 import skelgen
 from skelgen.app.bodies import join_bodies, split_bodies
+from skelgen.app.corrections import without_correction
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
 from skelgen.app.subject import known_bodies
 from skelgen.errors import InputError, WriteError
@@ -121,6 +122,10 @@ def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
     assert [file.name for file in files] == ["anna.bvh", "ben.bvh"]
     assert all("ROOT mixamorig:Hips" in file.read_text() for file in files)
     assert skelgen.apply_subject(alone[0], anna).limbs.names == anna.limbs.names
+    renamed = skelgen.correct(project, "name", [project.trajectories.names[0]], "hip")
+    assert renamed.limbs.names == ("hip", *project.limbs.names[1:])
+    assert [body.name for body in renamed.bodies] == ["anna", "ben"]
+    assert without_correction(renamed, 0).limbs.names == project.limbs.names
 
 
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):

@@ -207,3 +207,16 @@ def larger(factor):
         for limb in body.limbs
     ]
     return Structure(body.name, tuple(limbs))
+
+
+def test_names_that_the_user_gave_stay_when_the_take_is_labelled_by_the_skeleton_again(folder):
+    known = skelgen.load(folder / "rom")
+    project = run_with_subject(Project(skelgen.read(folder / "walk.mfml")), known)
+    marker = project.trajectories.names[0]
+    stated = skelgen.correct(skelgen.correct(project, "name", [marker], "boom"), "rename", [marker], "tip")
+    deleted = skelgen.correct(stated, "delete", [project.trajectories.names[-1]])
+    again = run_with_subject(deleted, known)
+    assert again.trajectories.names == ("tip", *project.trajectories.names[1:])
+    assert again.limbs.names[again.limbs.limb_of_marker[0]] == again.skeleton.limb_names[0] == "boom"
+    (passed,) = [notice for notice in again.reports["labels"].notices if notice.startswith("not obeyed")]
+    assert project.trajectories.names[-1] in passed
