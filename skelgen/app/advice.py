@@ -192,8 +192,8 @@ def _long_lost_tracks(markers: Trajectories, labelling: Labelling) -> tuple[Ints
 
 
 def _about_visibility(markers: Trajectories) -> Iterator[str]:
-    seen = markers.seen
-    if seen.mean() < _OFTEN_MISSING:
+    seen = markers.seen[:, markers.seen.any(axis=0)]  # who is never there is no matter of cameras
+    if seen.size and seen.mean() < _OFTEN_MISSING:
         yield f"markers are seen in {100 * seen.mean():.0f} % of the frames on average: more cameras see more"
     minutes = markers.n_frames / markers.rate / 60.0
     losses = (len(seen_runs(seen)[0]) - markers.n_markers) / markers.n_markers / max(minutes, 1.0 / 60.0)

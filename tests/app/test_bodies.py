@@ -8,6 +8,7 @@ import pytest
 from skelgen_formats.bone_profiles import with_bone_names
 
 import skelgen
+from skelgen.app.advice import advice_on
 from skelgen.app.bodies import join_bodies, split_bodies
 from skelgen.app.corrections import without_correction
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
@@ -126,6 +127,17 @@ def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
     assert renamed.limbs.names == ("hip", *project.limbs.names[1:])
     assert [body.name for body in renamed.bodies] == ["anna", "ben"]
     assert without_correction(renamed, 0).limbs.names == project.limbs.names
+
+
+def test_a_body_that_is_not_there_is_named_once_and_names_without_that_of_the_body_are_no_others():
+    options = {"motion": "reach", "marker_set": "animation-41", "n_frames": 150, "noise": 0.3}
+    takes = [simulate("human", seed=seed, **options).take for seed in (1, 2)]
+    known = [skelgen.reconstruct(replace(take, name=name)) for take, name in zip(takes, ("anna", "ben"), strict=True)]
+    project = skelgen.apply_subject(takes[0], known)
+    told = project.reports["labels"].notices
+    assert "no frame shows ben: leave its skeleton out" in told
+    assert not any("no frame shows:" in notice or "named otherwise" in notice for notice in told)
+    assert not any("more cameras" in sentence for sentence in advice_on(project))
 
 
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.model.limbs import body_and_limb, names_of_bodies
 from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.skeleton import SkeletonParameters
@@ -231,11 +232,9 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
     how = "its names and the subject's skeleton" if labels.by_name else "the subject's skeleton"
     yield f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"
     yield from _moved_notices(changes, test)
-    if changes.missing:
-        yield f"markers of the skeleton that no frame shows: {', '.join(names[marker] for marker in changes.missing)}"
+    yield from _missing_notices(changes)
     if changes.freer:
-        joints = [skeleton.joints[index] for index in changes.freer]
-        parts = ", ".join(f"limb{joint.parent}-limb{joint.child}" for joint in joints)
+        parts = ", ".join(skeleton.joint_name(skeleton.joints[index]) for index in changes.freer)
         yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"
     if labels.new:
         parts = ", ".join(
@@ -249,6 +248,20 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
         one, several = "belongs to no marker and is left out", "belong to no marker and are left out"
         yield counted(n_left, f"point {part} {one}", f"points {part} {several}")
     yield from _renamed_notices(labels, names)
+
+
+def _missing_notices(changes: _Changes) -> Iterator[str]:
+    """Which bodies and markers of the skeleton no frame shows."""
+    skeleton, missing = changes.skeleton, set(changes.missing)
+    bodies = skeleton.bodies
+    for name, limbs in zip(names_of_bodies(bodies, skeleton.limb_names), bodies, strict=True):
+        own = set(np.flatnonzero(np.isin(skeleton.limb_of_marker, limbs)).tolist())
+        if len(bodies) > 1 and own <= missing:
+            missing -= own
+            yield f"no frame shows {name}: leave its skeleton out"
+    if missing:
+        parts = ", ".join(changes.names[marker] for marker in sorted(missing))
+        yield f"markers of the skeleton that no frame shows: {parts}"
 
 
 def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[str]:
@@ -273,7 +286,7 @@ def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[
 
 
 def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[str]:
-    """Which markers of the take have other names in the skeleton."""
+    """Which markers of the take have other names in the skeleton; the name of a body before them is no other name."""
     given = labels.points.names
     if not given:
         return
@@ -284,7 +297,7 @@ def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[
     pairs = [
         f"{name} is {names[usual[track]]}"
         for track, name in enumerate(given)
-        if counts[track].any() and names[usual[track]] != name
+        if counts[track].any() and name not in {names[usual[track]], body_and_limb(names[usual[track]])[1]}
     ]
     if pairs:
         yield f"named otherwise than in the skeleton: {', '.join(pairs)}"
