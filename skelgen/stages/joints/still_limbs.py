@@ -43,7 +43,8 @@ def still_limb_notices(markers: Sequence[Floats], edges: Ints) -> Iterator[str]:
             joining = np.flatnonzero(is_joining & (whole == tree))
             yield (
                 f"{_limbs(limbs)} may belong to {len(limbs)} bodies: only limbs that never move in the room join the "
-                f"parts of the tree that they are in ({_limbs(joining)}); if so, state which of these share no joint"
+                f"parts of the tree that they are in ({_limbs(joining)}); if so, try --n-bodies {len(limbs)}, or take "
+                "them where they step apart"
             )
 
 
