@@ -148,8 +148,16 @@ def test_markers_left_out_and_pairs_never_seen_together_are_shown():
     deviation = np.full((12, 12), np.nan)
     limbs = Limbs(np.array([0, 0, 0, -1, 1, 1, 1, 1, 1, 1, 1, 1]), deviation)
     content = report_content(project.with_limbs(limbs, StageReport()))
-    assert content["limbs"]["left_out"] == ["a&b"]
-    assert content["sentences"][-1] == "11 markers sit on 2 rigid limbs, 1 marker left out."
+    assert content.limbs.left_out == ["a&b"]
+    assert content.sentences[-1] == "11 markers sit on 2 rigid limbs, 1 marker left out."
+
+
+def test_a_section_is_there_once_its_stage_has_run():
+    names = ("gaps", "limbs", "tree", "joints", "lengths", "angles", "pose", "deviations")
+    found = {until: report_content(build_project(until)) for until in ("labels", "limbs", "joints", "skeleton")}
+    n_found = {until: sum(getattr(content, name) is not None for name in names) for until, content in found.items()}
+    assert n_found == {"labels": 1, "limbs": 2, "joints": 5, "skeleton": 8}
+    assert [row.fitted.kind for row in found["joints"].joints.rows] == ["", "", ""]
 
 
 def test_single_limb_without_joints_has_a_report():
@@ -199,7 +207,7 @@ def test_changed_parameters_are_marked_and_defaults_are_not():
     values = declared.as_mapping() | {number.name: number.default + 1}
     project = build_project("limbs")
     project = project.with_limbs(project.limbs, StageReport(values))
-    rows = {row.name: row.changed for row in report_content(project)["stages"][1].parameters}
+    rows = {row.name: row.changed for row in report_content(project).stages[1].parameters}
     assert [name for name, changed in rows.items() if changed] == [number.name]
 
 

@@ -9,6 +9,7 @@ _DIGITS = 3
 _TINY = 1e-5  # mm: far below what any camera measures; what is smaller is said to be so
 _HUGE = 1e6
 _SHORTEST = 1e-3  # s
+_SMALLEST_ANGLE = 1e-3  # deg
 
 
 def digits(value: float, significant: int = _DIGITS) -> str:
@@ -49,6 +50,12 @@ def _with_power(size: float, significant: int) -> str:
 def millimetres(value: float) -> str:
     """Return a length with its unit."""
     return f"{digits(value)}{_FIXED_SPACE}mm"
+
+
+def degrees(angle: float) -> str:
+    """Return an angle, given in rad, as degrees without their sign; what is too small to be seen is 0."""
+    value = math.degrees(angle)
+    return "0" if abs(value) < _SMALLEST_ANGLE else digits(value)
 
 
 def plain(value: float) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
-from skelgen.app.report.contents import Content, report_content, view_content
+from skelgen.app.report.contents import ReportContent, ViewContent, report_content, view_content
 from skelgen.errors import InputError
 from skelgen.files import replacing
 from skelgen.model import Project
@@ -68,7 +68,7 @@ def write_view(project: Project, path: Path) -> Path:
         If the file cannot be written.
     """
     content = view_content(project)
-    if content is None:
+    if content.play is None:
         raise InputError(f"{project.name or 'the take'}: no point is seen in any frame, so there is nothing to view")
     return _written(_rendered("view.html", content), path)
 
@@ -93,10 +93,10 @@ def report_html(project: Project, monitor: Monitor = SILENT) -> str:
     return _rendered("template.html", report_content(project, monitor))
 
 
-def _rendered(template: str, content: Content) -> str:
+def _rendered(template: str, content: ReportContent | ViewContent) -> str:
     folder = resources.files(__name__)
     sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
     environment = Environment(
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template(template).render(content)
+    return environment.get_template(template).render(vars(content))

@@ -2,33 +2,35 @@
 
 import platform
 from collections import Counter
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import PurePath
-from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 import skelgen
 from skelgen.app.advice import doubtful_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import digits, duration, listed, millimetres, percent, plain
-from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
-from skelgen.app.report.joints import joints_content
-from skelgen.app.report.labels import labels_content
-from skelgen.app.report.pictures import cost_figure, deviation_figure, gaps_figure
-from skelgen.app.report.play import play_content
+from skelgen.app.drawing.wording import duration, listed, millimetres, percent, plain
+from skelgen.app.report.angles import AnglesContent, angles_content
+from skelgen.app.report.curves import points_figure
+from skelgen.app.report.joints import JointsContent, LengthsContent, joints_content, lengths_content
+from skelgen.app.report.labels import LabelsContent, labels_content
+from skelgen.app.report.limbs import DeviationsContent, LimbsContent, deviations_content, limbs_content
+from skelgen.app.report.pictures import cost_figure, gaps_figure
+from skelgen.app.report.play import PlayContent, play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
-from skelgen.app.report.stages import stage_rows
+from skelgen.app.report.stages import StageRow, stage_rows
 from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_project
-from skelgen.model import Limbs, PointCloud, Poses, Project
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import SILENT, Monitor, counted
 
-Content = dict[str, Any]
 _LIBRARIES = ("numpy", "scipy")
 
 _KIND_WORDS = {
@@ -45,8 +47,128 @@ _SOURCE_WORDS = {
 _SIGN_SIDE = 18.0
 
 
-def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
-    """Return everything that the template shows; the keys of sections are missing where a stage has not run.
+@dataclass(frozen=True, eq=False)
+class InputContent:
+    """The section of what was read.
+
+    Attributes
+    ----------
+    facts : list of tuple of str
+        Names and values.
+    figure : Markup or None
+        Points in each frame, of a take without labels.
+    """
+
+    facts: list[tuple[str, str]]
+    figure: Markup | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GapsContent:
+    """The section of when each marker is seen.
+
+    Attributes
+    ----------
+    figure : Markup
+        Timeline of all markers.
+    facts : list of tuple of str
+        Names and values.
+    can_fill : bool
+        Whether there are gaps, and a skeleton that fills them.
+    """
+
+    figure: Markup
+    facts: list[tuple[str, str]]
+    can_fill: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class TreeContent:
+    """The section of the tree.
+
+    Attributes
+    ----------
+    figure, graph, matrix : Markup
+        The tree, and the costs of all joints as a graph and as a matrix.
+    signs : list of tuple
+        Types of joints in the tree, and the sign of each.
+    """
+
+    figure: Markup
+    graph: Markup
+    matrix: Markup
+    signs: list[tuple[str, Markup]]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewContent:
+    """What the page with the view alone shows.
+
+    Attributes
+    ----------
+    title, sentence : str
+        Name and size of the take.
+    colours : list of tuple
+        Each limb with its colour on a light and on a dark page.
+    play : PlayContent or None
+        The view; None if nothing is ever seen.
+    """
+
+    title: str
+    sentence: str
+    colours: list[tuple[int, str, str]]
+    play: PlayContent | None
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Everything that the template of the report shows; sections are None where their stage has not run.
+
+    Attributes
+    ----------
+    title : str
+        Name of the take.
+    sentences : list of str
+        The most important results.
+    tiles, notices, versions : list of tuple of str
+        Numbers with their names; stages with their notices; libraries with their versions.
+    input : InputContent
+        What was read.
+    stages : list of StageRow
+        What ran.
+    seed : int
+        Random seed.
+    colours : list of tuple
+        Each limb with its colour on a light and on a dark page.
+    play, gaps, labels, limbs, tree, joints, lengths, angles, deviations
+        Sections.
+    pose : list of tuple, or None
+        Views of the reference pose: title and drawing.
+    """
+
+    title: str
+    sentences: list[str]
+    tiles: list[tuple[str, str]]
+    input: InputContent
+    notices: list[tuple[str, str]]
+    stages: list[StageRow]
+    versions: list[tuple[str, str]]
+    seed: int
+    colours: list[tuple[int, str, str]]
+    play: PlayContent | None
+    gaps: GapsContent | None = None
+    labels: LabelsContent | None = None
+    limbs: LimbsContent | None = None
+    tree: TreeContent | None = None
+    joints: JointsContent | None = None
+    lengths: LengthsContent | None = None
+    angles: AnglesContent | None = None
+    pose: list[tuple[str, Markup]] | None = None
+    deviations: DeviationsContent | None = None
+
+
+def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent:
+    """Return everything that the template of the report shows.
 
     Parameters
     ----------
@@ -56,48 +178,52 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         Receives progress; may cancel.
     """
     libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
-    content: Content = {
-        "title": project.name or "take without a name",
-        "sentences": _sentences(project),
-        "tiles": _tiles(project),
-        "input": _input(project),
-        "notices": _notices(project),
-        "stages": stage_rows(project),
-        "versions": [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
-        "seed": project.seed,
-        "colours": _colours(project),
-    }
-    if play := play_content(project):
-        content["play"] = play
+    content = ReportContent(
+        title=_title(project),
+        sentences=_sentences(project),
+        tiles=_tiles(project),
+        input=_input(project),
+        notices=_notices(project),
+        stages=stage_rows(project),
+        versions=[("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
+        seed=project.seed,
+        colours=_colours(project),
+        play=play_content(project),
+    )
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
-        content["gaps"] = _gaps(project, monitor)
-        if project.has_labelling:
-            content["labels"] = labels_content(project)
+        labels = labels_content(project) if project.has_labelling else None
+        content = replace(content, gaps=_gaps(project, monitor), labels=labels)
     if project.has("limbs") and project.limbs.n_limbs:
-        content["limbs"] = _limbs(project)
+        content = replace(content, limbs=limbs_content(project))
     if project.has("joints") and project.topology.n_joints:
         graph, lengths = find_cost_graph(project), measures.joint_lengths(project)
-        content |= {"tree": _tree(project, graph, lengths)} | joints_content(project, graph, lengths)
+        content = replace(
+            content,
+            tree=_tree(project, graph, lengths),
+            joints=joints_content(project, graph),
+            lengths=lengths_content(project, lengths),
+            angles=angles_content(project, graph) if project.has("skeleton") else None,
+        )
     if project.has("skeleton") and project.skeleton.n_limbs:
-        content |= {"pose": pose_figures(project)}
+        content = replace(content, pose=pose_figures(project))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
-        content |= {"deviations": _deviations(project)}
+        content = replace(content, deviations=deviations_content(project))
     return content
 
 
-def view_content(project: Project) -> Content | None:
-    """Return what a page with the view alone shows; None if nothing is ever seen.
+def view_content(project: Project) -> ViewContent:
+    """Return everything that the page with the view alone shows.
 
     Parameters
     ----------
     project : Project
         Any project, from a bare take to a fitted skeleton.
     """
-    play = play_content(project)
-    title = project.name or "take without a name"
-    if play is None:
-        return None
-    return {"title": title, "sentence": _take_sentence(project), "colours": _colours(project), "play": play}
+    return ViewContent(_title(project), _take_sentence(project), _colours(project), play_content(project))
+
+
+def _title(project: Project) -> str:
+    return project.name or "take without a name"
 
 
 def _colours(project: Project) -> list[tuple[int, str, str]]:
@@ -202,7 +328,7 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     return tiles
 
 
-def _input(project: Project) -> Content:
+def _input(project: Project) -> InputContent:
     take = project.take
     facts = [("Name", take.name or "–"), ("Content", _KIND_WORDS[type(take).__name__])]
     suffix = PurePath(take.name).suffix
@@ -214,23 +340,23 @@ def _input(project: Project) -> Content:
         per_frame = take.points_per_frame
         spread = f"{per_frame.min()} to {per_frame.max()}" if take.n_frames else "–"
         facts += [("Points", str(take.n_points)), ("Points per frame", spread)]
-        return {"facts": facts, "figure": points_figure(take) if take.n_points else ""}
+        return InputContent(facts, points_figure(take)) if take.n_points else InputContent(facts)
     if isinstance(take, Poses):
-        return {"facts": [*facts, ("Bodies", str(take.n_bodies))], "figure": ""}
-    return {"facts": [*facts, ("Markers", str(take.n_markers))], "figure": ""}
+        return InputContent([*facts, ("Bodies", str(take.n_bodies))])
+    return InputContent([*facts, ("Markers", str(take.n_markers))])
 
 
-def _gaps(project: Project, monitor: Monitor) -> Content:
+def _gaps(project: Project, monitor: Monitor) -> GapsContent:
     """Timeline and facts; with a skeleton, what the gaps can be filled from."""
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
-        return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
+        return GapsContent(gaps_figure(project), facts)
     filled = fill_project(project, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):
             facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
-    return {"figure": gaps_figure(project, filled), "facts": facts, "can_fill": True}
+    return GapsContent(gaps_figure(project, filled), facts, can_fill=True)
 
 
 def _gap_facts(project: Project) -> list[tuple[str, str]]:
@@ -258,82 +384,10 @@ def _notices(project: Project) -> list[tuple[str, str]]:
     return list(dict.fromkeys(notices))
 
 
-def _limbs(project: Project) -> Content:
-    names, parents = project.trajectories.names, project.topology.parents if project.has("joints") else None
-    rows, doubts = [], _doubts(project.limbs)
-    for limb in measures.limb_order(project):
-        markers = project.limbs.markers_of(limb)
-        parent = "" if parents is None else "root" if parents[limb] < 0 else str(parents[limb])
-        inside = project.limbs.distance_deviation[np.ix_(markers, markers)][np.triu_indices(len(markers), 1)]
-        inside = inside[~np.isnan(inside)]
-        mean = digits(float(inside.mean())) if len(inside) else "–"
-        on_limb = [(names[marker], doubts.get(int(marker), "")) for marker in markers]
-        called = project.limbs.names[limb].removeprefix(f"limb{limb}")
-        rows.append({"limb": limb, "called": called, "parent": parent, "names": on_limb, "inside": mean})
-    return {
-        "rows": rows,
-        "has_parents": parents is not None,
-        "left_out": [names[marker] for marker in project.limbs.left_out],
-        "figure": deviation_figure(project),
-    }
-
-
-def _doubts(limbs: Limbs) -> dict[int, str]:
-    """For each marker that may be on another limb: how likely it is on its own, and on the next."""
-    rivals, shares = limbs.rivals
-    others = [limbs.called(limb) if limb >= 0 else "alone" for limb in rivals.tolist()]
-    return {
-        marker: f"{100 * limbs.probability[marker]:.0f} %, {others[marker]} {100 * shares[marker]:.0f} %"
-        for marker in limbs.doubtful.tolist()
-    }
-
-
-def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
+def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> TreeContent:
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
     signs = []
     for kind in (kind for kind in JOINT_TYPES if kind in used):
         sign, label = sign_figure(kind, _SIGN_SIDE / 2, _SIGN_SIDE / 2), f"sign of a {kind} joint"
         signs.append((kind, svg.drawing(_SIGN_SIDE, _SIGN_SIDE, label, sign, least=_SIGN_SIDE)))
-    return {
-        "figure": tree_figure(project, lengths),
-        "signs": signs,
-        "graph": graph_figure(project, graph),
-        "matrix": cost_figure(project),
-    }
-
-
-def _deviations(project: Project) -> Content:
-    order = measures.subtree_markers(project)
-    rows = measures.marker_deviations(project.trajectories, project.limbs, project.motion, order)
-    groups: list[Content] = []
-    for limb in measures.limb_order(project):
-        own = [row for row in rows if row.limb == limb]
-        values = project.motion.residuals[:, [row.marker for row in own]]
-        mean, rms, largest = measures.spread_of(values[~np.isnan(values)])
-        whole = {"mean": digits(mean), "rms": digits(rms), "largest": digits(largest)}
-        shown = [_deviation_row(project, row) for row in own]
-        groups.append({"limb": limb, "called": project.limbs.called(limb), "rows": shown, "whole": whole})
-    return {
-        "groups": groups,
-        "bars": deviation_bars([row for row in rows if row.limb >= 0]),
-        "residual": residual_figure(project.motion),
-        "interpolated": _interpolated(project),
-    }
-
-
-def _deviation_row(project: Project, row: measures.MarkerDeviation) -> Content:
-    stds = project.skeleton.offset_std
-    place = "–" if stds is None else digits(float(stds[row.marker].max()), 2)
-    numbers = {"mean": digits(row.mean), "rms": digits(row.rms), "largest": digits(row.largest)}
-    return {"name": row.name, "seen": percent(row.seen), "place": place} | numbers
-
-
-def _interpolated(project: Project) -> str:
-    unseen = ~project.motion.limb_seen
-    if not unseen.any():
-        return "Every limb's rotation rests on markers seen in the frame, in every frame."
-    worst = int(unseen.sum(axis=0).argmax())
-    return (
-        f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
-        f"seen; most often {project.limbs.called(worst)}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
-    )
+    return TreeContent(tree_figure(project, lengths), graph_figure(project, graph), cost_figure(project), signs)

@@ -1,40 +1,122 @@
-"""What the report says of joints: their table, angles and turns, what is not determined, and lengths between them."""
+"""What the report says of joints: their table, joints that hold for a part of the take, and lengths between joints."""
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
 from skelgen.app.drawing import measures
 from skelgen.app.drawing.graph import CostGraph, JointCost
-from skelgen.app.drawing.wording import digits, fixed, plain, whole_percent
-from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
-from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.inverse.motion import MOST_FRAMES, AngleRange
-from skelgen.kinematics.joints.angles import angle_names
-from skelgen.kinematics.joints.observability import Observed, observed_joints
+from skelgen.app.drawing.wording import degrees, digits, fixed, plain, whole_percent
+from skelgen.app.report.curves import common_reach, spread_figure
 from skelgen.model import Joint, Project
-from skelgen.model.arrays import Floats, spread_frames
-from skelgen.model.limbs import with_names_of_limbs
-
-Content = dict[str, Any]
-
-_OPEN_FIGURES, _MOST_FIGURES = 2, 24
-"""Joints whose angles are drawn at once, and those that can be opened: a page of some megabytes is enough."""
-
-_LEAST_SHOWN = 0.001  # deg
-
-_ANGLE_WORDS = {
-    "turn": "about its axis",
-    "first": "about the axis in the parent",
-    "second": "about the axis in the child",
-    "x": "x",
-    "y": "y",
-    "z": "z",
-}
+from skelgen.model.arrays import Floats
 
 
-def joints_content(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
-    """Return the sections of a tree's joints: ``joints``, ``lengths``, and ``angles`` where there is a skeleton.
+@dataclass(frozen=True)
+class FittedCells:
+    """What the skeleton adds to the row of a joint; empty before the joint is fitted.
+
+    Attributes
+    ----------
+    kind, axis, axis_std : str
+        Type of the joint; its axis and the axis' standard deviation [deg], where there is one.
+    std, child_std : str
+        Standard deviations [mm] of its position in the parent and in the child.
+    placed_by : str
+        What places the joint where the motion does not: the marker set, or a choice.
+    """
+
+    kind: str = ""
+    axis: str = ""
+    axis_std: str = ""
+    std: str = ""
+    child_std: str = ""
+    placed_by: str = ""
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """A joint of the tree, as the report words it.
+
+    Attributes
+    ----------
+    joint, parent, child : int
+        Indices of the joint and of the limbs that it connects.
+    called : str
+        Name of the joint; empty where it has none.
+    cost, value : str
+        Its cost in the tree, and the final cost over all frames [mm^2].
+    iterations : int
+        Steps until the final cost.
+    rival : str
+        The cheapest other joint, and its cost.
+    probability : str
+        How likely its limbs are neighbours; where that is doubtful, also how likely those of the rival are.
+    is_doubtful : bool
+        Whether its limbs are perhaps no neighbours.
+    fitted : FittedCells
+        What the skeleton adds.
+    """
+
+    joint: int
+    parent: int
+    child: int
+    called: str
+    cost: str
+    value: str
+    iterations: int
+    rival: str
+    probability: str
+    is_doubtful: bool
+    fitted: FittedCells
+
+
+@dataclass(frozen=True)
+class SpanRow:
+    """A joint that holds for a part of the take only, as the report words it.
+
+    Attributes
+    ----------
+    limbs : tuple of int
+        The two limbs.
+    frames, how : str
+        First and last frame; whether the limbs are joined or fixed to each other.
+    gap, beyond : str
+        Distance between the two halves of the joint [mm] in these frames, and in the others.
+    """
+
+    limbs: tuple[int, int]
+    frames: str
+    how: str
+    gap: str
+    beyond: str
+
+
+@dataclass(frozen=True, eq=False)
+class JointsContent:
+    """The section of joints.
+
+    Attributes
+    ----------
+    rows : list of JointRow
+        Every joint.
+    spans : list of SpanRow
+        Joints that hold for a part of the take only.
+    is_fitted : bool
+        Whether there is a skeleton.
+    alpha : str
+        Weight of the distance from the markers in the cost.
+    """
+
+    rows: list[JointRow]
+    spans: list[SpanRow]
+    is_fitted: bool
+    alpha: str
+
+
+def joints_content(project: Project, graph: CostGraph) -> JointsContent:
+    """Return the section of joints.
 
     Parameters
     ----------
@@ -42,40 +124,39 @@ def joints_content(project: Project, graph: CostGraph, lengths: list[measures.Le
         With joints.
     graph : CostGraph
         What `find_cost_graph` gives.
-    lengths : list of Length
-        What `measures.joint_lengths` gives.
     """
-    content = {"joints": _joints(project, graph), "lengths": _lengths(project, lengths)}
-    if project.has("skeleton"):
-        content["angles"] = _angles(project, graph)
-    return content
-
-
-def _joints(project: Project, graph: CostGraph) -> Content:
     topology = project.topology
-    fitted = project.skeleton.joints if project.has("skeleton") else ()
-    rows = []
-    for index, joint in enumerate(graph.joints):
-        row: Content = {"joint": index, "called": measures.joint_called(project, index), "cost": digits(joint.cost)}
-        row |= {"parent": joint.parent, "child": joint.child}
-        row |= {"value": digits(topology.values[index]), "iterations": int(topology.n_iterations[index])}
-        row |= {"rival": _rival(joint), "sure": _sure(joint), "is_doubtful": joint.is_doubtful}
-        row |= _fitted(fitted[index]) if fitted else {}
-        rows.append(row)
+    fitted = [_fitted(joint) for joint in project.skeleton.joints] if project.has("skeleton") else None
+    rows = [
+        JointRow(
+            joint=index,
+            parent=joint.parent,
+            child=joint.child,
+            called=measures.joint_called(project, index),
+            cost=digits(joint.cost),
+            value=digits(topology.values[index]),
+            iterations=int(topology.n_iterations[index]),
+            rival=_rival(joint),
+            probability=_probability(joint),
+            is_doubtful=joint.is_doubtful,
+            fitted=FittedCells() if fitted is None else fitted[index],
+        )
+        for index, joint in enumerate(graph.joints)
+    ]
     spans = [
-        {
-            "limbs": span.limbs,
-            "frames": f"{span.first_frame} to {span.last_frame}",
-            "how": "fixed to each other" if span.is_fixed else "joined",
-            "gap": fixed(span.gap, 1),
-            "beyond": fixed(span.gap_beyond, 1),
-        }
+        SpanRow(
+            limbs=span.limbs,
+            frames=f"{span.first_frame} to {span.last_frame}",
+            how="fixed to each other" if span.is_fixed else "joined",
+            gap=fixed(span.gap, 1),
+            beyond=fixed(span.gap_beyond, 1),
+        )
         for span in topology.spans
     ]
-    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha), "spans": spans}
+    return JointsContent(rows, spans, is_fitted=fitted is not None, alpha=plain(topology.alpha))
 
 
-def _sure(joint: JointCost) -> str:
+def _probability(joint: JointCost) -> str:
     """How likely it is that the two limbs are neighbours, and that those of the rival are instead."""
     if np.isnan(joint.probability):
         return "–"
@@ -92,15 +173,19 @@ def _rival(joint: JointCost) -> str:
     return f"{joint.rival[0]}–{joint.rival[1]}: {digits(joint.cost + joint.margin)}{ratio}"
 
 
-def _fitted(joint: Joint) -> Content:
-    axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
-    axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
+def _fitted(joint: Joint) -> FittedCells:
     covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-    stds = {"std": _place_std(joint, covariance), "child_std": _place_std(joint, joint.covariance_in_child)}
-    return {"placed": _placed(joint), "kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+    return FittedCells(
+        kind=joint.kind,
+        axis="" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist()),
+        axis_std="" if joint.axis_std is None else degrees(float(np.linalg.norm(joint.axis_std))),
+        std=_place_std(joint, covariance),
+        child_std=_place_std(joint, joint.covariance_in_child),
+        placed_by=_placed_by(joint),
+    )
 
 
-def _placed(joint: Joint) -> str:
+def _placed_by(joint: Joint) -> str:
     """What places a joint where the motion does not; empty if it does."""
     if joint.is_placed_by_marker_set:
         return "by the marker set"
@@ -121,73 +206,73 @@ def _place_std(joint: Joint, covariance: Floats | None) -> str:
     return f"{digits(float(np.sqrt(across)), 2)} across, {digits(float(np.sqrt(along)), 2)} along"
 
 
-def _lengths(project: Project, lengths: list[measures.Length]) -> Content:
+@dataclass(frozen=True)
+class LengthRow:
+    """A length between two joints of a limb, as the report words it.
+
+    Attributes
+    ----------
+    limb : int
+        The limb.
+    joints : str
+        The two joints.
+    rigid, std : str
+        Length in the skeleton and its standard deviation [mm].
+    raw, spread : str
+        Mean and standard deviation over frames of the distance between raw joint positions [mm].
+    figure : Markup
+        Box and whiskers of that distance.
+    """
+
+    limb: int
+    joints: str
+    rigid: str
+    std: str
+    raw: str
+    spread: str
+    figure: Markup
+
+
+@dataclass(frozen=True, eq=False)
+class LengthsContent:
+    """The section of lengths between joints.
+
+    Attributes
+    ----------
+    rows : list of LengthRow
+        Every length.
+    reach : str
+        Half the width of their pictures [mm].
+    has_rigid : bool
+        Whether there is a skeleton.
+    """
+
+    rows: list[LengthRow]
+    reach: str
+    has_rigid: bool
+
+
+def lengths_content(project: Project, lengths: list[measures.Length]) -> LengthsContent:
+    """Return the section of lengths between joints.
+
+    Parameters
+    ----------
+    project : Project
+        With joints.
+    lengths : list of Length
+        What `measures.joint_lengths` gives.
+    """
     reach = common_reach(lengths)
     rows = [
-        {
-            "limb": each.limb,
-            "joints": f"J{each.first} – J{each.second}",
-            "rigid": digits(each.rigid, 4),
-            "std": digits(each.std, 2),
-            "raw": digits(each.raw_mean, 4),
-            "spread": digits(each.spread),
-            "figure": spread_figure(each, reach),
-        }
+        LengthRow(
+            limb=each.limb,
+            joints=f"J{each.first} – J{each.second}",
+            rigid=digits(each.rigid, 4),
+            std=digits(each.std, 2),
+            raw=digits(each.raw_mean, 4),
+            spread=digits(each.spread),
+            figure=spread_figure(each, reach),
+        )
         for each in lengths
     ]
-    return {"rows": rows, "reach": digits(reach, 2), "has_rigid": project.has("skeleton")}
-
-
-def _angles(project: Project, graph: CostGraph) -> Content:
-    skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
-    observed = observed_joints(skeleton, motion)
-    rows = [
-        _angle_row(index, joint, graph.joints[index].ranges, observed[index])
-        | {"called": measures.joint_called(project, index)}
-        for index, joint in enumerate(skeleton.joints)
-    ]
-    frames = spread_frames(motion.n_frames, MOST_FRAMES)
-    posture = posture_of(skeleton, motion, positions, frames)
-    times = frames / motion.rate
-    called = project.limbs.called
-    figures = [
-        (
-            f"J{index}: {joint.kind} between {called(joint.parent)} and {called(joint.child)}",
-            _figure(posture, joint, index, times),
-        )
-        for index, joint in enumerate(skeleton.joints[:_MOST_FIGURES])
-        if angle_names(joint)
-    ]
-    return {
-        "rows": rows,
-        "figures": figures,
-        "n_open": _OPEN_FIGURES,
-        "sentences": [with_names_of_limbs(seen.notice, project.limbs) for seen in observed if seen.sentence],
-    }
-
-
-def _angle_row(index: int, joint: Joint, ranges: tuple[AngleRange, ...], seen: Observed) -> Content:
-    angles = [
-        {
-            "name": _ANGLE_WORDS[angle.name],
-            "from": _degrees(angle.low),
-            "to": _degrees(angle.high),
-            "std": _degrees(angle.std),
-        }
-        for angle in ranges
-    ]
-    turns = [
-        (", ".join(fixed(value, 2) for value in direction.tolist()), _degrees(turn))
-        for direction, turn in zip(seen.motion.directions, seen.motion.ranges.tolist(), strict=True)
-    ]
-    return {"joint": index, "kind": joint.kind, "angles": angles, "turns": turns, "is_open": bool(seen.sentence)}
-
-
-def _figure(posture: Posture, joint: Joint, index: int, times: Floats) -> str:
-    names = tuple(_ANGLE_WORDS[name] for name in angle_names(joint))
-    return angle_figure(times, np.rad2deg(posture.angles[index]), np.rad2deg(posture.angle_std[index]), names)
-
-
-def _degrees(angle: float) -> str:
-    degrees = float(np.rad2deg(angle))
-    return "0" if abs(degrees) < _LEAST_SHOWN else digits(degrees)
+    return LengthsContent(rows, digits(reach, 2), has_rigid=project.has("skeleton"))
