@@ -12,6 +12,9 @@ from typing import Any, ClassVar, Self, TypedDict, Unpack, get_type_hints
 
 from skelgen.errors import ParameterError
 
+ParameterValue = float | bool | str
+"""What a declared parameter holds; an int counts as a float."""
+
 _KEY = "skelgen"
 _IN_WORDS = {int: "a whole number", float: "a number", bool: "yes or no", str: "a text"}
 
@@ -242,7 +245,7 @@ class StageParameters:
         return tuple(found)
 
     @classmethod
-    def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:
+    def from_mapping(cls, values: Mapping[str, object], where: str = "") -> Self:
         """Build parameters from names and values.
 
         Parameters
@@ -278,10 +281,10 @@ class StageParameters:
         changed = [entry for entry in self.declarations() if values[entry.name] != entry.default]
         return [entry for entry in changed if not entry.acts(values)]
 
-    def replace(self, **changes: Any) -> Self:
+    def replace(self, **changes: object) -> Self:
         """Return a copy with some values changed."""
         return dataclasses.replace(self, **changes)
 
-    def as_mapping(self) -> dict[str, Any]:
+    def as_mapping(self) -> dict[str, ParameterValue]:
         """Return names and values as a plain dict."""
         return dataclasses.asdict(self)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.app.outputs import stem_of
 from skelgen.errors import WriteError
@@ -197,14 +198,19 @@ def _joined_skeletons(projects: Sequence[Project], titles: Sequence[str]) -> Ske
 def _joined_motions(projects: Sequence[Project], frames: Sequence[Ints], skeleton: Skeleton) -> Motion:
     motions = [(project.motion, shown) for project, shown in zip(projects, frames, strict=True)]
 
-    def side_by_side(which: str) -> Any:
+    def side_by_side(which: str) -> NDArray[Any]:
         return np.concatenate([getattr(motion, which)[shown] for motion, shown in motions], axis=1)
 
-    every = ("world_from_limb", "marker_positions", "residuals", "limb_seen")
-    together = {which: side_by_side(which) for which in every}
+    world_from_limb = side_by_side("world_from_limb")
     children = [joint.child for joint in skeleton.joints]
-    joints = together["world_from_limb"][:, children][..., :3, 3]
-    return Motion(joint_positions=joints, rate=motions[0][0].rate, **together)
+    return Motion(
+        world_from_limb=world_from_limb,
+        joint_positions=world_from_limb[:, children][..., :3, 3],
+        marker_positions=side_by_side("marker_positions"),
+        residuals=side_by_side("residuals"),
+        limb_seen=side_by_side("limb_seen"),
+        rate=motions[0][0].rate,
+    )
 
 
 def _one_body(project: Project, body: Body) -> Project:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, TypeVar, cast
 
 from skelgen_formats.config_xml import read_config, write_config
 
 from skelgen.errors import ParameterError
 from skelgen.model.project import STAGES
-from skelgen.parameters import StageParameters, declare
+from skelgen.parameters import ParameterValue, StageParameters, declare
 
 if TYPE_CHECKING:
     from skelgen.stages.joints import JointParameters
@@ -24,7 +24,7 @@ _P = TypeVar("_P", bound=StageParameters)
 METHODS = ("default", "classic")
 """Which methods a run takes, where single parameters do not say it."""
 
-ParameterValues = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
+ParameterValues = Mapping[str, StageParameters | Mapping[str, object]] | Path | str | None
 """Parameters as a caller gives them: by stage, or a ``config.xml``."""
 
 
@@ -149,11 +149,11 @@ class Settings:
             raise ParameterError(f"there is no stage {stage!r}; stages are {', '.join(known)}")
         return cast(StageParameters, getattr(self, stage))
 
-    def as_mapping(self) -> dict[str, dict[str, object]]:
+    def as_mapping(self) -> dict[str, dict[str, ParameterValue]]:
         """Return names and values by stage, of the stages that somebody gave or asked for."""
         return {stage: parameters.as_mapping() for stage, parameters in self._parameters.items()}
 
-    def changed(self, stage: str, values: Mapping[str, Any], where: str = "") -> Settings:
+    def changed(self, stage: str, values: Mapping[str, object], where: str = "") -> Settings:
         """Return settings with some values of one stage replaced.
 
         Parameters
@@ -304,7 +304,7 @@ def _retired_notice(names: Sequence[str]) -> str:
     return f"{', '.join(names)} {have} no effect: the methods used here need no such number"
 
 
-def _checked(stage: str, value: StageParameters | Mapping[str, Any]) -> StageParameters:
+def _checked(stage: str, value: StageParameters | Mapping[str, object]) -> StageParameters:
     cls = parameters_class(stage)
     if isinstance(value, StageParameters):
         if not isinstance(value, cls):

@@ -17,12 +17,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import with_correction, with_places
-from skelgen.app.files import given_identities, open_input
+from skelgen.app.files import NamedFile, given_identities, open_input
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
@@ -31,6 +31,7 @@ from skelgen.model import Identities, Project, Take
 from skelgen.model.corrections import Correction
 from skelgen.model.filled import Filled
 from skelgen.model.project import STAGES
+from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @with_checked_arguments
-def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
+def read(path: Path | str, format: str | None = None, **options: ParameterValue) -> Take:
     """Read a take from a file.
 
     Parameters
@@ -73,7 +74,7 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
     >>> take.n_frames, take.n_markers
     (100, 9)
     """
-    project = open_input(path, format, **options)
+    project = open_input(NamedFile(Path(path), format, options))
     results = [name for name in STAGES if project.has(name)]
     if results:
         what = f"{path} is a project with results ({', '.join(results)})"

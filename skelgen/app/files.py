@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
@@ -30,6 +29,7 @@ from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
 from skelgen.model.rig import CaptureSettings, RoomSettings
+from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
@@ -39,24 +39,40 @@ _PROJECT_NOTE = "Take and results of all stages, exactly; every stage resumes fr
 _PROJECT_ROW = (PROJECT_FORMAT, "skelgen project", SUFFIX, "everything", "yes", "yes", "", _PROJECT_NOTE)
 
 
+@dataclass(frozen=True)
+class NamedFile:
+    """A file as the user names it.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    format : str or None
+        Name of its format; None recognises it.
+    options : mapping of str to value
+        Options of the format's reader or writer.
+    """
+
+    path: Path
+    format: str | None = None
+    options: Mapping[str, ParameterValue] = field(default_factory=dict)
+
+
 def open_input(
-    path: Path | str,
-    format: str | None = None,
+    file: NamedFile | Path | str,
     seed: int | None = None,
     identities: Path | None = None,
     *,
     monitor: Monitor = SILENT,
     sample: Sample | None = None,
-    **options: Any,
 ) -> Project:
     """Open what every stage starts from: a take in any format, or a project file with its results.
 
     Parameters
     ----------
-    path : Path or str
-        The file; its format is found by content first and suffix second. A folder stands for the project in it.
-    format : str, optional
-        Read as this format.
+    file : NamedFile, Path or str
+        The file; where no format is named, it is found by content first and suffix second. A folder stands for the
+        project in it.
     seed : int, optional
         Seed of the project; by default that of the project file, or 0 for a take.
     identities : Path, optional
@@ -65,8 +81,6 @@ def open_input(
         Receives progress where reading takes long; may cancel.
     sample : Sample, optional
         Some frames of a large file only.
-    **options
-        Options of the format's reader.
 
     Returns
     -------
@@ -78,6 +92,8 @@ def open_input(
     FormatError
         If the file is not what its format demands.
     """
+    file = file if isinstance(file, NamedFile) else NamedFile(Path(file))
+    path, format, options = file.path, file.format, file.options
     if format == PROJECT_FORMAT or (format is None and is_project_file(path)):
         if options:
             raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
@@ -88,7 +104,7 @@ def open_input(
         taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
     take = registry.read_take(path, format, sample=sample, **options)
-    source = recorded_file_of(Path(path), format or registry.recognise(Path(path)).name, options)
+    source = recorded_file_of(path, format or registry.recognise(path).name, options)
     return Project(take, seed or 0, identities=given_identities(identities), source=source)
 
 
@@ -102,7 +118,7 @@ def write(
     value: Project | Take | Filled | CaptureSettings | RoomSettings,
     path: Path | str,
     format: str | None = None,
-    **options: Any,
+    **options: ParameterValue,
 ) -> list[Path]:
     """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
 
@@ -148,7 +164,7 @@ def write_any(
     value: Project | Take | Filled | CaptureSettings | RoomSettings,
     path: Path | str,
     format: str | None = None,
-    **options: Any,
+    **options: ParameterValue,
 ) -> list[Path]:
     """Write as `write`, replacing what is there: for those who have checked it.
 
@@ -161,37 +177,18 @@ def write_any(
         write_settings(value, Path(path))
         return [Path(path)]
     if isinstance(value, Filled):
-        return registry.write_file(value, path, format, **{"filled": True, **options})
+        return registry.write_file(value, path, format, monitor=SILENT, **{"filled": True, **options})
     if not isinstance(value, Project | PointCloud | Trajectories | Poses):
         raise InputError(f"{value!r:.60} is no project, take, filled markers or settings; nothing else is written")
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
         return [save_project(value if isinstance(value, Project) else Project(value), path)]
-    return registry.write_file(value, path, format, **options)
+    return registry.write_file(value, path, format, monitor=SILENT, **options)
 
 
 def _is_project(path: Path | str, format: str | None) -> bool:
     return format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX)
-
-
-@dataclass(frozen=True)
-class NamedFile:
-    """A file as the user names it.
-
-    Attributes
-    ----------
-    path : Path
-        Where it is.
-    format : str or None
-        Name of its format; None recognises it.
-    options : mapping of str to value
-        Options of the format's reader or writer.
-    """
-
-    path: Path
-    format: str | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT) -> tuple[tuple[str, ...], list[Path]]:
@@ -216,7 +213,7 @@ def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT
     written = set() if _is_project(target.path, target.format) else _writer_options(target)
     read = {name for name in _option_names(source.format or name_of_format(source.path)) if name not in written}
     for_reader = {name: value for name, value in target.options.items() if name in read} | dict(source.options)
-    project = open_input(source.path, source.format, monitor=monitor, **for_reader)
+    project = open_input(replace(source, options=for_reader), monitor=monitor)
     target = replace(target, options={name: value for name, value in target.options.items() if name not in read})
     value = project if project.has("labels") else project.take
     parts = body_files(with_segment_names(value, target.options.get("bone_names")), target.path)
@@ -362,7 +359,7 @@ STEREO = Format(
 """Read by the application and not by the formats, because it needs `skelgen.capture`."""
 
 
-def write_html(package: str, path: Path, **values: Any) -> Path:
+def write_html(package: str, path: Path, **values: object) -> Path:
     """Fill the template of a package and write the page.
 
     Parameters

@@ -7,7 +7,6 @@ import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from skelgen_formats import registry
 from skelgen_formats.c3d.writer import write_points
@@ -21,6 +20,7 @@ from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.model import Project, Trajectories
 from skelgen.model.skeleton import joint_between
+from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT, Monitor
 
 
@@ -207,7 +207,7 @@ def recording_of(project: Project) -> Path | None:
     return None if project.source is None else Path(project.source.path)
 
 
-def files_of(path: Path, format_name: str | None, options: Mapping[str, Any]) -> tuple[Path, ...]:
+def files_of(path: Path, format_name: str | None, options: Mapping[str, ParameterValue]) -> tuple[Path, ...]:
     """Return all files that writing will make; the file alone where no format writes it, which is an error later.
 
     Parameters

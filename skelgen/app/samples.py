@@ -7,10 +7,10 @@ window does so in a process of its own while the user opens a first file.
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from skelgen.errors import InputError
 from skelgen.model import Project
+from skelgen.parameters import ParameterValue
 
 __all__ = ["SAMPLES", "SampleTake", "compile_ahead", "open_sample"]
 
@@ -39,7 +39,7 @@ class SampleTake:
     title: str
     about: str
     structure: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, ParameterValue] = field(default_factory=dict)
 
 
 SAMPLES = (
@@ -58,7 +58,7 @@ SAMPLES = (
         "An animal",
         "A body on four legs, with markers on all limbs",
         "quadruped",
-        {"n_frames": 600} | _FAULTS,
+        {"n_frames": 600, **_FAULTS},
     ),
     SampleTake(
         "unlabelled",
@@ -90,11 +90,11 @@ def open_sample(key: str) -> Project:
     return _made(sample)
 
 
-def _made(sample: SampleTake, **changes: Any) -> Project:
+def _made(sample: SampleTake, **changes: ParameterValue) -> Project:
     from skelgen.simulation import simulate  # noqa: PLC0415 - takes time to load
 
-    options = {**sample.options, **changes}
-    return Project(replace(simulate(sample.structure, **options).take, name=f"{sample.title} (sample)"))
+    simulated = simulate(sample.structure, seed=0, parameters=None, **{**sample.options, **changes})
+    return Project(replace(simulated.take, name=f"{sample.title} (sample)"))
 
 
 def compile_ahead() -> None:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -19,25 +19,25 @@ from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor, with_progress
-from skelgen.simulation import Structure, simulate
+from skelgen.simulation import SimulationParameters, Structure, simulate
 from skelgen.simulation.take import SimulatedTake
 
-FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
+FAULTS = SimulationParameters(noise=0.5, dropouts=0.05)
 WANTED_TIMES_BOUND = 1.05  # the Cramer-Rao bound of the true chain, the same dropouts given
 WANTED_OF_SCORE = 0.9  # of SCoRE's error under soft tissue
 WANTED_EXACT = {"marker": 0.001, "joint": 0.01}  # mm
-SOFT_TISSUE: dict[str, Any] = {"noise": 0.5, "soft_tissue": 3.0}  # mm
-LABEL_FAULTS: dict[str, Any] = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame
+SOFT_TISSUE = SimulationParameters(noise=0.5, soft_tissue="3.0")
+LABEL_FAULTS = SimulationParameters(noise=0.3, ghosts=0.2, labelled=False)
 
 UNKNOWN = {"limbs": {"marker_set": "none"}}
 """Nothing is known of these structures: neither names of markers nor the shape of a marker set help."""
 
 _EXPORTED_FRAMES = 100
 _TISSUE_FRAMES = 2000  # for which the share of SCoRE is wanted
-_LABEL_CASES: tuple[tuple[str, str, dict[str, Any], float], ...] = (
-    ("human of 50 markers, 8 cameras, 2 mm soft tissue", "fifty", {"n_cameras": 8, "soft_tissue": 2.0}, 0.99),
-    ("human of 50 markers, 6 cameras, 3 mm soft tissue", "fifty", {"n_cameras": 6, "soft_tissue": 3.0}, 0.98),
-    ("tree:10, 6 cameras, 1 mm soft tissue", "tree:10", {"n_cameras": 6, "soft_tissue": 1.0}, 0.99),
+_LABEL_CASES = (  # title, structure, cameras, slide of each marker [mm], wanted IDF1
+    ("human of 50 markers, 8 cameras, 2 mm soft tissue", "fifty", 8, "2.0", 0.99),
+    ("human of 50 markers, 6 cameras, 3 mm soft tissue", "fifty", 6, "3.0", 0.98),
+    ("tree:10, 6 cameras, 1 mm soft tissue", "tree:10", 6, "1.0", 0.99),
 )
 
 
@@ -52,9 +52,11 @@ def measure_labels(effort: Effort, monitor: Monitor) -> Section:
         Receives the progress.
     """
     rows = []
-    for name, structure, options, wanted in with_progress(_LABEL_CASES, len(_LABEL_CASES), monitor, every=1):
+    faults = LABEL_FAULTS.replace(n_frames=effort.n_label_frames)
+    for name, structure, cameras, slide, wanted in with_progress(_LABEL_CASES, len(_LABEL_CASES), monitor, every=1):
         body = fifty_markers() if structure == "fifty" else structure
-        found = [_labelled(body, seed, effort.n_label_frames, options) for seed in effort.seeds]
+        seen = faults.replace(n_cameras=cameras, soft_tissue=slide)
+        found = [_labelled(body, seed, seen) for seed in effort.seeds]
         scores = [score for score, _ in found if score.labels is not None]
         idf1 = [score.labels.idf1 for score in scores if score.labels is not None]
         exact = f"{sum(map(_is_exact_where_seen, scores))} of {len(scores)}"
@@ -82,9 +84,9 @@ def measure_exact(effort: Effort, monitor: Monitor) -> Section:
     monitor : Monitor
         Receives the progress.
     """
-    rows = []
+    rows, exact = [], SimulationParameters(n_frames=effort.n_frames)
     for name in with_progress(effort.structures, len(effort.structures), monitor, every=1):
-        scores = [reconstructed(name, seed, n_frames=effort.n_frames) for seed in effort.seeds]
+        scores = [reconstructed(name, seed, exact) for seed in effort.seeds]
         marker = max((deviation or 0.0) for score in scores for deviation in score.limb_deviations.values())
         joint = max(score.worst_joint_error or 0.0 for score in scores)
         reached = all(map(is_exact, scores)) and marker <= WANTED_EXACT["marker"] and joint <= WANTED_EXACT["joint"]
@@ -105,9 +107,9 @@ def measure_joints(effort: Effort, monitor: Monitor) -> Section:
     monitor : Monitor
         Receives the progress.
     """
-    rows, points = [], []
+    rows, points, faults = [], [], FAULTS.replace(n_frames=effort.n_frames)
     for name in with_progress(effort.structures, len(effort.structures), monitor, every=1):
-        scores, peers = zip(*(_beside_score(name, seed, effort.n_frames, FAULTS) for seed in effort.seeds), strict=True)
+        scores, peers = zip(*(_beside_score(name, seed, faults) for seed in effort.seeds), strict=True)
         times = [score.times_bound or np.inf for score in scores]
         means = [float(np.mean([getattr(one, what) or np.nan for one in scores])) for what in _JOINT_FIGURES]
         reached = all(map(is_exact, scores)) and max(times) <= WANTED_TIMES_BOUND
@@ -156,7 +158,7 @@ def measure_tissue(effort: Effort, monitor: Monitor) -> Section:
     """
     rows = []
     for seed in with_progress(effort.seeds, len(effort.seeds), monitor, every=1):
-        score, peer = _beside_score("human", seed, _TISSUE_FRAMES, SOFT_TISSUE)
+        score, peer = _beside_score("human", seed, SOFT_TISSUE.replace(n_frames=_TISSUE_FRAMES))
         share = (score.mean_joint_error or np.inf) / peer
         figures = (figure_text(score.mean_joint_error), f"{peer:.3f}", f"{share:.3f}", figure_text(score.coverage))
         rows.append((f"human, seed {seed}", *figures, verdict(is_exact(score) and share <= WANTED_OF_SCORE)))
@@ -245,7 +247,7 @@ def measure_exports(effort: Effort, monitor: Monitor) -> Section:
     return Section("exports", "Exports", text, (table("Places of limbs (C3D: of joints)", columns, rows),))
 
 
-def reconstructed(structure: str | Structure, seed: int, **options: Any) -> Evaluation:
+def reconstructed(structure: str | Structure, seed: int, parameters: SimulationParameters) -> Evaluation:
     """Simulate a take, reconstruct it with nothing given, and compare it with its truth.
 
     Parameters
@@ -254,10 +256,10 @@ def reconstructed(structure: str | Structure, seed: int, **options: Any) -> Eval
         What moves.
     seed : int
         Of the simulation and of the stages.
-    **options : object
-        Of `simulate`.
+    parameters : SimulationParameters
+        Length and faults of the take.
     """
-    case = simulate(structure, seed=seed, **options)
+    case = simulate(structure, seed=seed, parameters=parameters)
     return evaluate(reconstruct(case.take, seed=seed, parameters=UNKNOWN), case.truth)
 
 
@@ -266,11 +268,9 @@ def is_exact(score: Evaluation) -> bool:
     return score.limbs is not None and score.topology is not None and score.limbs.is_exact and score.topology.is_exact
 
 
-def _labelled(
-    structure: str | Structure, seed: int, n_frames: int, options: dict[str, Any]
-) -> tuple[Evaluation, float]:
+def _labelled(structure: str | Structure, seed: int, parameters: SimulationParameters) -> tuple[Evaluation, float]:
     """Evaluation of an unlabelled take, and the processor time [s] of all stages."""
-    case = simulate(structure, seed=seed, n_frames=n_frames, labelled=False, **LABEL_FAULTS, **options)
+    case = simulate(structure, seed=seed, parameters=parameters)
     started = time.process_time()
     project = reconstruct(case.take, seed=seed, parameters=UNKNOWN)
     return evaluate(project, case.truth), time.process_time() - started
@@ -285,9 +285,9 @@ def _is_exact_where_seen(score: Evaluation) -> bool:
     return same and tree.is_exact
 
 
-def _beside_score(structure: str, seed: int, n_frames: int, faults: dict[str, Any]) -> tuple[Evaluation, float]:
+def _beside_score(structure: str, seed: int, parameters: SimulationParameters) -> tuple[Evaluation, float]:
     """Evaluation of a take with nothing given, and SCoRE's mean joint error [mm] with limbs and tree given."""
-    case = simulate(structure, seed=seed, n_frames=n_frames, **faults)
+    case = simulate(structure, seed=seed, parameters=parameters)
     return evaluate(reconstruct(case.take, seed=seed, parameters=UNKNOWN), case.truth), score_error(case)
 
 

@@ -7,14 +7,16 @@ import platform
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import skelgen
 from skelgen.errors import SkelgenError
 
 PACKAGES = ("numpy", "scipy", "scikit-learn")
 
+_Answer = TypeVar("_Answer")
 _UNIT = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB, on macOS in bytes
 _CPU_FACTS, _MEMORY_FACTS = Path("/proc/cpuinfo"), Path("/proc/self/status")  # of Linux
 
@@ -51,7 +53,7 @@ def peak_gigabytes() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _UNIT / 1e9
 
 
-def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
+def in_own_process(work: Callable[..., _Answer], *given: object) -> _Answer:
     """Return what a function of a module returns in a fresh process: a process never forgets its peak of memory.
 
     Parameters
@@ -72,7 +74,8 @@ def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
     process.start()
     sender.close()
     try:
-        return receiver.recv()
+        answer: _Answer = receiver.recv()
+        return answer
     except EOFError:
         process.join()
         raise SkelgenError(
@@ -86,6 +89,6 @@ def _lines(facts: Path) -> list[str]:
     return facts.read_text(encoding="utf-8").splitlines()
 
 
-def _send(sender: Any, work: Callable[..., Any], *given: Any) -> None:
+def _send(sender: Connection, work: Callable[..., object], *given: object) -> None:
     sender.send(work(*given))
     sender.close()

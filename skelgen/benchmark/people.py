@@ -6,7 +6,7 @@ with SCoRE, which is given limbs and tree, where that can be computed: between l
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from skelgen.evaluation import evaluate
 from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import Trajectories
 from skelgen.progress import Monitor, with_progress
-from skelgen.simulation import Structure, find_structure, resized, simulate
+from skelgen.simulation import SimulationParameters, Structure, find_structure, resized, simulate
 from skelgen.simulation.people import MOTIONS
 from skelgen.simulation.take import SimulatedTake
 
@@ -31,7 +31,7 @@ HIDDEN_EVERY = 3
 """Of so many people one is measured again without the names of the markers: all sets, in all motions."""
 
 _N_FRAMES = 600
-_FAULTS: dict[str, Any] = {"soft_tissue": "realistic", "noise": 0.3, "dropouts": 0.02}  # mm; part of all positions
+_FAULTS = SimulationParameters(n_frames=_N_FRAMES, soft_tissue="realistic", noise=0.3, dropouts=0.02)
 _ANIMAL_SIZES, _PROPORTIONS = (0.35, 1.8), 0.08  # of the quadruped; one standard deviation of the logarithm of lengths
 _ANIMAL_RANGE = 0.7  # of the quadruped's amplitudes
 
@@ -107,7 +107,7 @@ def worn_and_moved(index: int) -> tuple[str, str]:
 def simulated_person(index: int) -> tuple[SimulatedTake, str, str]:
     """Return the take of a person, the motion and the marker set."""
     motion, marker_set = worn_and_moved(index)
-    case = simulate("human", seed=index, motion=motion, marker_set=marker_set, n_frames=_N_FRAMES, **_FAULTS)
+    case = simulate("human", seed=index, parameters=_FAULTS.replace(motion=motion, marker_set=marker_set))
     return case, motion, marker_set
 
 
@@ -121,7 +121,7 @@ def without_names(case: SimulatedTake) -> SimulatedTake:
 
 def simulated_animal(index: int) -> tuple[SimulatedTake, str, str]:
     """Return the take of an animal that moves at random, and how it moves and what it wears."""
-    case = simulate(_animal(index), seed=index, motion_range=_ANIMAL_RANGE, n_frames=_N_FRAMES, **_FAULTS)
+    case = simulate(_animal(index), seed=index, parameters=_FAULTS.replace(motion_range=_ANIMAL_RANGE))
     return case, "random", "three on each limb"
 
 

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,11 +16,11 @@ from skelgen.benchmark.page import Effort, Figure, Section, Series, draw, table
 from skelgen.evaluation import Table
 from skelgen.model import PointCloud, Trajectories
 from skelgen.progress import Monitor
-from skelgen.simulation import Structure, find_structure, simulate
+from skelgen.simulation import SimulationParameters, Structure, find_structure, simulate
 
 _TREE_FRAMES = 600
-_FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
-_SEEN: dict[str, Any] = {"noise": 0.3, "soft_tissue": 2.0, "n_cameras": 8, "ghosts": 0.2}
+_FAULTS = SimulationParameters(n_frames=_TREE_FRAMES, noise=0.5, dropouts=0.05)
+_SEEN = SimulationParameters(noise=0.3, soft_tissue="2.0", n_cameras=8, ghosts=0.2, labelled=False)
 _WARMING_LIMBS = 8
 _STAGES = ("limbs", "joints", "skeleton")
 
@@ -73,12 +73,12 @@ def measure_speed(effort: Effort, monitor: Monitor, measure: Callable[..., list[
 
 def _cloud_take(n_frames: int) -> PointCloud:
     """Return a take without names as cameras see it."""
-    return cast(PointCloud, simulate(fifty_markers(), n_frames=n_frames, labelled=False, **_SEEN).take)
+    return cast(PointCloud, simulate(fifty_markers(), parameters=_SEEN.replace(n_frames=n_frames)).take)
 
 
 def _tree_take(n_limbs: int) -> Trajectories:
     """Return a labelled take of a random tree."""
-    return cast(Trajectories, simulate(f"tree:{n_limbs}", n_frames=_TREE_FRAMES, **_FAULTS).take)
+    return cast(Trajectories, simulate(f"tree:{n_limbs}", parameters=_FAULTS).take)
 
 
 def _row(size: int, run: Run, stages: Sequence[str]) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ def time_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
 LONG_TAKE_MARKERS = 40
 
 _FOUR_MARKERS = ("pelvis", "chest", "head", "left thigh", "right thigh")
-_LONG: dict[str, Any] = {"n_frames": 6000, "rate": 200.0, "noise": 0.3, "soft_tissue": 2.0, "n_cameras": 8}
+_LONG = SimulationParameters(n_frames=6000, rate=200.0, noise=0.3, soft_tissue="2.0", n_cameras=8)
 _FRESH_NOISE = 0.2  # mm
 _CHUNK = 10_000  # frames
 
@@ -210,7 +210,7 @@ def long_take(n_frames: int, seed: int = 0) -> Trajectories:
     seed : int
         Seed of motion and noise.
     """
-    short = cast(Trajectories, simulate("human", seed=seed, **_LONG).take)
+    short = cast(Trajectories, simulate("human", seed=seed, parameters=_LONG).take)
     turn = 2 * short.n_frames - 2
     frames = np.arange(n_frames) % turn
     frames = np.where(frames < short.n_frames, frames, turn - frames)

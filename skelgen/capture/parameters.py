@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from skelgen.parameters import StageParameters, declare
 
@@ -71,7 +71,7 @@ class DetectionParameters(StageParameters):
     )
 
     @classmethod
-    def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:
+    def from_mapping(cls, values: Mapping[str, object], where: str = "") -> Self:
         """Build parameters from names and values; see `StageParameters.from_mapping`.
 
         Parameters

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,9 +17,11 @@ import typer
 from skelgen.cli.options import AsJson, Overwrite, Quiet, given, parameter_options
 from skelgen.cli.screen import Screen, show_files
 from skelgen.errors import ParameterError
+from skelgen.parameters import ParameterValue
 
 if TYPE_CHECKING:
     from skelgen.capture.errors_by_distance import ErrorCurve, RigErrors
+    from skelgen.model.takes import BoneMotion
     from skelgen.simulation import RecordedBody
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
@@ -147,16 +150,20 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the motion and of all faults.")] = 0,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    **values: Any,
+    **values: ParameterValue | None,
 ) -> None:
     """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
+    from skelgen_formats.options import AUTO
+    from skelgen_formats.registry import read_motion
+
     from skelgen.app.files import write_any
     from skelgen.app.outputs import check_outputs
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
     from skelgen.simulation.people import MOTIONS
 
-    options, screen = given(values), Screen(quiet)
+    screen = Screen(quiet)
+    options: dict[str, ParameterValue] = given(values)
     if motion is not None and str(motion) in MOTIONS:
         motion, options["motion"] = None, str(motion)
     elif motion is not None and not motion.suffix and not motion.exists():
@@ -177,9 +184,10 @@ def simulate(
             raise ParameterError(f"--{stray[0].replace('_', '-')} belongs to a recorded motion: --motion FILE")
         moved = str(structure)
     else:
-        moved = _recorded(motion, given(stated), bone_options, options.get("rate"))
+        bones = read_motion(motion, motion_skeleton, motion_unit or AUTO, motion_rate)
+        moved = _recorded(bones, bone_options, options.get("rate"))
         screen.note(moved.notices)
-    simulated = simulated_take(moved, seed=seed, **options)
+    simulated = simulated_take(moved, seed=seed, parameters=None, **options)
     files = write_any(simulated.take, output)
     show_files(screen, [*files, write_truth(simulated.truth, truth_file)])
 
@@ -191,12 +199,8 @@ def simulation_options() -> list[inspect.Parameter]:
     return [*parameter_options(SimulationParameters), *parameter_options(BoneParameters)]
 
 
-def _recorded(motion: Path, stated: dict[str, Any], bone_options: dict[str, Any], rate: float | None) -> RecordedBody:
-    from skelgen_formats.registry import read_motion
-
+def _recorded(bones: BoneMotion, options: Mapping[str, ParameterValue], rate: ParameterValue | None) -> RecordedBody:
     from skelgen.simulation import BoneParameters, SimulationParameters, recorded_body
 
-    if rate is not None:
-        rate = SimulationParameters(rate=rate).rate
-    bones = read_motion(motion, **{name.removeprefix("motion_"): value for name, value in stated.items()})
-    return recorded_body(bones, BoneParameters.from_mapping(bone_options), rate)
+    wanted = None if rate is None else SimulationParameters().replace(rate=rate).rate
+    return recorded_body(bones, BoneParameters.from_mapping(options), wanted)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,7 @@ from skelgen.cli import options
 from skelgen.cli.screen import Screen
 from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in, refuse_beside_skeleton
 from skelgen.errors import ParameterError
+from skelgen.parameters import ParameterValue
 
 if TYPE_CHECKING:
     from skelgen.app.batch.run import BatchResult, Pool
@@ -73,7 +74,7 @@ def batch(
     format_name: options.FormatName = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
-    **reader_values: Any,
+    **reader_values: ParameterValue | None,
 ) -> None:
     """Find the skeletons of many takes: a folder of results for each, a manifest, a page of all.
 

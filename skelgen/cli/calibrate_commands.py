@@ -184,7 +184,7 @@ def skeleton(
 ) -> None:
     """Find one skeleton from several takes of a body, and the motion of each."""
     from skelgen.app.configuration import Settings
-    from skelgen.app.files import open_input
+    from skelgen.app.files import NamedFile, open_input
     from skelgen.app.outputs import check_run, stem_of, write_outputs
     from skelgen.app.several_takes import calibrate_together
 
@@ -196,7 +196,7 @@ def skeleton(
     check_run(output, (STEM, ""), [*takes, config], overwrite=overwrite)
     for stem in stems:
         check_run(output / stem, (stem, ""), [*takes, config], overwrite=overwrite)
-    read = [open_input(take, format_name).take for take in takes]
+    read = [open_input(NamedFile(take, format_name)).take for take in takes]
     for take in read:
         screen.note(take.notices)
     with screen.watching() as monitor:

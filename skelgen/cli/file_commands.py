@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -21,6 +21,7 @@ from skelgen.cli.screen import (
     show_take,
 )
 from skelgen.errors import InputError, ParameterError
+from skelgen.parameters import ParameterValue
 
 OutputFile = Annotated[
     Path,
@@ -53,7 +54,7 @@ def convert(
     reading: Reading = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    **values: Any,
+    **values: ParameterValue | None,
 ) -> None:
     """Read a take or a project and write it in another format; options of both sides are those of the file written."""
     from skelgen.app.files import NamedFile, convert_file
@@ -82,7 +83,7 @@ def info(
     full: Annotated[bool, typer.Option("--full", help="Read all of a large file, too: gaps are counted.")] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
-    **values: Any,
+    **values: ParameterValue | None,
 ) -> None:
     """Say what a file holds: format, frames, rate, markers with their gaps, extent, results.
 
@@ -90,14 +91,15 @@ def info(
     """
     from skelgen_formats.lines import Sample
 
-    from skelgen.app.files import name_of_format, open_input
+    from skelgen.app.files import NamedFile, name_of_format, open_input
     from skelgen.app.first_look import account_sentences
     from skelgen.app.tables import column_rows, project_tables
 
     screen = Screen(quiet, as_json)
     sample = Sample()
     with screen.watching() as monitor:
-        project = open_input(take, format_name, monitor=monitor, sample=None if full else sample, **given(values))
+        file = NamedFile(take, format_name, given(values))
+        project = open_input(file, monitor=monitor, sample=None if full else sample)
     format_name = format_name or name_of_format(take)
     tables, columns = project_tables(project, sample), column_rows(project.take, sample)
     screen.note(project.take.notices)
@@ -230,12 +232,12 @@ def view(
     format_name: FormatName = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    **values: Any,
+    **values: ParameterValue | None,
 ) -> None:
     """Open markers and skeleton in the browser, where they turn and play; the page is complete in itself."""
     from tempfile import mkdtemp
 
-    from skelgen.app.files import open_input
+    from skelgen.app.files import NamedFile, open_input
     from skelgen.app.outputs import check_outputs
     from skelgen.app.report import write_view
 
@@ -243,7 +245,7 @@ def view(
     if given_target:
         check_outputs((given_target,), (take,), (given_target,), overwrite=overwrite)
     with screen.watching() as monitor:
-        project = open_input(take, format_name, monitor=monitor, **given(values))
+        project = open_input(NamedFile(take, format_name, given(values)), monitor=monitor)
     target = given_target or Path(mkdtemp(prefix="skelgen-")) / f"{take.stem}.html"
     show_files(screen, [write_view(project, target)])
     if not _opened(target):

@@ -3,14 +3,15 @@
 import functools
 import inspect
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
 import typer
 
 from skelgen.parameters import Declaration, StageParameters
 
+_Value = TypeVar("_Value")
 _ASKED = "_SKELGEN_COMPLETE"
 _LINES = ("_TYPER_COMPLETE_ARGS", "COMP_WORDS")  # of zsh, fish and PowerShell; of bash
 
@@ -158,7 +159,7 @@ def generated(function: Callable[..., None], options: Iterable[inspect.Parameter
     every = plain + [entry for entry in by_name.values() if entry not in plain]
 
     @functools.wraps(function)
-    def command(**values: Any) -> None:
+    def command(**values: object) -> None:
         function(**values)
 
     command.__doc__ = str(function.__doc__).partition("\n\n    Parameters\n")[0]  # each option has its own help
@@ -185,7 +186,7 @@ def writer_options() -> list[inspect.Parameter]:
     return _format_options(_WRITER_PANEL, reading=False)
 
 
-def given(values: dict[str, Any]) -> dict[str, Any]:
+def given(values: Mapping[str, _Value | None]) -> dict[str, _Value]:
     """Return the generated options that the user gave."""
     return {name: value for name, value in values.items() if value is not None}
 
@@ -206,7 +207,7 @@ def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
     return list(found.values())
 
 
-def _option(name: str, kind: type, text: str, default: Any, panel: str) -> inspect.Parameter:
+def _option(name: str, kind: type, text: str, default: object, panel: str) -> inspect.Parameter:
     flag = "--" + name.replace("_", "-")
     flags = f"{flag}/--no-{flag[2:]}" if kind is bool else flag
     shown = "none" if default is None else str(default) or "empty"

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from skelgen.errors import printable
 from skelgen.progress import SILENT, Monitor, SilentMonitor, counted
@@ -85,7 +85,7 @@ class Screen:
         if not self.as_json:
             print(*map(printable, text.split("\n")), sep="\n")
 
-    def table(self, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    def table(self, title: str, rows: Sequence[Mapping[str, object]]) -> None:
         """Print rows as a table on stdout unless JSON is wanted.
 
         Parameters
@@ -109,7 +109,7 @@ class Screen:
             table.add_row(*(Text(printable(_cell(row.get(name)))) for name in rows[0]))
         Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
 
-    def json(self, data: Mapping[str, Any]) -> None:
+    def json(self, data: Mapping[str, object]) -> None:
         """Print the one JSON object if JSON is wanted."""
         if self.as_json:
             print(json.dumps(data, indent=1, ensure_ascii=False))
@@ -204,7 +204,7 @@ def _heading(name: str) -> str:
     return name.replace("_mm2", " [mm²]").replace("_mm", " [mm]").replace("_deg", " [deg]").replace("_", " ")
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     if value is None:
         return _MISSING
     if isinstance(value, float):

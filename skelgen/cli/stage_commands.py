@@ -13,6 +13,7 @@ import typer
 from skelgen.cli import options
 from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_results
 from skelgen.errors import ParameterError
+from skelgen.parameters import ParameterValue
 
 if TYPE_CHECKING:
     from skelgen.app.configuration import Settings
@@ -109,12 +110,12 @@ def run(
     overwrite: options.Overwrite = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
-    **reader_values: Any,
+    **reader_values: ParameterValue | None,
 ) -> None:
     """Find the skeleton of a take and write every result: the main job."""
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.constraints import RunOptions
-    from skelgen.app.files import open_input
+    from skelgen.app.files import NamedFile, open_input
     from skelgen.app.limb_names import read_limb_names, with_stated_names
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import find_result
@@ -126,7 +127,8 @@ def run(
     if n_bodies is not None:
         settings = settings.changed("limbs", {"n_bodies": n_bodies}, "--n-bodies")
     with screen.watching() as monitor:
-        project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
+        file = NamedFile(take, format_name, options.given(reader_values))
+        project = open_input(file, seed, identities, monitor=monitor)
     if names is not None:
         project = with_stated_names(project, read_limb_names(names))
     if skeleton:
@@ -199,7 +201,7 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
     ) -> None:
         from skelgen.app.configuration import Settings, parameters_class
         from skelgen.app.constraints import RunOptions
-        from skelgen.app.files import open_input
+        from skelgen.app.files import NamedFile, open_input
         from skelgen.app.outputs import stem_of
         from skelgen.app.project_file.archive import find_result
         from skelgen.model import Trajectories
@@ -218,7 +220,8 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         reader_values = {name: value for name, value in chosen.items() if name not in names}
         screen = Screen(quiet, as_json)
         with screen.watching() as monitor:
-            project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
+            file = NamedFile(take or source, format_name, reader_values)
+            project = open_input(file, seed, identities, monitor=monitor)
         is_named = isinstance(project.take, Trajectories) and not project.has("labels")
         first = "labels" if stage == "limbs" and is_named else stage  # names need no more than a look at them
         work = _subject_run(skeleton, settings) if skeleton else _stages_run(first, stage, settings, run_options)

@@ -17,6 +17,7 @@ from skelgen.model.limbs import Limbs, names_of_bodies
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Topology
+from skelgen.parameters import ParameterValue
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -48,7 +49,7 @@ class Source:
 
     path: str
     format: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, ParameterValue] = field(default_factory=dict)
     size: int = 0
     modified: int = 0
     sha256: str = ""
@@ -68,7 +69,7 @@ class StageReport:
         What the user should know.
     """
 
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     seconds: float = 0.0
     notices: tuple[str, ...] = ()
 

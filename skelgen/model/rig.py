@@ -12,8 +12,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from skelgen import parameters
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, check_coordinates, check_floats, check_names, set_fields
+
+ParameterValue = parameters.ParameterValue
 
 N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
@@ -25,7 +28,6 @@ N_CAMERA_STD = 4 + N_DISTORTION + 6
 """Numbers of a camera that a calibration measures: fx, fy, cx, cy, the lens, its turn and its shift against the first
 camera, about and along its own axes."""
 
-ParameterValue = float | bool | str
 """What a parameter of the detection may be set to."""
 
 _ROTATION_TOLERANCE = 1e-6  # of R R^T = 1: a file with 7 digits gives 1e-7

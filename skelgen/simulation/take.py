@@ -1,7 +1,7 @@
 """A simulated take: a structure moves, a tracker watches, and the truth is kept."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from skelgen.errors import ParameterError
 from skelgen.marker_sets import MARKER_SETS
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_whole
+from skelgen.parameters import ParameterValue
 from skelgen.simulation.articulated import Structure, side_by_side, with_spacing
 from skelgen.simulation.markers import (
     carried_markers,
@@ -71,7 +72,7 @@ def simulate(
     *,
     seed: int = 0,
     parameters: SimulationParameters | None = None,
-    **options: Any,
+    **options: ParameterValue,
 ) -> SimulatedTake:
     """Simulate a take of a moving structure.
 
@@ -224,8 +225,8 @@ def _together(bodies: list[_Scene]) -> tuple[_Scene, Floats]:
     return replace(scene, poses=poses, rigid=carried_markers(everybody, poses), holds=(hold,)), displaced
 
 
-def _settings(parameters: SimulationParameters, options: dict[str, object]) -> SimulationParameters:
-    wanted = parameters.as_mapping() | options
+def _settings(parameters: SimulationParameters, options: Mapping[str, ParameterValue]) -> SimulationParameters:
+    wanted = {**parameters.as_mapping(), **options}
     settings = SimulationParameters.from_mapping(wanted | {"soft_tissue": str(wanted["soft_tissue"])})
     unnamed = [fault for fault in _UNLABELLED if getattr(settings, fault) > 0]
     if settings.labelled and unnamed:

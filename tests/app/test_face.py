@@ -91,6 +91,12 @@ def test_take_comes_back_from_a_marker_file(waving, tmp_path):
     np.testing.assert_allclose(again.positions, waving.positions, atol=1e-3)  # mm: text with fewer digits
 
 
+def test_an_option_that_the_format_does_not_have_is_refused(waving, tmp_path):
+    skelgen.write(waving, tmp_path / "w.trc")
+    with pytest.raises(WriteError, match="no option 'seed'"):
+        skelgen.read(tmp_path / "w.trc", seed=3)
+
+
 def test_project_file_is_written_and_its_take_read(small_project, tmp_path):
     (path,) = skelgen.write(small_project, tmp_path / "w.skelgen")
     with pytest.warns(UserWarning, match=r"results \(labels, limbs, joints, skeleton\).*skelgen.load"):

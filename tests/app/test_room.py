@@ -13,7 +13,7 @@ pytest.importorskip("cv2")
 
 from skelgen_formats.capture_settings import read_any_settings, write_settings
 
-from skelgen.app.files import open_input
+from skelgen.app.files import NamedFile, open_input
 from skelgen.app.room import room_source_of
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.capture.room.live import RoomCapture
@@ -62,7 +62,7 @@ def test_a_wand_and_a_frame_become_settings_in_one_command(tmp_path, capsys):
 
 
 def test_a_folder_of_folders_becomes_points(recorded, settings):
-    take = open_input(settings, source=f"{recorded}").take
+    take = open_input(NamedFile(settings, options={"source": f"{recorded}"})).take
     assert take.n_frames == 6
     rig = room_rig(3, (480, 360))
     truth = person_scene(rig, 6).positions
@@ -118,7 +118,7 @@ def test_a_source_with_other_cameras_is_told(settings):
 
 def test_images_of_another_size_are_told(settings):
     with pytest.raises(InputError, match="camera 1 sends 320 x 240 pixels, and its calibration is for 480 x 360"):
-        open_input(settings, source="room:human?cameras=3&frames=1&width=320")
+        open_input(NamedFile(settings, options={"source": "room:human?cameras=3&frames=1&width=320"}))
 
 
 def test_a_folder_without_folders_is_told(tmp_path, recorded):

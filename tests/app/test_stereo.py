@@ -11,7 +11,7 @@ from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.mfml import read_mfml
 
 import skelgen
-from skelgen.app.files import format_rows, is_stereo, name_of_format, open_input
+from skelgen.app.files import NamedFile, format_rows, is_stereo, name_of_format, open_input
 from skelgen.app.project_file.archive import open_project
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.cli import main
@@ -125,7 +125,7 @@ def test_what_stands_before_the_root_is_passed_in_no_time(settings, tmp_path, be
 )
 def test_what_cannot_be_read_is_said(settings, options, error, sentence):
     with pytest.raises(error, match=sentence):
-        open_input(settings, **options)
+        open_input(NamedFile(settings, options=options))
 
 
 def test_settings_without_a_source_ask_for_one(tmp_path, capsys):

@@ -35,7 +35,7 @@ from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.marker_sets import MARKER_SETS
 from skelgen.progress import SILENT
-from skelgen.simulation import simulate
+from skelgen.simulation import SimulationParameters, simulate
 from skelgen.simulation.people import MOTIONS
 
 
@@ -86,7 +86,7 @@ def test_score_finds_the_centre_about_which_two_bodies_turn():
 def test_score_is_exact_without_noise_and_never_below_our_error_by_much_with_it():
     assert score_error(simulate("rods", n_frames=200)) < 1e-6  # mm, rounding
     peer = score_error(simulate("human", n_frames=300, noise=0.5))
-    ours = reconstructed("human", 0, n_frames=300, noise=0.5).mean_joint_error
+    ours = reconstructed("human", 0, SimulationParameters(n_frames=300, noise=0.5)).mean_joint_error
     assert ours < 1.05 * peer
 
 

@@ -8,6 +8,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.benchmark.accuracy import FAULTS, WANTED_EXACT, WANTED_TIMES_BOUND, reconstructed
 from skelgen.benchmark.page import Effort
+from skelgen.simulation import SimulationParameters
 
 N_FRAMES = 1000
 SEEDS = (0, 1, 2)
@@ -36,7 +37,7 @@ def show_exact() -> None:
     """Takes without any fault: markers and joints against the truth."""
     rows = []
     for name in Effort().structures:
-        found = outcome(name)
+        found = outcome(name, SimulationParameters())
         is_reached = found.marker <= WANTED_EXACT["marker"] and found.worst_joint <= WANTED_EXACT["joint"]
         figures = (f"{found.marker:.2g}", f"{found.worst_joint:.2g}")
         rows.append((name, *counts(found), *figures, verdict(is_reached and all_exact(found))))
@@ -53,7 +54,7 @@ def show_noisy() -> None:
     """Takes with noise and dropouts: structure and joints against the truth."""
     rows = []
     for name in Effort().structures:
-        found = outcome(name, **FAULTS)
+        found = outcome(name, FAULTS)
         is_reached = all_exact(found) and max(found.times_bound) <= WANTED_TIMES_BOUND
         figures = (" ".join(f"{one:.3f}" for one in series) for series in (found.mean_joints, found.times_bound))
         rows.append((name, *counts(found), *figures, f"{found.worst_joint:.3f}", verdict(is_reached)))
@@ -65,9 +66,9 @@ def show_noisy() -> None:
     )
 
 
-def outcome(name: str, **faults: float) -> Outcome:
+def outcome(name: str, faults: SimulationParameters) -> Outcome:
     """Reconstruct one structure with every seed."""
-    scores = [reconstructed(name, seed, n_frames=N_FRAMES, **faults) for seed in SEEDS]
+    scores = [reconstructed(name, seed, faults.replace(n_frames=N_FRAMES)) for seed in SEEDS]
     return Outcome(
         limbs=sum(one.limbs is not None and one.limbs.is_exact for one in scores),
         trees=sum(one.topology is not None and one.topology.is_exact for one in scores),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QWidget
@@ -132,7 +131,7 @@ class Runner(QObject):
     ) -> None:
         super().__init__(parent)
         self._document, self._jobs, self._report_error = document, jobs, report_error
-        self._values: dict[str, Mapping[str, Any]] = {}
+        self._values: dict[str, Mapping[str, object]] = {}
         self.computes_at_once = True
         self.failed, self._stage = "", ""
         self._running: tuple[Project, str] | None = None
@@ -142,7 +141,7 @@ class Runner(QObject):
         jobs.cancelled.connect(self._want_nothing)
         document.session.project_changed.connect(self._follow_project)
 
-    def set_values(self, stage: str, values: Mapping[str, Any]) -> None:
+    def set_values(self, stage: str, values: Mapping[str, object]) -> None:
         """Note the parameters of a stage for its next run.
 
         Parameters
@@ -158,7 +157,7 @@ class Runner(QObject):
         """Return whether parameters of a stage were entered, other than those that it ran with."""
         return stage in self._values
 
-    def values(self, stage: str) -> Mapping[str, Any]:
+    def values(self, stage: str) -> Mapping[str, object]:
         """Return the parameters of a stage's next run: those of its form, or those that it ran with."""
         project = self._document.session.project
         if stage not in self._values and project is not None and stage in project.reports:
@@ -171,11 +170,11 @@ class Runner(QObject):
         return str(self._document.session.folder or "")
 
     @property
-    def entered(self) -> Mapping[str, Mapping[str, Any]]:
+    def entered(self) -> Mapping[str, Mapping[str, object]]:
         """Parameters that were entered in forms, by stage and name."""
         return self._values
 
-    def begin_with(self, values: Mapping[str, Mapping[str, Any]]) -> None:
+    def begin_with(self, values: Mapping[str, Mapping[str, object]]) -> None:
         """Forget what was entered, and take over the parameters that another project keeps, by stage and name."""
         self.failed = ""
         self._values = dict(values)

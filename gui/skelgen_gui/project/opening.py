@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QWidget
 
-from skelgen.app.files import name_of_format, open_input, readable_formats
+from skelgen.app.files import NamedFile, name_of_format, open_input, readable_formats
 from skelgen.app.first_look import AdaptParameters, adapted
 from skelgen.app.project_file.archive import find_result, is_project_file, open_project
 from skelgen.model import Project
+from skelgen.parameters import ParameterValue
 from skelgen.progress import Monitor
 from skelgen_gui.widgets.forms import ParameterForm, stage_form
 from skelgen_gui.widgets.layouts import column
@@ -36,7 +36,7 @@ class Opening:
     """
 
     path: Path
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, ParameterValue] = field(default_factory=dict)
     changes: AdaptParameters = field(default_factory=AdaptParameters)
     recording: Path | None = None
 
@@ -44,7 +44,7 @@ class Opening:
         """Read it; runs on any thread."""
         if self.recording is not None:
             return open_project(find_result(self.path), self.recording)
-        return adapted(open_input(self.path, monitor=monitor, **self.options), self.changes)
+        return adapted(open_input(NamedFile(self.path, options=self.options), monitor=monitor), self.changes)
 
 
 class OpenDialog(QDialog):

@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWidget
 
 from skelgen.errors import ParameterError
-from skelgen.parameters import Declaration, StageParameters
+from skelgen.parameters import Declaration, ParameterValue, StageParameters
 from skelgen_gui.widgets.fields import choice_of, editor_for, title_of
 from skelgen_gui.widgets.layouts import bare_column, describe
 from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE
@@ -228,11 +228,11 @@ class ParameterForm(QWidget):
         """The lines of the form by name."""
         return {row.declaration.name: row for row in (*self._basic, *self._advanced)}
 
-    def values(self) -> dict[str, object]:
+    def values(self) -> dict[str, ParameterValue]:
         """Return the value of every name, or raise the first `ParameterError`."""
         return {name: row.value() for name, row in self.rows.items()}
 
-    def set_values(self, values: Mapping[str, Any]) -> None:
+    def set_values(self, values: Mapping[str, object]) -> None:
         """Show some values, allowed or not; names that the form does not have, as older files hold, are passed over."""
         rows = self.rows
         self._is_filling = True
@@ -246,7 +246,7 @@ class ParameterForm(QWidget):
         return next((row.problem for row in self.rows.values() if row.problem), "")
 
     @property
-    def defaults(self) -> dict[str, object]:
+    def defaults(self) -> dict[str, ParameterValue]:
         """The default of every name."""
         return {name: row.declaration.default for name, row in self.rows.items()}
 

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from skelgen_formats.registry import find_format, write_file
@@ -23,7 +22,7 @@ from skelgen.app.batch.takes import Entry
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.export import REPORT
-from skelgen.app.files import open_input
+from skelgen.app.files import NamedFile, open_input
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
@@ -31,6 +30,7 @@ from skelgen.app.subject import known_bodies, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
 from skelgen.files import open_regular, sha256_of
 from skelgen.model import PointCloud, Project
+from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT
 
 
@@ -77,12 +77,12 @@ class Job:
         Version of skelgen that all workers must have: results of two would not be those of either.
     """
 
-    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    settings: Mapping[str, Mapping[str, ParameterValue]] = field(default_factory=dict)
     options: RunOptions = field(default_factory=RunOptions)
     seed: int | None = None
     until: str | None = None
     format_name: str | None = None
-    reader_options: Mapping[str, Any] = field(default_factory=dict)
+    reader_options: Mapping[str, ParameterValue] = field(default_factory=dict)
     formats: tuple[str, ...] = ()
     subjects: tuple[SubjectFile, ...] = ()
     version: str = skelgen.__version__
@@ -271,7 +271,7 @@ def _source_facts(entry: Entry) -> records.FileFacts:
 
 def _done(entry: Entry, job: Job) -> tuple[records.Facts, dict[str, records.FileFacts], records.Run]:
     """Run the stages and write the files; facts, files, and times."""
-    project = open_input(entry.source, job.format_name, job.seed, **job.reader_options)
+    project = open_input(NamedFile(Path(entry.source), job.format_name, job.reader_options), job.seed)
     settings = Settings(job.settings)
     if job.subjects:
         project = run_with_subject(project, subject_in(job.subjects), settings=settings)

@@ -29,6 +29,7 @@ from skelgen.files import open_regular, read_content, replacing, sha256_of
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
 from skelgen.model.arrays import Floats
 from skelgen.model.project import Source
+from skelgen.parameters import ParameterValue
 
 SUFFIX = ".skelgen"
 VERSION = 2
@@ -311,7 +312,7 @@ def _store(archive: zipfile.ZipFile, name: str, *parts: bytes | memoryview) -> N
                 member.write(part[start : start + _PIECE])
 
 
-def recorded_file_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
+def recorded_file_of(path: Path, format_name: str, options: Mapping[str, ParameterValue]) -> Source:
     """Return what is known of a recording that is about to be read.
 
     Parameters
@@ -386,4 +387,4 @@ def take_of(source: Source, project_file: Path, recording: Path | None = None) -
         raise FormatError(found, "", f"is not the recording that {project_file} was made from: its content differs")
     facts = found.stat()
     there = replace(source, path=str(found.absolute()), size=facts.st_size, modified=facts.st_mtime_ns)
-    return read_take(found, source.format, **source.options), there
+    return read_take(found, source.format, sample=None, **source.options), there

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,6 +13,7 @@ from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, CameraRig
+from skelgen.parameters import ParameterValue
 from skelgen.simulation import Structure, Truth, find_structure, simulate
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.visibility import blocked_by_limbs
@@ -177,7 +177,12 @@ def frame_scene(rig: CameraRig, n_frames: int = 20, arms: tuple[float, float] = 
 
 
 def person_scene(
-    rig: CameraRig, n_frames: int = 600, structure: Structure | str = "human", *, seed: int = 0, **options: Any
+    rig: CameraRig,
+    n_frames: int = 600,
+    structure: Structure | str = "human",
+    *,
+    seed: int = 0,
+    **options: ParameterValue,
 ) -> RoomScene:
     """Return a person in the room, whose limbs hide markers from cameras.
 
@@ -195,8 +200,8 @@ def person_scene(
         Of `skelgen.simulate`: ``rate``, ``walk``, ``motion_range``, ...
     """
     body = find_structure(structure, seed) if isinstance(structure, str) else structure
-    wanted = {"rate": ROOM_RATE, "walk": 700.0} | options | {"labelled": True, "n_frames": n_frames}
-    made = simulate(body, seed=seed, **wanted)
+    wanted = {"rate": ROOM_RATE, "walk": 700.0, **options, "labelled": True, "n_frames": n_frames}
+    made = simulate(body, seed=seed, parameters=None, **wanted)
     truth = made.truth
     middle = truth.marker_positions.mean(axis=(0, 1))
     shift = np.array([-middle[0], -middle[1], 0.0])
@@ -206,7 +211,7 @@ def person_scene(
     there = replace(
         truth, marker_positions=positions, world_from_limb=poses, joint_positions=truth.joint_positions + shift
     )
-    return RoomScene(positions, hidden, float(wanted["rate"]), there)
+    return RoomScene(positions, hidden, made.take.rate, there)
 
 
 ARM_SPREAD = 3.0

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
+from skelgen.parameters import ParameterValue
 from skelgen.simulation import Structure, find_structure, simulate
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.truth import Truth
@@ -145,7 +145,7 @@ def scene_of_structure(
     distance: float = 0.0,
     seed: int = 0,
     hide: bool = True,
-    **options: Any,
+    **options: ParameterValue,
 ) -> Scene:
     """Return a scene of a structure that moves before a rig, as `skelgen simulate` moves it.
 
@@ -174,8 +174,8 @@ def scene_of_structure(
     body = reference_arm() if structure == "arm" else structure
     if isinstance(body, str):
         body = find_structure(body, seed)
-    options = {"n_frames": 600, "rate": 60.0, "walk": _WALK} | options | {"labelled": True}
-    simulated = simulate(body, seed=seed, **options)
+    options = {"n_frames": 600, "rate": 60.0, "walk": _WALK, **options, "labelled": True}
+    simulated = simulate(body, seed=seed, parameters=None, **options)
     truth, seen = simulated.truth, simulated.take.positions  # type: ignore[union-attr]  # labelled: Trajectories
     points = (seen - truth.marker_positions.mean(axis=(0, 1))) @ RIG_FROM_SIMULATION.T
     place = view_centre(rig, distance) if distance > 0 else _near_place(points, rig)

@@ -80,16 +80,15 @@ def _open_simulated(text: SourceText) -> FrameSource:
     from skelgen.capture.reference_rig import reference_rig  # noqa: PLC0415
     from skelgen.capture.simulated_rig import SimulatedBoard, SimulatedRig, hand_held_target, simulated_rig  # noqa: PLC0415
 
-    options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
+    options = SimulatedOptions.from_mapping(text.options, str(text))
+    n_frames, rate, seed, paced = options.frames, options.rate, options.seed, options.paced
     if text.place == "board":
-        del options["show"]
-        return SimulatedBoard(n_frames=options.pop("frames"), **options)
+        return SimulatedBoard(n_frames=n_frames, rate=rate, seed=seed, paced=paced)
     if text.place == "target":
-        name, paced, n_frames = options.pop("show"), options.pop("paced"), options.pop("frames")
-        scene = hand_held_target(name, reference_rig(), n_frames=n_frames, **options)
-        return SimulatedRig(scene, seed=options["seed"], paced=paced)
-    shown = [name.strip() for name in options.pop("show").split(",") if name.strip()]
-    return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), show=shown, **options)
+        scene = hand_held_target(options.show, reference_rig(), n_frames=n_frames, rate=rate, seed=seed)
+        return SimulatedRig(scene, seed=seed, paced=paced)
+    shown = [name.strip() for name in options.show.split(",") if name.strip()]
+    return simulated_rig(text.place or "arm", seed=seed, paced=paced, show=shown, n_frames=n_frames, rate=rate)
 
 
 SOURCES = (
