@@ -137,10 +137,10 @@ class PageStack(QWidget):
                 _State.DONE: self.tr("{0}: done"),
                 _State.DOUBTFUL: self.tr("{0}: done, with doubtful results"),
             }[state]
-            said = words.format(item.text())
-            item.setData(Qt.ItemDataRole.AccessibleTextRole, said)
+            state_words = words.format(item.text())
+            item.setData(Qt.ItemDataRole.AccessibleTextRole, state_words)
             tip = QCoreApplication.translate("Pages", entry.tip)
-            item.setToolTip(tip if state is None else as_rich_text(f"{tip}\n{said}"))
+            item.setToolTip(tip if state is None else as_rich_text(f"{tip}\n{state_words}"))
 
     def _state(self, stage: str) -> _State | None:
         session = self._context.session

@@ -91,7 +91,7 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Ite
             f"up to {body} tracks longer than {_LONG_SECONDS:g} s are left out at the same time: another body may be "
             "in the take; give its skeleton too, one --skeleton for each body"
         )
-    yield from _about_pieces(markers, labelling)
+    yield from _about_split_markers(markers, labelling)
     yield from _about_rare_markers(markers, labelling)
     if labelling.twins:
         named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
@@ -117,7 +117,7 @@ def _about_standing(project: Project) -> Iterator[str]:
         )
 
 
-def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+def _about_split_markers(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     pieces = {doubt.marker: doubt.rival for doubt in labelling.doubts if doubt.kind == "piece"}
     if not pieces:
         return

@@ -244,7 +244,7 @@ def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
         elif parents[first] == second:
             types[first] = correction.value
         else:
-            monitor.notice(f"not obeyed, because the tree has no such joint: {correction.sentence}")
+            monitor.notice(f"not applied, because the tree has no such joint: {correction.sentence}")
     return types
 
 
@@ -338,10 +338,10 @@ def corrections_of(project: Project, stage: str, monitor: Monitor) -> list[Corre
     monitor : Monitor
         Receives a notice for each of them.
     """
-    obeyed = [correction for correction in project.corrections if correction.stage == stage]
-    for correction in obeyed:
+    applied = [correction for correction in project.corrections if correction.stage == stage]
+    for correction in applied:
         monitor.notice(f"as you said: {correction.sentence}")
-    return [correction for correction in obeyed if correction.names]
+    return [correction for correction in applied if correction.names]
 
 
 def corrected_marker(trajectories: Trajectories, correction: Correction, which: int) -> int:

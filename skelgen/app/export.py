@@ -198,11 +198,11 @@ def remarks_on_parts(parts: Sequence[tuple[Project, Path]], entry: Format, optio
     tuple of str
         What holds for all files is said once, what does not begins with the name of its file.
     """
-    said = [remarks_on(part, entry, target, options) for part, target in parts]
+    remarks = [remarks_on(part, entry, target, options) for part, target in parts]
     are_alike = len({target.name for _, target in parts}) < len(parts)
     files = [f"{target.parent.name}/{target.name}" if are_alike else target.name for _, target in parts]
-    every = [(file, one) for file, some in zip(files, said, strict=True) for one in some]
-    sentences = (one if all(one in some for some in said) else f"{file}: {one}" for file, one in every)
+    every = [(file, one) for file, some in zip(files, remarks, strict=True) for one in some]
+    sentences = (one if all(one in some for some in remarks) else f"{file}: {one}" for file, one in every)
     return tuple(dict.fromkeys(sentences))
 
 

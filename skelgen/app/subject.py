@@ -81,7 +81,7 @@ def apply_subject(
     True
     """
     subjects = [subject] if isinstance(subject, Project | Path | str) else list(subject)
-    known = known_bodies(subjects)
+    known = joined_subjects(subjects)
     return run_with_subject(
         Project(take.take if isinstance(take, Project) else take),
         known,
@@ -90,7 +90,7 @@ def apply_subject(
     )
 
 
-def known_bodies(subjects: Sequence[Project | Path | str]) -> Project:
+def joined_subjects(subjects: Sequence[Project | Path | str]) -> Project:
     """Return what labels a take: the subject that is given, or the bodies of several as one.
 
     Parameters

@@ -77,14 +77,14 @@ def measure_people(effort: Effort, monitor: Monitor) -> Section:
     bodies = []
     for simulated, index, is_hidden in with_progress(cases, len(cases), monitor, every=1):
         case, motion, marker_set = simulated(index)
-        bodies.append(_judged(without_names(case) if is_hidden else case, motion, marker_set, index))
+        bodies.append(_scored(without_names(case) if is_hidden else case, motion, marker_set, index))
     people, animals = bodies[: effort.n_people], bodies[effort.n_people : effort.n_people + effort.n_animals]
     hidden = bodies[effort.n_people + effort.n_animals :]
     by_motion = [(motion, [one for one in people if one.motion == motion]) for motion in MOTIONS]
     by_set = [(name, [one for one in people if one.marker_set == name]) for name in MARKER_SETS]
     columns = ("who", "bodies", "limbs exact", "tree exact", "edges", "joint error [mm]", "SCoRE [mm]", "of SCoRE")
     wanted = f"tree exact in {100 * WANTED_TREES:.0f} %, joints at most {WANTED_OF_SCORE} of SCoRE's error"
-    rows = [*_rows(by_motion), *_rows([("all people", people), ("animals", animals)], is_judged=True)]
+    rows = [*_rows(by_motion), *_rows([("all people", people), ("animals", animals)], has_verdict=True)]
     rows += _rows([(f"every {HIDDEN_EVERY}rd person, names hidden", hidden)])
     return Section(
         "people",
@@ -134,7 +134,7 @@ def _animal(seed: int) -> Structure:
     return resized(animal, {name: factors[segment] for name, segment in zip(animal.limb_names, segments, strict=True)})
 
 
-def _judged(case: SimulatedTake, motion: str, marker_set: str, seed: int) -> FoundBody:
+def _scored(case: SimulatedTake, motion: str, marker_set: str, seed: int) -> FoundBody:
     found = evaluate(reconstruct(case.take, seed=seed), case.truth)
     limbs, tree = found.limbs, found.topology
     peers = dict(zip(case.truth.joint_names, _means(score_distances(case)), strict=True))
@@ -156,7 +156,7 @@ def _means(distances: np.ndarray) -> list[float]:
     return [float(np.nanmean(column)) if np.isfinite(column).any() else np.nan for column in distances.T]
 
 
-def _rows(groups: Iterable[tuple[str, Sequence[FoundBody]]], *, is_judged: bool = False) -> list[tuple[str, ...]]:
+def _rows(groups: Iterable[tuple[str, Sequence[FoundBody]]], *, has_verdict: bool = False) -> list[tuple[str, ...]]:
     """A row of every group that somebody belongs to."""
     rows = []
     for name, bodies in groups:
@@ -170,5 +170,7 @@ def _rows(groups: Iterable[tuple[str, Sequence[FoundBody]]], *, is_judged: bool 
         is_reached = trees >= WANTED_TREES * len(bodies) and error <= WANTED_OF_SCORE * score
         shown = [figure_text(float(value) if np.isfinite(value) else None, 1) for value in (error, score)]
         share = figure_text(float(error / score) if np.isfinite(error) else None, 2)
-        rows.append((name, str(len(bodies)), *figures, edges, *shown, share, verdict(is_reached) if is_judged else ""))
+        rows.append(
+            (name, str(len(bodies)), *figures, edges, *shown, share, verdict(is_reached) if has_verdict else "")
+        )
     return rows

@@ -21,7 +21,7 @@ from skelgen.simulation import SimulationParameters, Structure, find_structure, 
 _TREE_FRAMES = 600
 _FAULTS = SimulationParameters(n_frames=_TREE_FRAMES, noise=0.5, dropouts=0.05)
 _SEEN = SimulationParameters(noise=0.3, soft_tissue="2.0", n_cameras=8, ghosts=0.2, labelled=False)
-_WARMING_LIMBS = 8
+_LIMBS_OF_FIRST_RUN = 8
 _STAGES = ("limbs", "joints", "skeleton")
 
 
@@ -48,7 +48,7 @@ def measure_speed(effort: Effort, monitor: Monitor, measure: Callable[..., list[
     )
     tables: list[Table] = []
     figures: list[Figure] = []
-    measure(_tree_take, _WARMING_LIMBS)  # compiles what is compiled, which is once on a machine
+    measure(_tree_take, _LIMBS_OF_FIRST_RUN)  # compiles what is compiled, which is once on a machine
     done, total = 0, sum(len(sizes) for _, _, _, sizes, _ in kinds)
     for title, axis, make, sizes, stages in kinds:
         runs = []

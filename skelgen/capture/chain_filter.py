@@ -21,8 +21,8 @@ from skelgen.capture.bodies.prediction import (
     DOUBT,
     FASTEST,
     FRAME,
+    HISTORY,
     MAX_INNOVATION,
-    MEMORY,
     PACE,
     SCALES,
     MeasuredNoise,
@@ -348,7 +348,7 @@ class _Play:
         violation, slope = violation_of(self._joint, poses), constraint_slope(self._joint, poses)
         noise = slope @ block_diagonal(parent.covariance, child.covariance) @ slope.T
         excess = violation**2 - np.diag(noise)
-        self._n = min(self._n + 1, MEMORY)
+        self._n = min(self._n + 1, HISTORY)
         tilt = excess[3:].mean() if len(excess) > 3 else 0.0
         self._squares += (np.array([excess[:3].mean(), tilt]) - self._squares) / self._n
 

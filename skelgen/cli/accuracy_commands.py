@@ -179,9 +179,9 @@ def simulate(
     bone_options = {name: options.pop(name) for name in of_bones}
     moved: RecordedBody | str
     if motion is None:
-        stray = [*given(stated), *bone_options]
-        if stray:
-            raise ParameterError(f"--{stray[0].replace('_', '-')} belongs to a recorded motion: --motion FILE")
+        unused = [*given(stated), *bone_options]
+        if unused:
+            raise ParameterError(f"--{unused[0].replace('_', '-')} belongs to a recorded motion: --motion FILE")
         moved = str(structure)
     else:
         bones = read_motion(motion, motion_skeleton, motion_unit or AUTO, motion_rate)

@@ -296,9 +296,9 @@ def _stages_run(first: str | None, last: str | None, settings: Settings, run_opt
 
 
 def _subject_run(skeletons: Sequence[Path], settings: Settings) -> _Work:
-    from skelgen.app.subject import known_bodies, run_with_subject
+    from skelgen.app.subject import joined_subjects, run_with_subject
 
-    subject = known_bodies(skeletons)
+    subject = joined_subjects(skeletons)
     return lambda project, monitor: run_with_subject(project, subject, settings=settings, monitor=monitor)
 
 

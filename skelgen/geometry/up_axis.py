@@ -224,8 +224,8 @@ def turn_to(value: Project | Take | Filled, up: str) -> str:
     up : str
         ``y`` or ``z``.
     """
-    wish = f"{up_of(value)}-to-{up}"
-    return wish if wish in TURNS else AS_RECORDED
+    turn = f"{up_of(value)}-to-{up}"
+    return turn if turn in TURNS else AS_RECORDED
 
 
 def _rise(names: Sequence[str], frames: Sequence[Floats]) -> Floats:

@@ -65,10 +65,10 @@ class Question:
             All markers.
         """
         spans = self.spans or ((self.first_frame, self.last_frame),)
-        told = [f"{first} to {last}" for first, last in spans[:MOST_SPANS]]
-        told += [f"{len(spans) - MOST_SPANS} more spans"] * (len(spans) > MOST_SPANS)
+        listed = [f"{first} to {last}" for first, last in spans[:MOST_SPANS]]
+        listed += [f"{len(spans) - MOST_SPANS} more spans"] * (len(spans) > MOST_SPANS)
         frames, called = (
-            "frames " + " and ".join(filter(None, (", ".join(told[:-1]), told[-1]))),
+            "frames " + " and ".join(filter(None, (", ".join(listed[:-1]), listed[-1]))),
             [names[marker] for marker in self.markers],
         )
         if self.kind == "same":

@@ -237,11 +237,11 @@ class _BoneReduction:
         order = [roots[0]]
         for bone in order:
             order += self.children(bone)
-        sliding = {self.names[bone]: _spread(self.places[bone]) for bone in order[1:] if self.slides(bone)}
-        if sliding:
-            most = max(sliding, key=lambda name: sliding[name])
-            notice = f"joints that slide are held at their mean places: {', '.join(sliding)}"
-            self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
+        spreads = {self.names[bone]: _spread(self.places[bone]) for bone in order[1:] if self.slides(bone)}
+        if spreads:
+            most = max(spreads, key=lambda name: spreads[name])
+            notice = f"joints that slide are held at their mean places: {', '.join(spreads)}"
+            self.notices.append(f"{notice}; most: {most}, by up to {spreads[most]:.1f} mm")
         index_of = {bone: index for index, bone in enumerate(order)}
         names, points = tuple(self.names[bone] for bone in order), tuple(self.points(bone) for bone in order)
         parents = np.array([index_of.get(self.parents[bone], -1) for bone in order], dtype=np.intp)

@@ -27,7 +27,7 @@ DUPLICATE_OFFSET = 1.0
 EDGE_FRAMES = 2
 """Frames at both ends of a marker's visibility in which its position may jump."""
 
-_SKIN_FREQUENCIES = (0.2, 2.0)  # Hz: skin slides with the motion and wobbles a little faster than it
+_SOFT_TISSUE_FREQUENCIES = (0.2, 2.0)  # Hz: skin slides with the motion and wobbles a little faster than it
 _NO_PAIRS = np.empty((0, 2), dtype=np.intp)
 
 
@@ -77,7 +77,9 @@ def soft_tissue_motion(
         Source of the directions and of the wandering.
     """
     n_frames, n_markers = len(world_from_limb), structure.n_markers
-    wandering = smooth_curves(rng, n_frames, rate, 3 * n_markers, _SKIN_FREQUENCIES).reshape(n_frames, n_markers, 3)
+    wandering = smooth_curves(rng, n_frames, rate, 3 * n_markers, _SOFT_TISSUE_FREQUENCIES).reshape(
+        n_frames, n_markers, 3
+    )
     local = _standardised(wandering)
     for index, limb_angles in enumerate(angles):
         if structure.limbs[index].kind == "free":
@@ -96,7 +98,7 @@ def _standardised(curves: Floats) -> Floats:
     return np.asarray((curves - curves.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
 
 
-def pieces_lost(n_frames: int, n_markers: int, fraction: float, mean_frames: float, rng: np.random.Generator) -> Bools:
+def bursts_lost(n_frames: int, n_markers: int, fraction: float, mean_frames: float, rng: np.random.Generator) -> Bools:
     """Return which markers are lost in which frames, in pieces of exponential length, as are those between them.
 
     Parameters

@@ -28,13 +28,13 @@ class SimulationParameters(StageParameters):
     noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", within=(0.0, 1000.0))
     soft_tissue: str = declare(
         NONE,
-        "What skin does to markers: realistic, as measured on people; none; or the standard deviation of each marker's "
-        "slide on its limb, per coordinate, in mm.",
+        "How soft tissue moves markers: realistic, as measured on people; none; or the standard deviation of each "
+        "marker's displacement on its limb, per coordinate, in mm.",
     )
     dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
     dropout_seconds: float = declare(
         0.0,
-        "Mean length of the pieces that are lost, which varies as waiting times do; needs dropouts. 0: bursts of 5 to "
+        "Mean length of a dropout; lengths are distributed exponentially; needs dropouts. 0: bursts of 5 to "
         "40 frames, and single ones.",
         unit="s",
         within=(0.0, 100.0),

@@ -12,13 +12,13 @@ from skelgen.model.arrays import Bools, Floats, Ints, check_whole
 from skelgen.parameters import ParameterValue
 from skelgen.simulation.articulated import Structure, side_by_side, with_spacing
 from skelgen.simulation.markers import (
+    bursts_lost,
     carried_markers,
     dropouts,
     duplicates,
     edge_jumps,
     ghosts,
     merged_points,
-    pieces_lost,
     shuffled_points,
     soft_tissue_motion,
 )
@@ -296,7 +296,7 @@ def _lost(settings: SimulationParameters, count: int, rng: np.random.Generator) 
     """Which of some markers or sensors are lost in which frames, shape (n_frames, count)."""
     mean_frames = settings.dropout_seconds * settings.rate
     if mean_frames > 0:
-        return pieces_lost(settings.n_frames, count, settings.dropouts, mean_frames, rng)
+        return bursts_lost(settings.n_frames, count, settings.dropouts, mean_frames, rng)
     return dropouts(settings.n_frames, count, settings.dropouts, rng)
 
 

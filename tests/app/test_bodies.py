@@ -12,7 +12,7 @@ from skelgen.app.advice import advice_on
 from skelgen.app.bodies import join_bodies, split_bodies
 from skelgen.app.corrections import without_correction
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
-from skelgen.app.subject import known_bodies
+from skelgen.app.subject import joined_subjects
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Project
 from skelgen.simulation import simulate
@@ -143,8 +143,8 @@ def test_a_body_that_is_not_there_is_named_once_and_names_without_that_of_the_bo
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):
     rom = skelgen.reconstruct(replace(simulate("rods", seed=1, n_frames=80).take, name="rom.c3d"))
     files = [skelgen.write(rom, tmp_path / f"{name}.skelgen")[0] for name in ("anna", "ben")]
-    assert [body.name for body in known_bodies(files).bodies] == ["anna", "ben"]
-    assert [body.name for body in known_bodies([rom, rom]).bodies] == ["rom 1", "rom 2"]
+    assert [body.name for body in joined_subjects(files).bodies] == ["anna", "ben"]
+    assert [body.name for body in joined_subjects([rom, rom]).bodies] == ["rom 1", "rom 2"]
 
 
 def test_joined_bodies_come_apart_again_as_they_were():

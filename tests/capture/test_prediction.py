@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies.prediction import MEMORY, BodyFilter, CentreNoise, Prediction, PredictionParameters
+from skelgen.capture.bodies.prediction import HISTORY, BodyFilter, CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 
@@ -109,12 +109,12 @@ def test_each_body_has_its_own_filter():
 def test_the_noise_of_balls_is_what_targets_show_and_never_more_than_the_rig_states():
     noise = CentreNoise(0.1)
     found = FoundBody("torso", np.eye(4), np.eye(6), np.arange(5), 0.1, noise=0.3)
-    changes = [noise.seen([found]) for _ in range(MEMORY)]
-    assert changes == [*[1.0] * (MEMORY - 1), pytest.approx(0.3)]
+    changes = [noise.seen([found]) for _ in range(HISTORY)]
+    assert changes == [*[1.0] * (HISTORY - 1), pytest.approx(0.3)]
     assert noise.used == pytest.approx(0.03)
-    for _ in range(MEMORY):
+    for _ in range(HISTORY):
         noise.seen([replace(found, noise=20.0)])
     assert noise.used == 0.1
-    for _ in range(MEMORY):
+    for _ in range(HISTORY):
         noise.seen([])
     assert noise.used == 0.1

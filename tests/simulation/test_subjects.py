@@ -8,7 +8,7 @@ from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.model import Poses
 from skelgen.simulation import find_structure, simulate
 from skelgen.simulation.articulated import with_spacing
-from skelgen.simulation.markers import pieces_lost
+from skelgen.simulation.markers import bursts_lost
 
 
 def test_the_first_of_two_bodies_moves_as_if_it_were_alone():
@@ -57,7 +57,7 @@ def test_twice_the_speed_is_the_same_motion_in_half_the_frames():
 
 
 def test_pieces_that_are_lost_have_the_length_and_the_share_that_were_wished():
-    lost = pieces_lost(20_000, 20, 0.2, 35.0, np.random.default_rng(0))
+    lost = bursts_lost(20_000, 20, 0.2, 35.0, np.random.default_rng(0))
     begins = (lost[1:] & ~lost[:-1]).sum()
     assert lost.mean() == pytest.approx(0.2, abs=0.02)
     assert lost.sum() / begins == pytest.approx(35.0, rel=0.1)

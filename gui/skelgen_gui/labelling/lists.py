@@ -175,12 +175,12 @@ class Questions(QWidget):
     -------
     answered(object)
         Corrections that an answer states, a tuple of `Correction`.
-    nobody_said(Question)
+    nobody_chosen(Question)
         The track that was left out is no marker.
     """
 
     answered = Signal(object)
-    nobody_said = Signal(object)
+    nobody_chosen = Signal(object)
 
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -258,7 +258,7 @@ class Questions(QWidget):
         if number < len(self._answers):
             self.answered.emit(self._answers[number].corrections)
         elif self.current is not None and not self._answers:
-            self.nobody_said.emit(self.current)
+            self.nobody_chosen.emit(self.current)
 
 
 class _List(QListView):

@@ -114,7 +114,7 @@ class LabellingPane(PanelWhileSeen):
         self.names.activated.connect(lambda place: self.give(place.data()))
         self.sets.activated.connect(lambda _: self._list_names())
         self.questions.answered.connect(lambda stated: self._corrections.apply(*stated))
-        self.questions.nobody_said.connect(lambda question: self._name_point(question, NOBODY))
+        self.questions.nobody_chosen.connect(lambda question: self._name_point(question, NOBODY))
 
     def give(self, name: str) -> None:
         """Give a name to the selected marker, and select the one in the next row."""

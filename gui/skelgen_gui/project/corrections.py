@@ -173,8 +173,8 @@ class CorrectionActions(QObject):
         project = self._document.session.project
         old = (*offer.about, *offer.names)[0]
         proposed = new_name(project, old) if project is not None and offer.kind == "split" else old
-        name, is_said = QInputDialog.getText(self._window, _text(offer), self.tr("Name:"), text=proposed)
-        return name.strip() if is_said and name.strip() else None
+        name, is_accepted = QInputDialog.getText(self._window, _text(offer), self.tr("Name:"), text=proposed)
+        return name.strip() if is_accepted and name.strip() else None
 
 
 def _corrected(project: Project, stated: tuple[Correction, ...]) -> Project | SkelgenError:
@@ -280,10 +280,10 @@ def _ask_frames(
         Number of frames of the take.
     """
     dialog = FramesDialog(parent, title, proposed, n_frames)
-    is_said = dialog.exec() == QDialog.DialogCode.Accepted
+    is_accepted = dialog.exec() == QDialog.DialogCode.Accepted
     first, last = dialog.frames()
     dialog.deleteLater()
-    if not is_said:
+    if not is_accepted:
         return None
     return first or None, None if last == n_frames - 1 else last
 

@@ -58,11 +58,11 @@ class Deriver(QObject):
 
     Signals
     -------
-    settled()
+    finished()
         A result was handed over, and no other is awaited.
     """
 
-    settled = Signal()
+    finished = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -154,7 +154,7 @@ class Deriver(QObject):
             if isinstance(result, _Failure):
                 raise result.error
             then(result)
-            self.settled.emit()
+            self.finished.emit()
 
 
 class PanelWhileSeen(QWidget):

@@ -71,10 +71,10 @@ class SubjectActions(QObject):
         values = {stage: self._runner.values(stage) for stage in ("labels", "skeleton")}
 
         def work(monitor: Monitor) -> Project:
-            from skelgen.app.subject import known_bodies, run_with_subject  # noqa: PLC0415 - loads the stages
+            from skelgen.app.subject import joined_subjects, run_with_subject  # noqa: PLC0415 - loads the stages
 
             settings = Settings({stage: entered for stage, entered in values.items() if entered})
-            return run_with_subject(project, known_bodies(paths), settings=settings, monitor=monitor)
+            return run_with_subject(project, joined_subjects(paths), settings=settings, monitor=monitor)
 
         def done(result: Project) -> None:
             if self._document.session.project is project:  # else it was changed meanwhile

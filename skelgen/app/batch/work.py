@@ -26,7 +26,7 @@ from skelgen.app.files import NamedFile, open_input
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
-from skelgen.app.subject import known_bodies, run_with_subject
+from skelgen.app.subject import joined_subjects, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
 from skelgen.files import open_regular, sha256_of
 from skelgen.model import PointCloud, Project
@@ -116,7 +116,7 @@ def subject_files(paths: Sequence[Path | str]) -> tuple[SubjectFile, ...]:
         If one holds no skeleton that could be applied.
     """
     if paths:
-        known_bodies(paths)
+        joined_subjects(paths)
     files = [find_result(Path(path)).absolute() for path in paths]
     return tuple(SubjectFile(str(file), sha256_of(file)) for file in files)
 
@@ -130,14 +130,14 @@ def subject_in(files: tuple[SubjectFile, ...]) -> Project:
     InputError
         If a file holds no skeleton, or is not the one with which the batch began.
     """
-    subject = known_bodies([file.path for file in files])
+    subject = joined_subjects([file.path for file in files])
     for file in files:
         if sha256_of(Path(file.path)) != file.sha256:
             raise InputError(f"{file.path}: is not the skeleton with which the batch began; begin it anew")
     return subject
 
 
-USUAL = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv")
+SUFFIXES = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv")
 """Files of every take, by what follows the stem. The project holds all else: `skelgen convert`, `skelgen report`."""
 
 
@@ -281,7 +281,7 @@ def _done(entry: Entry, job: Job) -> tuple[records.Facts, dict[str, records.File
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever
     collecting = CollectingMonitor(SILENT)
-    outputs = [output for output in OUTPUTS if output.suffix in USUAL]
+    outputs = [output for output in OUTPUTS if output.suffix in SUFFIXES]
     outputs += [Output(".svg", "skeleton", _write_picture), *map(_output_of, job.formats)]
     files = write_outputs(project, entry.folder, entry.stem, outputs=outputs, monitor=collecting)
     facts = _facts(project, collecting.notices)

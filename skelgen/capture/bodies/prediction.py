@@ -42,7 +42,7 @@ MAX_INNOVATION = 8.0
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
 _ROTATIONS = np.array([True, True, True, False, False, False])
 
-MEMORY = 60
+HISTORY = 60
 """Frames over which the noise is measured: of five balls each tells nine numbers, so that it is known to 3 %."""
 
 UNUSUAL = 2.1
@@ -82,7 +82,7 @@ class MeasuredNoise:
     """How far balls are from their target, in stated standard deviations, over the last frames."""
 
     def __init__(self) -> None:
-        self._squares: deque[float] = deque(maxlen=MEMORY)
+        self._squares: deque[float] = deque(maxlen=HISTORY)
 
     def applied(self, found: FoundBody) -> FoundBody:
         """Return a body with its covariance as the balls of the last frames say; more, where its own are far off."""
@@ -93,7 +93,7 @@ class MeasuredNoise:
 
     def in_units_of(self, factor: float) -> None:
         """Go on with stated standard deviations that are so many times what they were."""
-        self._squares = deque((square / factor**2 for square in self._squares), maxlen=MEMORY)
+        self._squares = deque((square / factor**2 for square in self._squares), maxlen=HISTORY)
 
 
 class CentreNoise:
@@ -114,7 +114,7 @@ class CentreNoise:
         """Learn from the targets of a frame as they were found; return how many times as large the noise is now."""
         self._squares += [body.noise**2 for body in found]
         self._n_frames += 1
-        if self._n_frames < MEMORY or not self._squares:
+        if self._n_frames < HISTORY or not self._squares:
             return 1.0
         measured = self.used * float(np.sqrt(np.mean(self._squares)))
         before, self.used = self.used, min(max(measured, LEAST_CENTRE_NOISE), self.stated)

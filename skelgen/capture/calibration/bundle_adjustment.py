@@ -320,7 +320,7 @@ class Robust(NamedTuple):
     view_rms: Floats
 
 
-def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -> Robust:
+def adjust_robustly(bundle: Bundle, free: Bools, inliers: Bools | None = None) -> Robust:
     """Return the most likely cameras by the views that fit each other; a view may come back once the others agree.
 
     Parameters
@@ -329,7 +329,7 @@ def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -
         All views.
     free : ndarray of bool
         See `_adjust`.
-    trusted : ndarray of bool, shape (n_views,), optional
+    inliers : ndarray of bool, shape (n_views,), optional
         Views to begin with; all if not given.
 
     Raises
@@ -337,7 +337,7 @@ def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -
     InputError
         If fewer than three views fit each other, or they do not determine the cameras.
     """
-    kept = np.ones(len(bundle.first_from_board), dtype=np.bool_) if trusted is None else trusted
+    kept = np.ones(len(bundle.first_from_board), dtype=np.bool_) if inliers is None else inliers
     for _ in range(MAX_ROUNDS):
         adjusted = _adjust(bundle_of(bundle, kept), free)
         view_rms = _rms_of_all(bundle, adjusted, kept)

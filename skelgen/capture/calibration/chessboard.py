@@ -312,14 +312,14 @@ def fit_camera(
     return Camera(*size, np.asarray(matrix, dtype=np.float64), np.ravel(lens)), np.stack(poses)
 
 
-def adjust_lens(bundle: Bundle, trusted: Bools, lens: str) -> Robust:
+def adjust_lens(bundle: Bundle, inliers: Bools, lens: str) -> Robust:
     """Return the robust adjustment with a lens model.
 
     Parameters
     ----------
     bundle : Bundle
         All views.
-    trusted : ndarray of bool, shape (n_views,)
+    inliers : ndarray of bool, shape (n_views,)
         Views to begin with; see `adjust_robustly`.
     lens : str
         One of `LENSES`, or `AUTO`: the model with the least Bayesian information criterion.
@@ -331,7 +331,7 @@ def adjust_lens(bundle: Bundle, trusted: Bools, lens: str) -> Robust:
     """
     if lens != AUTO and lens not in LENSES:
         raise ParameterError(f"lens {lens!r} is unknown; it must be one of {', '.join([AUTO, *LENSES])}")
-    first = adjust_robustly(bundle, _free(bundle, "radial" if lens == AUTO else lens), trusted)
+    first = adjust_robustly(bundle, _free(bundle, "radial" if lens == AUTO else lens), inliers)
     if lens != AUTO:
         return first
     fitting = bundle_of(bundle, first.kept)

@@ -281,7 +281,7 @@ class RoomTracker:
 EVERY = 2
 """Frames between two looks at the distances: they change slowly."""
 
-MEMORY = 150
+HISTORY = 150
 """Looks after which older ones fade."""
 
 FEWEST_LOOKS = 25
@@ -329,7 +329,7 @@ class KeptDistances:
             self._learn(np.ix_(slots, slots), np.sqrt((gaps**2).sum(axis=2)))
 
     def _learn(self, both: tuple[Ints, ...], distances: Floats) -> None:
-        count = np.minimum(self._count[both] + 1.0, MEMORY)
+        count = np.minimum(self._count[both] + 1.0, HISTORY)
         before = distances - self._mean[both]
         mean = self._mean[both] + before / count
         self._square[both] += (before * (distances - mean) - self._square[both]) / count

@@ -37,7 +37,7 @@ HEIGHT = 1750.0
 HEIGHTS = (1000.0, 2300.0)
 """Smallest and largest person [mm]."""
 
-_MEAN_HEIGHT, _HEIGHT_SPREAD, _USUAL = 1720.0, 95.0, (1500.0, 2000.0)  # mm, of adults
+_MEAN_HEIGHT, _HEIGHT_SPREAD, _HEIGHT_RANGE = 1720.0, 95.0, (1500.0, 2000.0)  # mm, of adults
 _PROPORTIONS = 0.03  # one standard deviation of the logarithm of lengths against the height
 _GIRTH = 0.06  # the same of widths
 _LEGS = 890.0  # mm from the ground to the hips
@@ -93,7 +93,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator, placed: flo
     InputError
         If the set leaves a limb between two marked ones without a marker.
     """
-    drawn = np.clip(rng.normal(_MEAN_HEIGHT, _HEIGHT_SPREAD), *_USUAL)
+    drawn = np.clip(rng.normal(_MEAN_HEIGHT, _HEIGHT_SPREAD), *_HEIGHT_RANGE)
     scales = _scales((height or drawn) / HEIGHT, rng)
     body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
@@ -263,19 +263,19 @@ def realistic_soft_tissue(
         markers = np.flatnonzero(structure.limb_of_marker == index)
         if not len(markers):
             continue
-        skin = _skin(model, [plates[marker] for marker in markers])
-        local = _following(structure, index, angles, skin, rng) + _wandering(n_frames, rate, skin, rng)
+        soft_tissue = _soft_tissue_of(model, [plates[marker] for marker in markers])
+        local = _following(structure, index, angles, soft_tissue, rng) + _wandering(n_frames, rate, soft_tissue, rng)
         turned = local @ world_from_limb[:, index, :3, :3].swapaxes(-1, -2)
-        swings = 1 + _OWN_SWING * skin.alike @ rng.normal(size=len(markers))
+        swings = 1 + _OWN_SWING * soft_tissue.alike @ rng.normal(size=len(markers))
         centre = world_from_limb[:, index, :3, :3] @ model.markers.mean(axis=0) + world_from_limb[:, index, :3, 3]
-        turned += np.maximum(swings, 0.0)[:, np.newaxis] * _swinging(centre, rate, skin.tissue)[:, np.newaxis]
+        turned += np.maximum(swings, 0.0)[:, np.newaxis] * _swinging(centre, rate, soft_tissue.tissue)[:, np.newaxis]
         displaced[:, markers] = between * factors[markers][:, np.newaxis] * turned
     return displaced
 
 
 @dataclass(frozen=True, eq=False)
-class _Skin:
-    """The skin under the markers of a limb.
+class _SoftTissue:
+    """The soft tissue under the markers of a limb.
 
     `places`, shape (n_markers, 3) [mm], are where it carries them: of a stiff plate, its middle. The matrix `alike`
     turns independent numbers of the markers into ones that neighbours share, each of variance 1.
@@ -286,19 +286,21 @@ class _Skin:
     alike: Floats
 
 
-def _skin(model: LimbModel, plates: list[str]) -> _Skin:
+def _soft_tissue_of(model: LimbModel, plates: list[str]) -> _SoftTissue:
     places = model.markers.copy()
     for plate in {plate for plate in plates if plate}:
         members = [index for index, name in enumerate(plates) if name == plate]
         places[members] = model.markers[members].mean(axis=0)
     apart = np.linalg.norm(places[:, np.newaxis] - places, axis=2)
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (apart / _NEIGHBOURS) ** 2))
-    return _Skin(tissue_of(model.name), places, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
+    return _SoftTissue(tissue_of(model.name), places, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
 
 
-def _following(structure: Structure, limb: int, angles: list[Floats], skin: _Skin, rng: np.random.Generator) -> Floats:
+def _following(
+    structure: Structure, limb: int, angles: list[Floats], soft_tissue: _SoftTissue, rng: np.random.Generator
+) -> Floats:
     """Displacements [mm] in the limb's frame that follow its joints, shape (n_frames, n_markers, 3)."""
-    places, tissue = skin.places, skin.tissue
+    places, tissue = soft_tissue.places, soft_tissue.tissue
     found = np.zeros((len(angles[0]), len(places), 3))
     for joint, centre in _joints_of(structure, limb):
         turn = angles[joint] @ structure.limbs[joint].axes
@@ -307,7 +309,7 @@ def _following(structure: Structure, limb: int, angles: list[Floats], skin: _Ski
         near = 1 / (1 + (np.linalg.norm(places - centre, axis=1) / _REACH) ** 2)
         shared, own = (
             rng.normal(size=(3, 3)),
-            np.einsum("mn,nij->mij", skin.alike, rng.normal(size=(len(places), 3, 3))),
+            np.einsum("mn,nij->mij", soft_tissue.alike, rng.normal(size=(len(places), 3, 3))),
         )
         gains = np.sqrt(tissue.together) * shared + np.sqrt(1 - tissue.together) * own
         gains *= tissue.joint / np.sqrt(3) * near[:, np.newaxis, np.newaxis]
@@ -322,11 +324,11 @@ def _joints_of(structure: Structure, limb: int) -> list[tuple[int, Floats]]:
     return own + [(int(child), structure.limbs[child].joint) for child in children]
 
 
-def _wandering(n_frames: int, rate: float, skin: _Skin, rng: np.random.Generator) -> Floats:
-    n_markers, together = len(skin.places), skin.tissue.together
+def _wandering(n_frames: int, rate: float, soft_tissue: _SoftTissue, rng: np.random.Generator) -> Floats:
+    n_markers, together = len(soft_tissue.places), soft_tissue.tissue.together
     curves = smooth_curves(rng, n_frames, rate, 3 * (n_markers + 1), _WANDERING).reshape(n_frames, n_markers + 1, 3)
-    mixed = np.sqrt(together) * curves[:, :1] + np.sqrt(1 - together) * skin.alike @ curves[:, 1:]
-    return np.asarray(skin.tissue.wander * mixed / (np.sqrt(3.0) * _CURVES))
+    mixed = np.sqrt(together) * curves[:, :1] + np.sqrt(1 - together) * soft_tissue.alike @ curves[:, 1:]
+    return np.asarray(soft_tissue.tissue.wander * mixed / (np.sqrt(3.0) * _CURVES))
 
 
 def _swinging(centre: Floats, rate: float, tissue: SoftTissue) -> Floats:

@@ -28,7 +28,7 @@ LEAST_SHARED = 3
 LEAST_FLATNESS = 0.01
 """Share of the shared points' scatter that lies across its first axis: points on a line do not fix a rotation."""
 
-USUAL_SAMPLING = 10
+DEFAULT_SAMPLING = 10
 """Interval of the compared frames, where none is asked for."""
 
 MOST_SAMPLES = 100
@@ -64,7 +64,7 @@ class Alignment:
 
     def step(self, n_frames: int) -> int:
         """Return the interval of the frames that are compared first in a take of so many frames."""
-        return self.sampling or max(USUAL_SAMPLING, -(-n_frames // MOST_SAMPLES))
+        return self.sampling or max(DEFAULT_SAMPLING, -(-n_frames // MOST_SAMPLES))
 
 
 class _Best(NamedTuple):
@@ -161,7 +161,7 @@ def _refine(points: Floats, sets: TrackletPoints, alignment: Alignment, best: _B
     j = nearest.ravel()
     known = np.isfinite(best.distance[i, j])
     i, j = i[known], j[known]
-    around = alignment.sampling or USUAL_SAMPLING
+    around = alignment.sampling or DEFAULT_SAMPLING
     offsets = np.unique(np.linspace(-around, around, REFINED_FRAMES).astype(np.intp))
     many_i, many_j = np.repeat(i, len(offsets)), np.repeat(j, len(offsets))
     move = np.tile(offsets, len(i))

@@ -316,9 +316,9 @@ def minimise(
     if not parameters.anneal:
         return plain
     shaken = _descend(objective, start, parameters, search, precondition, np.random.default_rng(seed))
-    settled = _descend(objective, shaken.point, unshaken, search, precondition)
-    best = min(plain, settled, key=lambda minimum: minimum.value)
-    return replace(best, n_iterations=plain.n_iterations + shaken.n_iterations + settled.n_iterations)
+    descended = _descend(objective, shaken.point, unshaken, search, precondition)
+    best = min(plain, descended, key=lambda minimum: minimum.value)
+    return replace(best, n_iterations=plain.n_iterations + shaken.n_iterations + descended.n_iterations)
 
 
 def _descend(

@@ -231,16 +231,16 @@ def local_optimum(joint: Floats, markers: Floats, max_residual: float, max_fallb
         From how many frames back it may start then.
     """
     radii, _ = mean_distances(*contiguous(joint, markers))
-    settled, cost = _multilaterate(joint, markers, radii)
+    solved, cost = _multilaterate(joint, markers, radii)
     for back in range(1, max_fallback + 1):
         bad = np.flatnonzero(cost > max_residual)
         bad = bad[bad >= back]
         if not len(bad):
             break
-        again, new_cost = _multilaterate(settled[bad - back], markers[bad], radii)
+        again, new_cost = _multilaterate(solved[bad - back], markers[bad], radii)
         better = new_cost < cost[bad]
-        settled[bad[better]], cost[bad[better]] = again[better], new_cost[better]
-    return settled
+        solved[bad[better]], cost[bad[better]] = again[better], new_cost[better]
+    return solved
 
 
 def place_at_distances(markers: Floats, distances: Floats) -> Floats:

@@ -63,7 +63,7 @@ class SetMethod:
     least_length : int, frames
         Length of the shortest set.
     stand_alone : float, frames
-        Sets at least this long need no partner to be trusted.
+        Sets at least this long need no partner to be reliable.
     seed : int
         Random seed of spectral clustering.
     sigma : float, mm
@@ -111,9 +111,9 @@ def markers_by_sets(
     wanted = n_markers or sets.most_at_once(method.least_length)
     group, nearest = _group_sets(cloud.points, sets, wanted, method, monitor)
     markers = sets.merged(group)
-    trusted = (markers.lengths >= method.stand_alone) | (nearest <= method.limit)
+    reliable = (markers.lengths >= method.stand_alone) | (nearest <= method.limit)
     kept = np.zeros(len(markers), dtype=np.bool_)
-    kept[np.lexsort((-markers.lengths, ~trusted))[:wanted]] = True  # those seen longest, after all trusted ones
+    kept[np.lexsort((-markers.lengths, ~reliable))[:wanted]] = True  # those seen longest, after all reliable ones
     return markers.chosen(kept).tracklet_of_all_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
 
 

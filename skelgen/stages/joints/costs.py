@@ -63,7 +63,7 @@ HINGE_PART = 0.8
 """Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
 times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
 
-USUAL_PART = 0.25
+TYPICAL_QUANTILE = 0.25
 """Quantile of the turns of all pairs of limbs that is the usual turn: joined limbs turn less than those far apart."""
 
 ROUNDS = 4
@@ -122,8 +122,8 @@ def comparable_costs(
     # Square of how much less than usual two limbs turn, at least 1
     moves = np.maximum(np.nan_to_num(turns, nan=1.0), LEAST_TURN)
     upper = np.triu(possible, 1)
-    usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
-    stillness = np.maximum(1.0, (usual / moves) ** 2)
+    typical = float(np.quantile(moves[upper], TYPICAL_QUANTILE)) if upper.any() else 1.0
+    stillness = np.maximum(1.0, (typical / moves) ** 2)
     wandering, chance, spread, costs, order, expected = 0.0, CHANCE, MOST_SPREAD, squares, squares, noise
     for _ in range(ROUNDS):
         expected = noise + wandering
@@ -232,8 +232,8 @@ def edge_turns(topology: Topology, turns: Floats) -> Floats:
     """
     parents, children = topology.edges.T
     own = turns[parents, children]
-    usual = float(np.nanmedian(own)) if np.isfinite(own).any() else 1.0
-    return np.asarray(np.log(np.maximum(np.nan_to_num(own, nan=usual), SHOWN_TURN)))
+    median = float(np.nanmedian(own)) if np.isfinite(own).any() else 1.0
+    return np.asarray(np.log(np.maximum(np.nan_to_num(own, nan=median), SHOWN_TURN)))
 
 
 def edge_probability(leads: Floats, turns: Floats) -> Floats:

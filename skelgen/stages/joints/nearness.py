@@ -155,7 +155,7 @@ def neighbour_features(markers: Sequence[Floats]) -> Floats:
     known = np.isfinite(far)
     middle, farthest = (np.maximum(np.where(known, table, 1.0), TINY) for table in (middle, far))
     ratio = np.log(middle / farthest)
-    tables = _of_usual(far, 0.0), _of_usual(unsteady, SOFT), _of_usual(product, 0.0)
+    tables = _over_median(far, 0.0), _over_median(unsteady, SOFT), _over_median(product, 0.0)
     apart = np.diag(np.full(len(far), np.inf))
     features = list(tables)
     for table in tables:
@@ -190,7 +190,7 @@ def _nearest_markers(markers: Sequence[Floats]) -> tuple[Floats, Floats, Floats,
     return found[0], found[1], found[2], found[3]
 
 
-def _of_usual(table: Floats, floor: float) -> Floats:
+def _over_median(table: Floats, floor: float) -> Floats:
     """Logarithms of values over the usual one, the median over limbs of the least; `floor` is added to the ratio."""
     filled = _filled(table)
     usual = max(float(np.median(filled.min(axis=1))), TINY)

@@ -29,7 +29,7 @@ LEAST_TURN = 0.02
 LEAST_TURN_NOISE = 1e-12
 """rad^2; what rounding leaves of exact rotations."""
 
-USUAL_TURN = 0.2
+TYPICAL_TURN = 0.2
 """rad, each axis; what limbs of a moving body turn against each other."""
 
 MIN_COMMON = 5
@@ -91,7 +91,7 @@ class JointGuess:
     @property
     def doubt(self) -> float:
         """Mean square gap, and what noise adds where limbs turn little [mm^2]: a surer guess has a lower one."""
-        return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
+        return self.square + self.hidden_part * self.expected * (TYPICAL_TURN / max(self.turn, LEAST_TURN)) ** 2
 
     def cost(self, alpha: float) -> float:
         """Cost [mm^2] with the weight `alpha` [mm] of the mean distance; NaN if the limbs are never seen together."""

@@ -68,7 +68,7 @@ class PairSearch:
         self._how, self._parameters, self._monitor = how, how.parameters, monitor
         self._typical = typical_variance(segments)
         self._guesses: dict[Pair, JointGuess] = {}
-        self._put_off: set[Pair] = set()
+        self._postponed: set[Pair] = set()
 
     def guesses(self) -> dict[Pair, JointGuess]:
         """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again.
@@ -80,7 +80,7 @@ class PairSearch:
         if self._parameters.solver != "closed-form":
             self._guess(pairs)
             return self._guesses
-        self._guess_or_put_off([pair for pair in pairs if self._is_worth_a_descent(pair)])
+        self._guess_or_postpone([pair for pair in pairs if self._is_worth_a_descent(pair)])
         joined: set[int] = set()
         while (choice := self._surest_joint_to_small_limb(joined)) is not None:
             small, pair = choice
@@ -90,10 +90,10 @@ class PairSearch:
             self._segments[small] = self._segments[small].with_joint(whole.positions, self._frames)
             self._sampled[small] = self._segments[small].at(self._frames)
             others = (other for other in pairs if small in other and other != pair)
-            self._guess_or_put_off([other for other in others if self._rank(other) < AGAIN])
-        for pair in [pair for pair in self._put_off if self._rank(pair) >= NEAREST]:
+            self._guess_or_postpone([other for other in others if self._rank(other) < AGAIN])
+        for pair in [pair for pair in self._postponed if self._rank(pair) >= NEAREST]:
             del self._guesses[pair]
-        self._guess([pair for pair in self._guesses if pair in self._put_off])
+        self._guess([pair for pair in self._guesses if pair in self._postponed])
         return self._guesses
 
     def guesses_with(self, pairs: Iterable[Pair]) -> dict[Pair, JointGuess]:
@@ -122,16 +122,16 @@ class PairSearch:
         one, other = pair
         return int((self._odds[[one, other]] > self._odds[one, other]).sum(axis=1).min())
 
-    def _guess_or_put_off(self, pairs: list[Pair]) -> None:
+    def _guess_or_postpone(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs; pairs in which neither limb has poses are put off."""
         for pair in pairs:
             self._guesses.setdefault(pair, NOT_YET)
         lacking = {pair for pair in pairs if all(self._segments[limb].lacks_poses for limb in pair)}
-        self._put_off.difference_update(pairs)
-        self._put_off.update(
+        self._postponed.difference_update(pairs)
+        self._postponed.update(
             pair for pair in lacking if not any(one.shape.has_pose for one in self._common_frames(pair))
         )
-        self._guess([pair for pair in pairs if pair not in self._put_off])
+        self._guess([pair for pair in pairs if pair not in self._postponed])
 
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""

@@ -68,7 +68,7 @@ class _Take:
 
     world: Floats
     block: int
-    usual: float
+    typical_gap: float
 
     def gaps(self, pair: Pair, fit: FixedPoint) -> Floats:
         """How far both images of a point are apart in each frame [mm], shape (n_frames,); NaN where unknown."""
@@ -110,7 +110,7 @@ def find_joint_spans(world: Floats, parents: Ints, rate: float) -> tuple[tuple[J
         return (), ()
     every = list(combinations(range(len(parents)), 2))
     windows = {pair: _window_gaps(world[:, pair[0]], world[:, pair[1]], block) for pair in every}
-    take = _Take(world, block, _usual_gap([windows[edge] for edge in edges]))
+    take = _Take(world, block, _typical_gap([windows[edge] for edge in edges]))
     spans = {pair: list(_candidates(take, pair, gaps)) for pair, gaps in windows.items()}
     loose = [edge for edge in edges if _is_loose(take, edge, spans[edge])]
     solid = [edge for edge in edges if edge not in loose]
@@ -120,7 +120,7 @@ def find_joint_spans(world: Floats, parents: Ints, rate: float) -> tuple[tuple[J
     return found, tuple(pair for pair in every if for_a_span and not _way(pair, kept))
 
 
-def _usual_gap(windows: Sequence[Floats]) -> float:
+def _typical_gap(windows: Sequence[Floats]) -> float:
     quarters = [float(np.nanquantile(gaps, 0.25)) for gaps in windows if not np.isnan(gaps).all()]
     return max(float(np.median(quarters)), LEAST_GAP) if quarters else UNKNOWN_GAP
 
@@ -152,14 +152,14 @@ def _is_loose(take: _Take, edge: Pair, spans: list[JointSpan]) -> bool:
     """Whether an edge of the tree holds nothing together in a part of the take, or in all of it."""
     if sum(span.last_frame - span.first_frame for span in spans) >= WHOLE * len(take.world):
         return False  # it goes on elsewhere in a body: a sensor slipped
-    limit = max(LOOSE_TIMES * take.usual, LOOSE_GAP)
+    limit = max(LOOSE_TIMES * take.typical_gap, LOOSE_GAP)
     fit = take.fit(edge, np.arange(len(take.world)))
     return (fit is not None and np.sqrt(fit.gap) > limit) or any(span.gap_beyond > limit for span in spans)
 
 
 def _candidates(take: _Take, pair: Pair, windows: Floats) -> Iterator[JointSpan]:
     """Spans in which two limbs keep a point in common."""
-    is_good = np.nan_to_num(windows, nan=np.inf) <= TOLERANCE * take.usual
+    is_good = np.nan_to_num(windows, nan=np.inf) <= TOLERANCE * take.typical_gap
     last_frame = -1
     for start, stop in runs_of(is_good):
         if stop - start + BLOCKS - 1 < LEAST_BLOCKS or start * take.block <= last_frame:
@@ -179,18 +179,18 @@ def _grown(take: _Take, pair: Pair, frames: Ints) -> JointSpan | None:
     middle = int(frames[len(frames) // 2])
     for _ in range(ROUNDS):
         fit = take.fit(pair, frames[take.block : -take.block])
-        if fit is None or np.sqrt(fit.gap) > MOST_GAP * take.usual:
+        if fit is None or np.sqrt(fit.gap) > MOST_GAP * take.typical_gap:
             return None
         gaps = take.gaps(pair, fit)
-        found = _around(gaps, TOLERANCE * max(float(np.sqrt(fit.gap)), take.usual), middle, take.block)
+        found = _around(gaps, TOLERANCE * max(float(np.sqrt(fit.gap)), take.typical_gap), middle, take.block)
         if found is None or len(found) < LEAST_BLOCKS * take.block:
             return None
         frames, in_first, in_second = found, fit.in_first, fit.in_second
     moved = _relative_motion(take.world[:, pair[0]], take.world[:, pair[1]], frames[take.block : -take.block])
-    usual = float(np.sqrt(np.mean(moved[frames[take.block : -take.block]] ** 2)))
-    is_fixed = usual < FIXED * take.usual
+    motion = float(np.sqrt(np.mean(moved[frames[take.block : -take.block]] ** 2)))
+    is_fixed = motion < FIXED * take.typical_gap
     if is_fixed:
-        found = _around(moved, TOLERANCE * usual, middle, take.block)
+        found = _around(moved, TOLERANCE * motion, middle, take.block)
         frames = frames if found is None else found
     beyond = np.delete(gaps, np.arange(frames[0], frames[-1] + 1))
     beyond = beyond[~np.isnan(beyond)]
@@ -221,7 +221,8 @@ def _accepted(take: _Take, found: list[JointSpan], solid: list[Pair]) -> tuple[J
     for span in order:
         joined = [*solid, *(one.limbs for one in spans if _overlap(one, span))]
         way = _way(span.limbs, joined)
-        if take.is_short(span) and span.gap_beyond > NEEDED * max(span.gap, take.usual) and _is_joint(take, span, way):
+        least = NEEDED * max(span.gap, take.typical_gap)
+        if take.is_short(span) and span.gap_beyond > least and _is_joint(take, span, way):
             spans.append(span)
     return tuple(sorted(spans, key=lambda span: (span.first_frame, span.limbs)))
 
@@ -230,7 +231,7 @@ def _is_joint(take: _Take, span: JointSpan, way: list[int]) -> bool:
     """Whether a span is overdetermined, and no limb between its limbs, nor the world, explains it by standing still."""
     frames = np.arange(span.first_frame, span.last_frame + 1)
     first, second = (take.world[frames, limb] for limb in span.limbs)
-    known, noise = ~np.isnan(first[:, 0, 0] + second[:, 0, 0]), max(span.gap, take.usual)
+    known, noise = ~np.isnan(first[:, 0, 0] + second[:, 0, 0]), max(span.gap, take.typical_gap)
     if way:
         fit = take.fit(span.limbs, frames[known])
         if fit is None or fit.determinacy[0] < TURNS:

@@ -26,10 +26,10 @@ from skelgen.stages.joints.tree import (
     Tree,
     find_tree,
     loop_joints,
+    median_radius,
     stuck_joint_notices,
     tree_notices,
     undetermined_limb_notices,
-    usual_radius,
 )
 from skelgen.stages.limbs import worn_neighbours
 
@@ -140,7 +140,7 @@ class JointSearch:
         guesses = search.guesses_with(stated.edges(limbs.n_limbs))
         costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
         stated = stated.seen(costs.order, monitor)
-        parting = Parting(usual_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
+        parting = Parting(median_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
         n_markers = [segment.n_markers for segment in segments]
         tree = find_tree(costs, guesses, n_markers, stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)

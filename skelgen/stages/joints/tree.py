@@ -223,7 +223,7 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 
 
-def usual_radius(segments: Sequence[Segment], frames: Ints) -> float:
+def median_radius(segments: Sequence[Segment], frames: Ints) -> float:
     """Return the median over limbs of the root mean square distance [mm] of their markers from their middle.
 
     Parameters
@@ -270,11 +270,11 @@ def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> t
     if len(children) < 2:
         return ()
     above = parents[children]
-    usual = float(np.median(costs.comparable[children, above]))
+    median = float(np.median(costs.comparable[children, above]))
     turns = costs.turns[children, above]
     turn = float(np.median(turns[~np.isnan(turns)])) if not np.isnan(turns).all() else 0.0
     with np.errstate(invalid="ignore"):
-        closes = (costs.comparable <= LOOP_COST * usual) & (costs.squares <= CHANCE * costs.expected)
+        closes = (costs.comparable <= LOOP_COST * median) & (costs.squares <= CHANCE * costs.expected)
         closes &= costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
     closes[children, above] = closes[above, children] = False
     alone = np.flatnonzero(np.asarray(n_markers) < 2)
@@ -345,12 +345,12 @@ def stuck_joint_notices(joints: Mapping[int, JointGuess], parents: Ints) -> Iter
         The tree, -1 for roots.
     """
     squares = {child: joint.square for child, joint in joints.items()}
-    usual = float(np.quantile(list(squares.values()), 0.5, method="lower")) if squares else 0.0
+    median = float(np.quantile(list(squares.values()), 0.5, method="lower")) if squares else 0.0
     for child, square in squares.items():
-        if square > STUCK * max(usual, joints[child].expected, LEAST_VARIANCE):
+        if square > STUCK * max(median, joints[child].expected, LEAST_VARIANCE):
             yield (
                 f"the descent to the joint between limb {parents[child]} and limb {child} is stuck: its distances to "
-                f"markers vary by {np.sqrt(square):.2g} mm, those of other joints by {np.sqrt(usual):.2g} mm; its "
+                f"markers vary by {np.sqrt(square):.2g} mm, those of other joints by {np.sqrt(median):.2g} mm; its "
                 "place is wrong in many frames. The solver closed-form may find it"
             )
 

@@ -205,7 +205,7 @@ class _Merger:
         self._movements, self._parameters, self._apart = movements, parameters, apart
         self._verdicts: dict[tuple[Group, Group], float] = {}
         self._noise = distances.noise
-        self._noise = max(self._noise, self._usual_noise(clusters))
+        self._noise = max(self._noise, self._median_noise(clusters))
         self._groups = PairSums(distances.variance, distances.weight, members)
 
     def joined(self, n_limbs: int | None) -> Ints:
@@ -287,7 +287,7 @@ class _Merger:
         freedoms = len(spread.covariance)
         return float((PRIOR_WEIGHT * self._noise + np.trace(spread.covariance)) / (PRIOR_WEIGHT + freedoms))
 
-    def _usual_noise(self, clusters: list[Group]) -> float:
+    def _median_noise(self, clusters: list[Group]) -> float:
         """Median of the clusters' noise [mm^2], weighted by their inner coordinates."""
         several = [cluster for cluster in clusters if len(cluster) > 1 and self._movements.inner(cluster) is not None]
         if not several:

@@ -21,13 +21,13 @@ from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches
 from skelgen.stages.limbs.worn_sets import set_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
-TRUSTED = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
+FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
 
 LED_ON = Rounds((0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """The same of a search that goes on from where another one has ended."""
 
-GOOD, USUAL = 0.8, 0.95
+GOOD, ACCEPTABLE = 0.8, 0.95
 """Mean cost of a marker below which no other beginning is looked for, and below which another one is taken: of animals
 and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
 
@@ -72,7 +72,7 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
 
 
-def _search(shape: Shape, start: Match, by_motion: Floats, rounds: Rounds = TRUSTED) -> tuple[Match, float]:
+def _search(shape: Shape, start: Match, by_motion: Floats, rounds: Rounds = FROM_SET) -> tuple[Match, float]:
     """Markers at places, and their mean cost, that a search ends with which begins with others."""
     return in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion), rounds)
 
@@ -91,7 +91,7 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     others = sorted(matches(shape, worn_places(), SEARCHES), key=lambda match: match.misfit)
     found += [_search(shape, start, silent) for start in others[:TRIED]]
     best, cost = _led_on(shape, min(found, key=lambda one: one[1]))
-    return (*starts, best) if cost < USUAL else starts
+    return (*starts, best) if cost < ACCEPTABLE else starts
 
 
 def _led_on(shape: Shape, found: tuple[Match, float]) -> tuple[Match, float]:

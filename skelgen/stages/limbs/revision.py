@@ -67,7 +67,7 @@ MOST_CHANGES = 100
 """Ends a search that rounding might prolong."""
 
 
-def bending(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, bool]:
+def deformation(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, bool]:
     """Return whether there are enough limbs that bend, and whether they do so unlike each other.
 
     Parameters
@@ -77,7 +77,7 @@ def bending(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, 
     deviations : Deviations
         Of all distances.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm
-        All frames, whose white noise is no bending.
+        All frames, whose white noise is no deformation.
     """
     sums = deviations.between(groups)
     several = (sums.sizes > 1) & (np.diag(sums.weights) > 0)

@@ -48,11 +48,11 @@ class Rounds:
     is_careful: bool = False
 
 
-TRUSTED = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
-PLAIN, CAREFUL = Rounds(TRUSTED), Rounds(TRUSTED, is_careful=True)
+INLIER_SHARES = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0)
+PLAIN, CAREFUL = Rounds(INLIER_SHARES), Rounds(INLIER_SHARES, is_careful=True)
 """Searches that begin with what a search by usual distances has ended with."""
 
-LEAST_TRUSTED = 10
+LEAST_INLIERS = 10
 """Markers."""
 
 SURE = 0.8
@@ -170,7 +170,7 @@ def in_posture(
         Says of matched markers and what they are taken for what each marker of the set costs for each of the take
         beside its misfit, shape (n_markers, n_of_set).
     rounds : Rounds
-        Which markers are trusted in each.
+        Which share of the markers each round is based on.
 
     Returns
     -------
@@ -183,8 +183,8 @@ def in_posture(
     markers, of_set, misfits = match.markers, match.of_set, match.misfits
     best, least = (markers, of_set), np.inf
     for part in rounds.parts:
-        trusted = np.argsort(misfits, kind="stable")[: max(LEAST_TRUSTED, round(part * len(misfits)))]
-        markers, of_set = markers[trusted], of_set[trusted]
+        inliers = np.argsort(misfits, kind="stable")[: max(LEAST_INLIERS, round(part * len(misfits)))]
+        markers, of_set = markers[inliers], of_set[inliers]
         assumed, is_careful = postures.assumed(shape.of(markers).tables, of_set), rounds.is_careful and part < 1.0
         spread = assumed.spread if is_careful else postures.spread
         costs = misfits_to_set(shape.tables, assumed.mean, spread, markers, of_set)

@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import bending, pair_odds, revised, wears_set
+from skelgen.stages.limbs.revision import deformation, pair_odds, revised, wears_set
 from skelgen.stages.limbs.votes import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
@@ -287,7 +287,7 @@ class _Grouping:
         """
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
         is_open = may_bend and self._n_limbs is None
-        bend, unlike = bending(groups, deviations, self._positions) if is_open else (False, False)
+        bend, unlike = deformation(groups, deviations, self._positions) if is_open else (False, False)
         if bend:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None

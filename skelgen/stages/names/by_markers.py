@@ -120,7 +120,7 @@ def segments_of_markers(markers: Sequence[str]) -> dict[str, tuple[str, float]]:
         believed = set()  # the left and the right marker of one hand
     styles = {(one.style, one.side) for one in on_sides}
     believed |= {style for style, side in styles if side} if len(styles) == 1 else set()
-    return {name: _said(reading, reading.style in believed) for name, reading in known.items()}
+    return {name: _segment_and_weight(reading, reading.style in believed) for name, reading in known.items()}
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class _Reading:
     word: str
 
 
-def _said(reading: _Reading, is_side_believed: bool) -> tuple[str, float]:
+def _segment_and_weight(reading: _Reading, is_side_believed: bool) -> tuple[str, float]:
     segment, weight = _words()[reading.word]
     is_sided = reading.side and is_side_believed and segment not in _MIDDLE
     return (f"{reading.side} {segment}" if is_sided else segment), weight

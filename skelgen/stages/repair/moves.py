@@ -20,7 +20,7 @@ FITS = 3.0
 """Standard deviations within which the median distance to the other marker's limb must lie."""
 
 BAD = 5.0
-"""Standard deviations by which half of a label's own distances deviate where it is not trusted."""
+"""Standard deviations by which half of a label's own distances deviate where it is not consistent."""
 
 LEAST_DISTANCES = 2
 """Distances that must fit; fewer do so by chance."""
@@ -111,11 +111,11 @@ def find_moves(trajectories: Trajectories, *, limbs: Limbs | None = None) -> tup
         off = np.abs(_deviations(trajectories.positions, marker, marker, model))
         off /= model.spread[marker, model.partners(marker)]
         known = (~np.isnan(off)).sum(axis=1)
-        trusted = (known > 0) & ((off > BAD).sum(axis=1) * 2 < known)
-        doubted = seen[:, marker] & ~trusted
+        consistent = (known > 0) & ((off > BAD).sum(axis=1) * 2 < known)
+        doubted = seen[:, marker] & ~consistent
         for other in hosts:
             if other != marker and np.count_nonzero(doubted & ~seen[:, other]) >= LEAST_FRAMES:
-                found += _moves(trajectories, (marker, other), trusted, model)
+                found += _moves(trajectories, (marker, other), consistent, model)
     return _apart(found)
 
 
@@ -147,24 +147,24 @@ def undo_moves(trajectories: Trajectories, moves: Iterable[Move]) -> Trajectorie
     return dataclasses.replace(trajectories, positions=positions, notices=notices)
 
 
-def _moves(trajectories: Trajectories, pair: tuple[int, int], trusted: Bools, model: RigidModel) -> list[Move]:
+def _moves(trajectories: Trajectories, pair: tuple[int, int], consistent: Bools, model: RigidModel) -> list[Move]:
     """All moves of one label onto one other marker."""
     marker, other = pair
     mates, seen = model.partners(other), trajectories.seen
     mates = mates[mates != marker]
     off = _deviations(trajectories.positions, marker, other, model)
-    usual = np.abs(off) / model.spread[other, mates]
+    deviations = np.abs(off) / model.spread[other, mates]
     testable = (~np.isnan(off)).sum(axis=1) >= LEAST_DISTANCES
     fits = np.zeros(len(off), dtype=np.bool_)
-    fits[testable] = np.nanmedian(usual[testable], axis=1) <= FITS
-    elsewhere = testable & (trusted | seen[:, other])
+    fits[testable] = np.nanmedian(deviations[testable], axis=1) <= FITS
+    elsewhere = testable & (consistent | seen[:, other])
     if elsewhere.sum() < LEAST_ELSEWHERE or fits[elsewhere].mean() > FITS_ANYWAY:
         return []
     fits &= ~elsewhere
     least = max(LEAST_FRAMES, round(LEAST_SECONDS * trajectories.rate))
     found = []
     # First and last fitting frame of every run between barriers
-    run = np.cumsum(trusted | seen[:, other] | (testable & ~fits))
+    run = np.cumsum(consistent | seen[:, other] | (testable & ~fits))
     frames = np.flatnonzero(fits)
     _, starts, counts = np.unique(run[frames], return_index=True, return_counts=True)
     for first, last in zip(frames[starts].tolist(), frames[starts + counts - 1].tolist(), strict=True):

@@ -296,13 +296,13 @@ class _Fitter:
         Slides have unknowns of their own: they explain the markers better, by more than they cost, or their fit has
         diverged and is dropped.
         """
-        sliding = fit_soft_tissue(found.last) if self._parameters.soft_tissue and not self._are_poses else None
-        if sliding is None:
+        with_tissue = fit_soft_tissue(found.last) if self._parameters.soft_tissue and not self._are_poses else None
+        if with_tissue is None:
             return found
-        held, used = ConstrainedChain(sliding.chain, sliding.articulation), found.used
+        held, used = ConstrainedChain(with_tissue.chain, with_tissue.articulation), found.used
         poses = held.projected(found.poses)
-        poses = held.fit(poses, found.inliers - sliding.tissue.displacements(held.chain, poses))
-        refined = calibrate_soft_tissue(sliding, poses[used], found.inliers[used])
+        poses = held.fit(poses, found.inliers - with_tissue.tissue.displacements(held.chain, poses))
+        refined = calibrate_soft_tissue(with_tissue, poses[used], found.inliers[used])
         last = refined.calibration
         if not _squares(last) + refined.cost < _squares(found.last):
             return found

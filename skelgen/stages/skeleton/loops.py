@@ -144,8 +144,8 @@ def closed_body(
         Whether the user states the loops; others stay open where noise does not explain their gap.
     """
     joints = KinematicLoops.of_poses(limbs, last.chain, last.poses)
-    usual = np.median(np.linalg.norm(joints.gaps(last.chain, last.poses), axis=2), axis=0)
-    closes = np.ones(len(limbs), dtype=bool) if are_stated else usual <= LARGEST_GAP * last.noise
+    median_gap = np.median(np.linalg.norm(joints.gaps(last.chain, last.poses), axis=2), axis=0)
+    closes = np.ones(len(limbs), dtype=bool) if are_stated else median_gap <= LARGEST_GAP * last.noise
     before = joints.gap(last.chain, last.poses)
     left_open = {(int(a), int(b)): float(gap) for (a, b), gap in zip(limbs[~closes], before[~closes], strict=True)}
     kept = replace(joints, limbs=limbs[closes], places=joints.places[closes])

@@ -68,7 +68,7 @@ class SkeletonParameters(StageParameters):
     )
     refine_samples: int = declare(
         2000,
-        "most frames from which limbs and joints are estimated at last; outliers are told in as many",
+        "most frames from which limbs and joints are estimated at last; outliers are sought in as many",
         unit="frames",
         within=(10, 1e6),
         acts_with="fit=whole-chain",

@@ -293,11 +293,11 @@ def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[
     owned = labels.marker_of_point >= 0
     counts = np.zeros((len(given), len(names)), dtype=np.intp)
     np.add.at(counts, (labels.points.tracks[owned], labels.marker_of_point[owned]), 1)
-    usual: Ints = counts.argmax(axis=1)
+    most_frequent: Ints = counts.argmax(axis=1)
     pairs = [
-        f"{name} is {names[usual[track]]}"
+        f"{name} is {names[most_frequent[track]]}"
         for track, name in enumerate(given)
-        if counts[track].any() and name not in {names[usual[track]], body_and_limb(names[usual[track]])[1]}
+        if counts[track].any() and name not in {names[most_frequent[track]], body_and_limb(names[most_frequent[track]])[1]}
     ]
     if pairs:
         yield f"named otherwise than in the skeleton: {', '.join(pairs)}"

@@ -12,7 +12,7 @@ from skelgen_gui.project.deriving import Deriver
 
 def test_the_result_is_handed_over_in_the_window_s_thread(qtbot):
     deriver, told = Deriver(), []
-    with qtbot.waitSignal(deriver.settled):
+    with qtbot.waitSignal(deriver.finished):
         deriver.derive(threading.get_ident, lambda thread: told.append((thread, threading.get_ident())))
     assert told[0][0] != told[0][1] == threading.get_ident()
     assert not deriver.is_busy
@@ -24,7 +24,7 @@ def test_only_the_last_wish_is_handed_over(qtbot):
     deriver.derive(lambda: (began.set(), gate.wait()), told.append)
     qtbot.waitUntil(began.is_set)
     deriver.derive(lambda: "second", told.append)
-    with qtbot.waitSignal(deriver.settled):
+    with qtbot.waitSignal(deriver.finished):
         deriver.derive(lambda: "third", told.append)
         gate.set()
     deriver.wait()

@@ -14,7 +14,7 @@ from skelgen.capture.sources.pairs import LivePairs, OpenPair
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "firewire:00accef000001000,00accef000001001"
-_USUAL_RATE = 60.0  # Hz
+_DEFAULT_RATE = 60.0  # Hz
 _FAST, _SLOW = 800, 400  # Mb/s: 1394b and what every camera has
 _SAME_RATE = 0.01  # part: 7.5 may be written 7.5, and 1.875 as 1.88
 
@@ -82,7 +82,7 @@ def common_mode(modes: Sequence[Modes], names: Sequence[str], size: str, rate: f
         offers = "; ".join(f"{name} has {_listed(offer)}" for name, offer in zip(names, modes, strict=True))
         raise CaptureError(f"the cameras share no grey image size {asked}".rstrip() + f": {offers}")
     best = max(fitting, key=lambda key: key[0] * key[1])
-    return best, _USUAL_RATE if not rate and _USUAL_RATE in fitting[best] else fitting[best][-1]
+    return best, _DEFAULT_RATE if not rate and _DEFAULT_RATE in fitting[best] else fitting[best][-1]
 
 
 def _open_pair(stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions) -> OpenPair:
