@@ -132,3 +132,15 @@ def test_codes_of_the_classic_program_name_choices():
 def test_seed_names_the_issue_lists_are_there():
     names = {one.config_name for declared in stage_parameters() for one in declared.declarations()}
     assert {"SAMPLING", "MINRANGE", "TRIMRANGE", "LOCALSIGMA", "M", "ALPHA", "FTOL", "ITMAX", "METHOD"} <= names
+
+
+@pytest.mark.parametrize("declared", stage_parameters(), ids=lambda declared: declared.stage)
+def test_parameters_of_the_classic_method_say_so(declared):
+    chosen = {f"{name}={value}" for name, value in declared.classic.items()}
+    silent = [
+        entry.name
+        for entry in declared.declarations()
+        if chosen & set(entry.acts_with.replace(" or ", " and ").split(" and "))
+        and not entry.help.lower().startswith("classic method")
+    ]
+    assert silent == []

@@ -69,7 +69,7 @@ class JointParameters(DescentParameters):
     )
     max_residual: float = declare(
         25.0,
-        "local optimisation that ends above this cost is tried again from earlier frames",
+        "classic method: local optimisation that ends above this cost is tried again from earlier frames",
         unit="mm^2",
         within=(0.0, 1e6),
         config_name="MAXFRET",
@@ -77,7 +77,7 @@ class JointParameters(DescentParameters):
     )
     max_fallback: int = declare(
         5,
-        "how many frames back such a start may come from",
+        "classic method: how many frames back such a start may come from",
         unit="frames",
         within=(0, 1000),
         config_name="MAXFALLBACK",

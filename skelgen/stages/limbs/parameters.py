@@ -105,20 +105,20 @@ class LimbParameters(StageParameters):
     )
     local_scaling: bool = declare(
         True,
-        "spectral: scale each marker by its M-th neighbour instead of one sigma",
+        "classic method: scale each marker by its M-th neighbour instead of one sigma",
         config_name="LOCALSIGMA",
         acts_with=_clusters(),
     )
     neighbour: int = declare(
         3,
-        "spectral: neighbour that sets the local scale",
+        "classic method: neighbour that sets the local scale",
         within=(1, 100),
         config_name="M",
         acts_with=_clusters("yes"),
     )
     sigma_squared: float = declare(
         0.0,
-        "spectral: square of the global sigma; 0 scans for the best one",
+        "classic method: square of the global sigma; 0 scans for the best one",
         unit="mm^2",
         within=(0.0, 1e6),
         config_name="SIGMAQUAD",
@@ -126,14 +126,14 @@ class LimbParameters(StageParameters):
     )
     measure: str = declare(
         "deviation",
-        "spectral: cluster the standard deviation of distances, or their variance",
+        "classic method: cluster the standard deviation of distances, or their variance",
         choices=("deviation", "variance"),
         acts_with=_clusters(),
     )
     kmeans: str = declare(
         "k-means++",
-        "spectral: k-means by Lloyd's steps from k-means++ or random starts; by swaps of centres for markers; or by "
-        "swaps and Lloyd's steps, where hybrid accepts worse ones at first",
+        "classic method: k-means by Lloyd's steps from k-means++ or random starts; by swaps of centres for markers; or "
+        "by swaps and Lloyd's steps, where hybrid accepts worse ones at first",
         choices=("random", "swap", "hybrid", "local-hybrid", "k-means++"),
         config_name="ALG",
         acts_with=_clusters(),
