@@ -8,7 +8,7 @@ from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.revision import are_plates
 from skelgen.stages.limbs.set_matching import Match
-from skelgen.stages.limbs.worn_places import Believed, believed_wear, sure_places, worn_set
+from skelgen.stages.limbs.worn_places import Believed, Wear, believed_wear, sure_places, worn_set
 from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, belief_in_set, part_of
 from skelgen.stages.limbs.worn_shapes import WornSet
 
@@ -139,15 +139,27 @@ def worn_neighbours(positions: Floats, limb_of_marker: Ints) -> Floats:
     limb_of_marker : ndarray of intp, shape (n_markers,)
         The limb of each, numbered without holes; -1 for those on none.
     """
-    odds = np.zeros((limb_of_marker.max() + 1,) * 2)
+    nothing = np.zeros((limb_of_marker.max() + 1,) * 2)
     if are_plates(positions, limb_of_marker):
-        return odds
+        return nothing
     on_limb, own = limb_of_marker >= 0, limb_of_marker[:, np.newaxis] == limb_of_marker
     by_limbs = np.where(own, BY_LIMBS, -BY_LIMBS) * (on_limb[:, np.newaxis] & on_limb)
     np.fill_diagonal(by_limbs, 0.0)
     worn = believed_wear(positions, by_limbs, _belief_by_limbs)
-    if worn is None:
-        return odds
+    return nothing if worn is None else neighbours_in(worn, limb_of_marker)
+
+
+def neighbours_in(worn: Wear, limb_of_marker: Ints) -> Floats:
+    """Return the log odds that limbs are neighbours if a person wears this, shape (n_limbs, n_limbs).
+
+    Parameters
+    ----------
+    worn : Wear
+        What seems to be worn.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        As of `worn_neighbours`.
+    """
+    odds = np.zeros((limb_of_marker.max() + 1,) * 2)
     for reading in worn.sets:
         odds += (1.0 - worn.share) * reading.belief * _neighbours_of(reading, limb_of_marker)
     if worn.places is not None:
