@@ -107,6 +107,9 @@ class PointCloud:
 class Trajectories:
     """Labelled markers over time.
 
+    A take without frames, as an empty file or an empty selection gives, is a value too; `from_array`, which makes takes
+    of what a user has, and the stages refuse it.
+
     Attributes
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
