@@ -11,32 +11,32 @@ from skelgen.model.arrays import Ints
 from skelgen.model.labelling import Doubt, seen_runs
 
 RARELY_SEEN = 0.2
-"""Part of the frames below which a marker brings more doubt than knowledge."""
+"""Share of the frames; of a marker that is seen in fewer, the advice says so."""
 
 _OFTEN_MISSING = 0.85
-"""Mean part of the frames in which markers are seen, below which cameras are the problem."""
+"""Mean share of the frames in which markers are seen; if it is lower, the advice is about cameras."""
 
 _MANY_GHOSTS = 0.02
-"""Part of all points that belong to no marker."""
+"""Share of all points that belong to no marker; if it is higher, the advice is about ghosts."""
 
 _MANY_DOUBTS = 0.1
-"""Part of all positions in doubtful spans, above which the labels as a whole are not to be trusted."""
+"""Share of all positions in doubtful spans; if it is higher, all labels are to be checked."""
 
 _MANY_LOSSES = 30.0
-"""Losses per marker and minute above which the following of points itself is the problem."""
+"""Losses per marker and minute; if there are more, the advice is about how points are followed."""
 
 _LONG_SECONDS = 1.0
-"""A track of a false point seldom lasts as long."""
+"""s; tracks of false points are usually shorter."""
 
 _LEAST_OF_BODY = 4
 """Tracks left out at once that may be a body: the pose of three markers is free, a fourth one shows that they belong
 together."""
 
 _LASTING_SECONDS = 0.25
-"""A marker that is off its place for less is not worth a sentence."""
+"""s; if a marker is off its place for a shorter time, the advice does not mention it."""
 
 UNREAL = ("piece", "alone")
-"""Kinds of doubts about whether there is such a marker at all."""
+"""Kinds of doubt that question whether the marker exists."""
 
 MOST_NAMED = 4
 """Markers that a sentence names; the rest is counted."""

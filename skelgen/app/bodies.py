@@ -85,7 +85,7 @@ def body_files(value: _Writable, path: Path) -> tuple[tuple[_Writable | Project,
 
 
 def _check_braces(path: Path) -> None:
-    """Raise `WriteError` if what is not there yet would be called by a word in braces that stands for nothing."""
+    """Raise `WriteError` if a new file or folder has another word in braces than ``{body}`` in its name."""
     new = [] if path.exists() else [path.name, *(folder.name for folder in path.parents if not folder.exists())]
     unknown = [word for name in new for word in _WORD.findall(name) if word != BODY]
     if unknown:
@@ -101,7 +101,7 @@ def join_bodies(projects: Sequence[Project], files: Sequence[Path | None] = ()) 
         Calibrated takes of markers, with skeletons. The names of limbs begin with that of their take without its
         suffix, and those of markers do unless all differ.
     files : sequence of Path or None, optional
-        Project file or folder of each, by which those are called whose takes are called alike.
+        Project file or folder of each; it gives the name where takes have one name.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def _no_descents(n_joints: int) -> tuple[Ints, Floats]:
 
 
 def _titles(projects: Sequence[Project], files: Sequence[Path | None]) -> list[str]:
-    """What takes are called, or their files where takes are called alike; what is used twice, or empty, is numbered."""
+    """Names of takes, or of their files where takes have one name; names that are empty or used twice are numbered."""
     takes = [stem_of(project.name) for project in projects]
     titles = [
         take if file is None or takes.count(take) == 1 else stem_of(file.absolute())
@@ -242,7 +242,7 @@ def _own_names(names: Sequence[str], body: Body) -> tuple[str, ...]:
 
 
 def _renumbered(indices: Ints, kept: Ints) -> Ints:
-    """Indices into what is kept, which rises; -1 stays."""
+    """Replace each index by its position in `kept`, which rises; -1 stays -1."""
     return np.where(indices < 0, -1, np.searchsorted(kept, indices))
 
 

@@ -52,7 +52,7 @@ def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource
     Raises
     ------
     InputError
-        If neither names one, or it is none.
+        If neither names a source, or the text is no source.
     """
     from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers of cameras only where there are any
 
@@ -174,7 +174,7 @@ def _with_body(settings: AnySettings, done: BodyCalibration, stated: float) -> A
 
 
 def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
-    """Return a notice of the joints of settings that were measured in a target that is calibrated anew; or none."""
+    """Return a notice that names joints measured with the former calibration of a target; None if there are none."""
     joints = [joint.name for joint in settings.joints if name in (joint.parent, joint.child)]
     if not joints:
         return ()
@@ -241,7 +241,7 @@ def with_joints(settings: AnySettings, done: JointCalibration) -> AnySettings:
 def _points_of(
     settings: AnySettings, source: "FrameSource | RoomSource", n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
-    """Points of every pair of a source; refused if hardly any ball fits both images, as of exchanged cameras."""
+    """Points of every pair of a source; an error if hardly any ball is in both images, as with exchanged cameras."""
     monitor.begin("images")
     if isinstance(settings, RoomSettings):
         return _points_in_room(settings, cast("RoomSource", source), n_frames, monitor)
@@ -288,7 +288,7 @@ def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -
     before : Path or None
         A settings file whose bodies, joints and other settings are kept, if it is there.
     source : str
-        Where the images came from; it is kept if that is cameras.
+        Source of the images; it is written into the settings if it is cameras.
     """
     settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
     if before is not None and before.exists():
@@ -300,7 +300,7 @@ def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -
 def add_body(path: Path, used: AnySettings, done: BodyCalibration) -> tuple[str, ...]:
     """Add a target to a settings file, in place of one of the same name; return what the user should know.
 
-    The noise that the balls of the noisiest target showed is that of the rig from then on.
+    The noise of the rig becomes that of the noisiest target.
 
     Parameters
     ----------

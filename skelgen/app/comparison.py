@@ -24,7 +24,7 @@ class ComparedMarker:
     marker, other : int
         Indices in both; `other` is -1 if none has its positions.
     share : float
-        Of the frames in which either is seen: those in which both are the same point.
+        Share of the frames that show either marker in which both are the same point.
     """
 
     marker: int
@@ -43,8 +43,8 @@ class ComparedJoint:
     median, largest : float, mm
         Distance of both over the frames; NaN without another one, or before the skeletons are there.
     angle : float, rad
-        Median angle between both rotations of the joint, however the frames of its limbs lie in either result; NaN as
-        above.
+        Median angle between the rotations of the joint in both results; the choice of the limbs' frames does not
+        matter; NaN as above.
     """
 
     joint: int
@@ -227,7 +227,7 @@ def _joints(one: Project, other: Project, limbs: tuple[int, ...]) -> tuple[Compa
 
 
 def _turns(one: Project, other: Project, limb: int, match: int) -> tuple[Floats, Floats]:
-    """Rotations of a limb in both results, shape (n_frames, 3, 3); the other's frame is laid as the first one's."""
+    """Rotations of a limb in both results, shape (n_frames, 3, 3), both of the limb's frame in the first result."""
     mine, theirs = one.motion.rotations[:, limb], other.motion.rotations[:, match]
     between = nearest_rotation(np.einsum("fji,fjk->ik", theirs, mine))
     return mine, theirs @ between

@@ -63,7 +63,7 @@ class FileParameters(StageParameters):
 class Settings:
     """The parameters of every stage.
 
-    Those that nobody gave take their defaults when they are asked for, so that stages that do not run are not
+    Parameters of a stage that are not given are made when they are asked for, so that stages that do not run are not
     loaded.
 
     Parameters

@@ -149,7 +149,7 @@ def check_no_contradiction(project: Project, correction: Correction) -> None:
 
 
 def _contradicted(project: Project, correction: Correction, earlier: Sequence[Correction]) -> Correction | None:
-    """The earlier correction with which markers would have to share a limb and not to."""
+    """The earlier correction that a new one contradicts: markers would have to share a limb and not to share it."""
     from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
 
     together, apart = _stated_of_limbs(project, correction)
@@ -292,7 +292,7 @@ def _markers_of_wearers(worn: MarkerSet) -> tuple[tuple[str, ...], ...]:
 
 
 def names_by_markers(project: Project) -> tuple[str, ...]:
-    """What limbs are called by their markers, whatever the user calls them."""
+    """Names of limbs by those of their markers; the user's names do not count."""
     from skelgen.stages.names import find_marker_set, name_limbs, recognised_set  # noqa: PLC0415 - reads tables
 
     markers, report = project.trajectories.names, project.reports.get("limbs")

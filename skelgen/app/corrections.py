@@ -1,4 +1,4 @@
-"""What a correction of the user changes at once: corrections are added and taken back, labels are apply_corrections."""
+"""Corrections of the user: they are added, taken back, and applied to labels at once."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -122,7 +122,7 @@ def place_of(trajectories: Trajectories, marker: int, frame: int) -> Place:
 
 
 def with_places(project: Project, correction: Correction, frame: int) -> Correction:
-    """Return a correction with a place of each marker, by which later runs find it; as it is if one is never seen.
+    """Return a correction with the place of each marker, by which later runs find it; unchanged if one is never seen.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Pr
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:
-    """The labels with one more correction; a new name, or that a name is right, changes nothing else."""
+    """The project with corrected labels; results after them are kept if a marker is renamed or confirmed."""
     from skelgen.stages.labels import (  # noqa: PLC0415 - loads scipy
         apply_corrections,
         corrected_quality,
@@ -221,7 +221,7 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
 
 
 def _with_whole_limb(project: Project, correction: Correction) -> Correction:
-    """The correction with all markers of the limb that its marker goes to: none of them is torn out of it."""
+    """The correction with all markers of the limb that its marker goes to, so that this limb stays whole."""
     limbs, names = project.limbs, project.trajectories.names
     markers = [corrected_marker(project.trajectories, correction, which) for which in range(len(correction.names))]
     own, target = (int(limbs.limb_of_marker[marker]) for marker in markers[:2])

@@ -150,7 +150,7 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
 
 
 def turn_upright(entry: Format, up: str) -> str:
-    """Return the choice of axes with which what is up in a recording is up as a format has it.
+    """Return the choice of axes that turns the upward axis of a recording to that of a format.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def remarks_on_parts(parts: Sequence[tuple[Project, Path]], entry: Format, optio
     Returns
     -------
     tuple of str
-        What holds for all files is said once, what does not begins with the name of its file.
+        A sentence that holds for all files is there once; others begin with the name of their file.
     """
     remarks = [remarks_on(part, entry, target, options) for part, target in parts]
     are_alike = len({target.name for _, target in parts}) < len(parts)

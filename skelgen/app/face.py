@@ -1,7 +1,7 @@
 """The public face: functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
 
-Each turns paths, mappings and names into values of the application layer, and calls one function of it. What most of
-them are for, `reconstruct` shows:
+Each turns paths, mappings and names into values of the application layer, and calls one function of it. `reconstruct`
+is the main one:
 
 >>> import skelgen
 >>> take = skelgen.simulate("rods", n_frames=100).take

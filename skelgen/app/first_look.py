@@ -1,6 +1,6 @@
 """A first look at a take: which axis is up, how tall it is, how much is missing, whether its unit can be right.
 
-A take whose file says rate, unit or axis wrongly is adapted, and so is one of which a part is wanted.
+`adapted` corrects a wrong rate, unit or axis of a take, and cuts out a part of it.
 """
 
 import re

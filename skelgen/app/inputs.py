@@ -88,8 +88,8 @@ def check_trajectories(trajectories: Trajectories) -> None:
 def trajectories_from_poses(poses: Poses, length: float | None = None) -> Trajectories:
     """Put virtual markers on every body: its origin and both ends of its axes.
 
-    The farther the ends, the more the rotations count: they are where errors of position and of rotation weigh alike,
-    as far as the frames tell (`noise_size`).
+    The farther the ends, the more the rotations count. By default errors of position and of rotation have the same
+    effect, as estimated from the frames (`noise_size`).
 
     Parameters
     ----------
@@ -289,11 +289,11 @@ _KINDS: Mapping[str, tuple[type, ...]] = {
     "take": (PointCloud, Trajectories, Poses, Project),
     "takes": (Iterable,),
 }
-"""What arguments must be that no value checks."""
+"""Types of arguments that no value checks when it is made."""
 
 
 def with_checked_arguments(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Refuse, in a sentence, arguments that do not exist or are of types that nothing can be done with."""
+    """Decorate a function: unknown arguments, and those of a wrong type, are errors in a sentence."""
     signature = inspect.signature(function)
 
     @wraps(function)

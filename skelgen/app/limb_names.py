@@ -169,7 +169,7 @@ def _of_trees(limbs: Limbs, parents: Ints) -> Limbs:
 
 
 def worn_by_shape(project: Project) -> list[WornShape]:
-    """Return the marker sets whose shape the markers of a body have: which side is left stays open.
+    """Return the marker sets whose shape the markers of a body have; left and right may be exchanged.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
 
 
 def names_with_stated(names: Sequence[str], stated: Mapping[int, str]) -> tuple[str, ...]:
-    """Return names of limbs with those that the user gave; another limb that was called so has its number.
+    """Return names of limbs with those that the user gave; another limb that had such a name gets its number.
 
     Parameters
     ----------
@@ -361,7 +361,7 @@ def _lines_of(path: Path) -> list[str]:
 
 
 def _read_pairs(path: Path, form: str, what: str) -> dict[str, str]:
-    """What stands behind the first comma of each line of a text, by what stands before it."""
+    """Map what stands before the first comma of each line to what stands behind it."""
     pairs: dict[str, str] = {}
     for number, line in enumerate(_lines_of(path), start=1):
         if not line.strip() or line.lstrip().startswith("#") or (not pairs and line.replace(" ", "").lower() == form):

@@ -217,7 +217,7 @@ def files_of(path: Path, format_name: str | None, options: Mapping[str, Paramete
     format_name : str or None
         Name of the format; None takes that of the suffix.
     options : mapping of str to value
-        For the writer; what it does not know is left to it.
+        Options of the writer; unknown ones are passed over here.
     """
     try:
         entry = registry.format_for_writing(path, format_name)

@@ -152,7 +152,7 @@ def calibrate_room_by_boards(
 
 
 def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = SILENT) -> "WandCalibration":
-    """Return a calibration whose world is the floor; the calibration as it is without one.
+    """Return a calibration with the floor as its world; unchanged if there is no floor.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _OVERRULES_JOINT = 0.995
 """The same of an edge that the set does not have: of fifty simulated people six such edges have 95 to 99.4 %."""
 
 _LOOSER = 4.0
-"""How many times more a marker moves against the segment of the set than against another that it surely is on."""
+"""A marker is surely on another segment if it moves so many times more against that of the set."""
 
 _MOST_NAMED = 5  # markers that a note names
 
@@ -63,7 +63,7 @@ class HeldNotices:
         self._notices.append(sentence)
 
     def release(self) -> None:
-        """Tell what was kept."""
+        """Pass the kept notices on."""
         for sentence in self._notices:
             self._monitor.notice(sentence)
 
@@ -117,7 +117,7 @@ def with_segments(
 
 
 def _subject(name: str) -> str:
-    """What stands before the last colon of a marker's name, with it: whose marker it is."""
+    """The part of a marker's name up to the last colon, which names the subject."""
     subject, colon, _ = name.rpartition(":")
     return subject + colon
 

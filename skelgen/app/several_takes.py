@@ -199,16 +199,16 @@ LOOKED_AT = 300
 """Frames of a take in which distances are measured."""
 
 MATES = 2
-"""Markers whose distances to one are steadiest and shortest, by their product: they are on its limb, or beside."""
+"""Markers to which distances of one are compared: those with the least product of distance and deviation."""
 
 FAR, SURE = 8.0, 6.0
-"""mm, and standard deviations of the distance within a take, by which a distance must differ between takes."""
+"""A distance differs between takes by more than so many mm and so many of its standard deviations."""
 
 LEAST_DEVIATION = 0.5
-"""mm; steadier distances are luck."""
+"""mm; the least standard deviation of a distance that is assumed."""
 
 MOST_MOVED = 0.25
-"""Of the markers: if more sit elsewhere, names do not say which marker is which, or it is another body."""
+"""Share of the markers; if more sit elsewhere, names do not identify markers, or the body is another one."""
 
 
 def are_named_alike(takes: Sequence[Trajectories]) -> bool:

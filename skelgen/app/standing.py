@@ -12,22 +12,22 @@ from skelgen.model.arrays import Floats
 from skelgen.model.questions import LEFT_OUT_SHARE, Question, by_worth, questions_on
 
 STILL_SECONDS = 2.0
-"""A shorter rest says nothing of what a marker is."""
+"""s; shorter rests do not count."""
 
 _END_SECONDS = 1.0
-"""Of the end of a path, from which its place and noise are taken."""
+"""s; the end of a path, from which place and noise of the marker are estimated."""
 
 _OFF_PLACE = 5.0
-"""Standard deviations of the noise that a marker which rests is off its place at most."""
+"""Standard deviations of the noise; a resting marker is never farther from its place."""
 
 _ROUNDING = 1e-3
-"""mm; positions without noise are written with so many digits at least."""
+"""mm; resolution of positions in files: less noise than that counts as none."""
 
 _WHITE = 3.0
 """Standard deviations by which the ratio of white noise may be below 2."""
 
 _OF_A_LIMB = 3
-"""Markers of one limb that stand still together: this limb rests, and nothing is wrong with its markers."""
+"""If so many markers of a limb stand still together, the limb rests, and its markers are all right."""
 
 
 def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:

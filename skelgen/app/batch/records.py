@@ -106,7 +106,7 @@ def write_json(data: Record | Manifest, path: Path) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """Return what a JSON file holds, which nobody has checked, or None if it is none of an object."""
+    """Return the object that a JSON file holds, unchecked; None if the file cannot be read or holds no object."""
     try:
         data = json.loads(path.read_text(encoding="ascii"))
     except (OSError, ValueError, RecursionError):
@@ -122,7 +122,8 @@ def files_of(paths: Iterable[Path]) -> dict[str, FileFacts]:
 def finished_record(folder: Path, blank: Record) -> Record | None:
     """Return the record of a take if it is finished: same job, same recording, every file as it was written.
 
-    Of the file only what it alone knows is taken; one that somebody altered counts as that of an unfinished take.
+    Facts, files and times come from the file, all else from `blank`. A record that was altered counts as that of an
+    unfinished take.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def finished_record(folder: Path, blank: Record) -> Record | None:
 
 
 def _are_facts(facts: Mapping[str, Any]) -> bool:
-    """Whether the facts of a take are such as can be shown."""
+    """Whether facts have the types and ranges that the page needs."""
     counts = [facts["frames"], *(facts.get(name, 0) for name in ("markers", "limbs", "joints"))]
     residual = 0.0 if facts.get("residual_mm") is None else facts["residual_mm"]
     return (
@@ -208,7 +209,7 @@ def manifest_of(job: Mapping[str, object], records: Iterable[Record]) -> Manifes
 
 
 def earlier_names(manifest: Path) -> dict[str, str]:
-    """Return the names of takes by source that a manifest holds; none if it is none.
+    """Return the folder names of takes by source that a manifest holds; an empty mapping if it is no manifest.
 
     Raises
     ------

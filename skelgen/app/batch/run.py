@@ -29,7 +29,7 @@ from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.progress import SILENT, Monitor, counted
 
 Pool = Callable[[Job, Sequence[Entry]], Generator[Outcome, None, None]]
-"""Does all takes of a batch somewhere, and yields what became of each."""
+"""Runs all takes of a batch, and yields the outcome of each."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def run_batch(
     resume: bool = False,
     monitor: Monitor = SILENT,
 ) -> BatchResult:
-    """Do the same with many takes.
+    """Run the stages on many takes, and write the results of each into a folder of its own.
 
     Parameters
     ----------
@@ -80,9 +80,9 @@ def run_batch(
     output : Path or str
         Folder of the batch; each take gets a folder in it.
     job : Job, optional
-        What is done with each; the usual if left out.
+        What is done with each take; defaults if left out.
     pool : callable (job, entries) -> iterator of Outcome, optional
-        Who does it; one process on this machine if left out.
+        Runs the takes; one process on this machine if left out.
     resume : bool
         Whether `output` may hold a batch: takes that are finished in it are kept.
     monitor : Monitor
@@ -163,7 +163,7 @@ class _Gathered:
         self.has_begun = False
 
     def add_all(self, outcomes: Iterable[Outcome], monitor: Monitor) -> str:
-        """Take records as they come, tell of them, and return why the batch cannot go on; empty if all were taken."""
+        """Add outcomes as they come, report them, and return why the batch must stop; empty if it need not."""
         monitor.begin("takes")
         monitor.advance(0, len(self._entries))
         for outcome in outcomes:
@@ -192,7 +192,7 @@ class _Gathered:
         write_page(manifest, self._output / PAGE)
 
     def end(self) -> None:
-        """Tidy up after workers that were ended, and write what is known; a full disk keeps the plan."""
+        """Remove what stopped workers left, and write manifest and page; on a full disk the earlier ones stay."""
         for entry in self._entries:
             if self._records[entry.name]["outcome"] != DONE:
                 clear_unfinished(Path(entry.folder))

@@ -96,7 +96,7 @@ class Job:
 
     @property
     def fingerprint(self) -> str:
-        """Text that differs for jobs that differ, and is that of earlier versions: their batches are continued."""
+        """Hash of the job; it is that of earlier versions, so that their batches can be continued."""
         data = self.as_mapping()
         text = json.dumps(data | {"wishes": data.pop("options")}, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -142,7 +142,7 @@ SUFFIXES = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv
 
 
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO}
-"""What no other take would fare better with: no space, no rights, a broken disk."""
+"""Errors that every other take would meet, too: no space, no rights, a broken disk."""
 
 _KIBI = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB on Linux, in bytes on macOS
 

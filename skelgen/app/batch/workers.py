@@ -1,6 +1,6 @@
 """Who does the takes of a batch: processes on this machine, or the workers of an existing dask cluster.
 
-A process does one take after the other, and none can take the others down. On a cluster, files lie on storage that all
+A process does one take after the other; if it crashes, the others go on. On a cluster, files lie on storage that all
 machines share.
 """
 
@@ -136,7 +136,7 @@ class _Worker:
             self.connection.send(given)
 
     def has_finished(self) -> bool:
-        """Receive what it says, and return whether that is the end of its take; else the take has begun."""
+        """Receive a message, and return whether its take is finished; the only other message is that it has begun."""
         try:
             self._outcome = self.connection.recv()
         except (EOFError, OSError):

@@ -48,10 +48,10 @@ class View:
 def find_views(points: Floats, marker_positions: Floats, left: Floats | None = None) -> tuple[View, View]:
     """Choose a front and a side view.
 
-    The vertical is taken for the coordinate axis along which nothing lies below zero, where most systems have their
-    floor; of several, or if there is none, for that along which the lowest marker moves least over the take: feet stay
-    near the floor. The front is what faces a body whose left side is known; else the side on which the reference pose
-    is widest.
+    The vertical is the coordinate axis along which nothing lies below zero, as most systems have the floor at zero. If
+    several axes or none are so, it is the one along which the lowest marker moves least over the take, as feet stay
+    near the floor. The front is what faces a body whose left side is known; else the
+    horizontal direction in which the reference pose is widest.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def place_markers(project: Project, trajectories: Trajectories, frames: slice) -
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """The lines of all limbs, as places in a list of joints, then markers, then middles of limbs.
+    """The lines of all limbs; their ends are indices of joints, then of markers, then of middles of limbs.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class Bones:
     is_spoke : ndarray of bool, shape (n_bones,)
         Whether it goes to a marker, and not to a joint.
     members : tuple of ndarray of intp
-        For each limb, the joints or markers whose middle its own place stands for; empty where that is not needed.
+        For each limb, the joints or markers whose mean is its middle; empty where no line ends there.
     """
 
     ends: Ints

@@ -41,7 +41,7 @@ _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Jo
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
 _FORMER_FIELDS = {("Labelling", "seed_method"): "classic"}
-"""What fields are called now that older files call otherwise: by type and former name."""
+"""Present names of fields that older files name otherwise, by type and former name."""
 
 _ODD_NUMBERS = ("nan", "inf", "-inf")
 
@@ -112,7 +112,7 @@ def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
 
 
 def _type_name(value: Any) -> str:
-    """Name of the declared type that a value is of, be it a kind of it that computes some fields when asked."""
+    """Name of the dataclass of a value; a subclass that computes fields on demand has that of its base."""
     return next(cls.__name__ for cls in type(value).__mro__ if "__dataclass_fields__" in vars(cls))
 
 
