@@ -170,7 +170,7 @@ def _lack_of_folder(error: Exception) -> str:
 
 
 def _of_system(error: Exception) -> str:
-    """Say what the system holds against a file that was named."""
+    """Return the system's error on a file, in words; empty if the error is another one."""
     if not isinstance(error, OSError) or error.filename is None:
         return ""
     return f"{shortened(str(error.filename))}: {error.strerror}"

@@ -1,4 +1,4 @@
-"""The command `batch`: the same with many takes, on this machine or on a cluster."""
+"""The command `batch`: the stages are run on many takes, on this machine or on a cluster."""
 
 from __future__ import annotations
 

@@ -95,13 +95,13 @@ class CaptureColumns:
 
 
 class Keys:
-    """Counts hits; each is answered once."""
+    """Counts the keys that were hit; each is reported once."""
 
     def __init__(self) -> None:
         self._hits = threading.Semaphore(0)
 
     def was_hit(self) -> bool:
-        """Whether a key was hit that was not answered yet."""
+        """Whether a key was hit that was not reported yet."""
         return self._hits.acquire(blocking=False)
 
     def listen(self) -> None:
@@ -122,7 +122,7 @@ def watched_keys() -> Iterator[Keys]:
 
 @contextlib.contextmanager
 def watched_interrupt() -> Iterator[threading.Event]:
-    """Yield what Ctrl-C sets beside raising `KeyboardInterrupt`: Python drops an error that meets a finalizer."""
+    """Yield an event that Ctrl-C sets when it raises `KeyboardInterrupt`, as Python drops errors in finalizers."""
     interrupted = threading.Event()
 
     def stop(number: int, frame: FrameType | None) -> None:

@@ -1,8 +1,8 @@
-"""The process of the command line: from its first moment, signals and standard streams have an answer in words.
+"""The process of the command line: signals and errors of standard streams end it with a sentence.
 
-Whoever ends a command (`skelgen.interrupts.ENDING`) interrupts it as Ctrl-C does: blocks are left, and what they hold
-is given back. Python drops an interrupt that meets a finalizer, and libraries may; so what does not end thereby is
-ended after a while, or by a second signal, where it stands: then only temporary files are taken away.
+A signal that ends a command (`skelgen.interrupts.ENDING`) interrupts it as Ctrl-C does: ``with`` blocks are left, and
+release what they hold. Python drops an interrupt that is raised in a finalizer, and libraries may drop one, too. So a
+process that goes on is ended after a while, or by a second signal; then only temporary files are removed.
 """
 
 from __future__ import annotations
@@ -53,23 +53,23 @@ def run_process() -> int:
 
 
 class _Signals:
-    """Answers the signals that end a program: the first one interrupts, the next one ends it where it stands."""
+    """Handles the signals that end a program: the first one interrupts it, the next one ends it at once."""
 
     def __init__(self) -> None:
         self.number = 0
 
     def heed(self) -> None:
-        """Begin to answer them."""
+        """Begin to handle them."""
         for number in ENDING:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
                 signal.signal(number, self._interrupt)
         if hasattr(signal, "SIGALRM"):
             signal.signal(signal.SIGALRM, self._leave)
-        sys.unraisablehook = self._hear_dropped
+        sys.unraisablehook = self._end_if_dropped
 
     @property
     def exit_code(self) -> int:
-        """What shells make of a program that a signal ends; 0 if none came."""
+        """The exit code that shells report for a program that a signal ends; 0 if none came."""
         return 128 + self.number if self.number else 0
 
     def forget(self, code: int) -> None:
@@ -89,14 +89,14 @@ class _Signals:
         raise KeyboardInterrupt
 
     def _leave(self, *_: object) -> None:
-        """End the process where it stands."""
+        """End the process at once."""
         remove_unfinished()
         with contextlib.suppress(OSError):
             os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + f"{_SENTENCE}\n".encode())
         os._exit(self.exit_code)
 
-    def _hear_dropped(self, dropped: sys.UnraisableHookArgs) -> None:
-        """Do what an interrupt asked for that Python has dropped."""
+    def _end_if_dropped(self, dropped: sys.UnraisableHookArgs) -> None:
+        """End the process if Python has dropped the exception of an interrupt."""
         if self.number:
             self._leave()
         if not issubclass(dropped.exc_type, KeyboardInterrupt | MemoryError):  # both are told in words
@@ -104,7 +104,7 @@ class _Signals:
 
 
 class _Stream(io.TextIOWrapper):
-    """A standard stream that says why it cannot be written any more; what follows then leads nowhere.
+    """A standard stream that raises a sentence if it cannot be written any more; later writes are dropped.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class _Stream(io.TextIOWrapper):
         super().__init__(stream.buffer, stream.encoding, "replace", line_buffering=at_once)
 
     def write(self, text: str) -> int:
-        """Write a text, whose lines are shown at once where somebody looks on."""
+        """Write a text; on a terminal its lines are shown at once."""
         with self._errors_in_words():
             super().write(text)
         return len(text)
@@ -141,7 +141,7 @@ class _Stream(io.TextIOWrapper):
 
 
 def _open_streams() -> None:
-    """Give the process all standard streams: closed ones lead nowhere, and no file gets their number."""
+    """Open the null device for closed standard streams, so that no file gets their number."""
     with contextlib.suppress(OSError):
         while os.open(os.devnull, os.O_RDWR) <= 2:
             pass

@@ -143,7 +143,7 @@ def find_hierarchy(
         Bodies with orientation.
     tree : mapping of str to str or None, or int or str, optional
         The parent of every body by name, None or empty for a root. Or the root of a tree that is found, by index or
-        name; by default the one from which most branches hang that are alike in size.
+        name; by default the body with most branches of similar size.
     covariances, size
         As for `fit_joint`.
     types : mapping of str to str, optional

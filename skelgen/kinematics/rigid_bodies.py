@@ -22,8 +22,8 @@ from skelgen.progress import counted
 
 MAX_ROUNDS = 30
 SHAPE_TOLERANCE, NOISE_TOLERANCE = 1e-6, 1e-3
-"""Rounds stop when no point moves more: mm, or, if that is more, as part of how far points are off in the first round,
-which is less than what chance leaves in their mean over a million frames."""
+"""Rounds stop when no point moves by more than this: in mm, or, if that is more, as a part of the deviations of the
+first round, which is less than the standard error of a mean over a million frames."""
 
 MOST_COUNTED = 16
 """Most points whose visible sets are counted in a table of all sets."""

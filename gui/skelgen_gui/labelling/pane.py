@@ -52,7 +52,7 @@ class LabellingPane(PanelWhileSeen):
     document : Document
         What is labelled.
     corrections : CorrectionActions
-        Apply what is said.
+        Applies corrections.
     runner : Runner
         Finds the labels anew where points were named.
     """

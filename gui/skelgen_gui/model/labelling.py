@@ -111,11 +111,11 @@ def names_left(project: Project, marker_set: str) -> tuple[str, ...]:
 
 
 def naming(project: Project, marker: int, name: str, frame: int, span: Span | None = None) -> Correction | None:
-    """Return what it means that the user calls a marker by a name: None if that says nothing.
+    """Return the correction that a name states which the user types for a marker; None if it states nothing.
 
-    A new name is given to the whole marker. The name of another one, which is never seen at the same time, makes both
-    one. Otherwise both change places, in a span that the user states or in the doubtful or seen stretch around the
-    frame. Its own name confirms what is doubtful there.
+    A new name renames the marker. The name of another marker merges both if they are never seen at the same time;
+    otherwise it swaps them, in a span that the user states or in the doubtful or seen stretch around the frame. The
+    marker's own name confirms its labels there.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def naming(project: Project, marker: int, name: str, frame: int, span: Span | No
     frame : int
         The frame that is shown.
     span : tuple of int, optional
-        First and last frame for which it is said; by default found around the frame.
+        First and last frame for which the name is stated; by default found around the frame.
     """
     names, seen = project.trajectories.names, project.trajectories.seen
     name, own = name.strip(), names[marker]

@@ -1,8 +1,8 @@
 r"""Joints of bodies seen through soft tissue: what motion says and what is known of any body.
 
-Soft tissue that slides as limbs turn says wrongly where their joint is, most along the axis about which they turn most:
-there it may come out half a metre away. But joints lie near their limbs, and rather near a marker of the limb that is
-nearer to the root, as people mark joints there. Let D be the distance between the middles of both limbs' markers, m and
+Soft tissue that moves as limbs turn displaces the joint that is found, most along the axis about which the limbs turn
+most: by up to half a metre. But joints lie near their limbs, and mostly near a marker of the limb that is nearer to the
+root, as people place markers at joints. Let D be the distance between the middles of both limbs' markers, m and
 c the two of them that are nearest to the other limb's, and :math:`v_1, v_2, v_3` the axes of the limbs' turns, the
 largest first. A joint p is expected at :math:`q = m + w (c - m)`:
 
@@ -14,9 +14,10 @@ middles of both limbs' markers count as well, and the next joints of a row of li
 
 Where joints lie is learned from people: ``python tests/benchmarks/learn_joints.py`` measures it.
 
-What lasts in the residuals averages out over frames only as far as it changes, which their correlation time says. And
-residuals show how markers of a limb slide against each other; together they slide farther, and that moves joints. Of
-a joint that motion places out of reach all frames together say as much as a third of one.
+Errors that last average out over frames only as far as they change; the correlation time of the residuals says how many
+frames are independent. Residuals show how the markers of a limb move against each other; together they move farther,
+and that displaces joints. For a joint that motion places out of reach, all frames together count as a third of one
+frame.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 r"""A body of known build: how its markers and joints lie to each other on a usual person of its size.
 
 Of a limb that is a segment of the known body, points x (its markers, and the joints to its neighbours) are expected to
-be those of the segment, y, in any pose: what is surprising is
+be those of the segment, y, in any pose. The misfit is
 
 .. math::
     \min_{R, t} \sum_i |x_i - (s R y_i + t)|^2 / \sigma_i^2
 
-with the size s of the whole body. The deviations count what a marker misses its place by, and that people differ: the
-more, the farther a point is from the middle of its segment.
+with the size s of the whole body. The deviations hold how far markers miss their places, and how people differ, which
+is more the farther a point is from the middle of its segment.
 """
 
 from dataclasses import dataclass, replace
@@ -184,7 +184,7 @@ def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats
     first, second = np.nonzero(limb[:, np.newaxis] == limb)
     # Points of a limb follow each other: its middle is moved by each, and so is its turn
     arms = weights[:, np.newaxis, np.newaxis] * cross_matrix(turned)
-    turns = _turns_by_pulls(turned, weights, starts)[limb[first]]
+    turns = _turns_by_moments(turned, weights, starts)[limb[first]]
     shares = weights / np.add.reduceat(weights**2, starts)[limb]
     follow = arms[first] @ turns @ arms[second].swapaxes(1, 2)
     follow += (weights[first] * shares[second])[:, np.newaxis, np.newaxis] * np.eye(3)
@@ -196,7 +196,7 @@ def body_residuals(chain: Chain, limbs: list[KnownLimb]) -> tuple[Floats, Floats
     return slope[:, :, :n_places].reshape(3 * len(limb), -1), (weights[:, np.newaxis] * off).ravel()
 
 
-def _turns_by_pulls(turned: Floats, weights: Floats, starts: Ints) -> Floats:
+def _turns_by_moments(turned: Floats, weights: Floats, starts: Ints) -> Floats:
     """Return how segments turn by the moments of their points, shape (n_segments, 3, 3)."""
     squares = (weights**2)[:, np.newaxis, np.newaxis] * turned[:, :, np.newaxis] * turned[:, np.newaxis]
     spread = np.add.reduceat(squares, starts)

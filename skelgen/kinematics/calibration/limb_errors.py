@@ -40,7 +40,7 @@ _WITH_AXES = ("hinge", "universal")
 
 @dataclass(frozen=True, eq=False)
 class HingeShifts:
-    """Shifts of hinges along their axes, where the data leave the choice.
+    """Shifts of hinges along their axes, which the data do not determine.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ def inverse_root(information: Floats) -> Floats:
 
 
 def scaled_spectrum(information: Floats) -> tuple[Floats, Floats, Floats, Bools]:
-    """Return eigenvalues and eigenvectors of an information matrix, its diagonal scaled to 1 where it is not nothing.
+    """Return eigenvalues and eigenvectors of an information matrix, its diagonal scaled to 1 where it is not 0.
 
     Returns
     -------

@@ -218,8 +218,8 @@ def frame_information(observed: ObservedChain, basis: Floats, limbs: Ints) -> tu
 def constant_gradient(observed: ObservedChain) -> Floats:
     """Return the gradient of the residuals by the constants, for poses that fit best, shape (n_constants,).
 
-    Half the sum of squares falls by it: offsets are pulled by forces, joints by the forces of all markers beyond, axes
-    by their torques.
+    It is minus the gradient of half the sum of squares. Residuals act as forces on offsets and on all joints between
+    root and marker, and as torques on axes.
 
     Parameters
     ----------

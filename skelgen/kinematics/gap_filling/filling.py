@@ -206,7 +206,8 @@ def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
     Parameters
     ----------
     project : Project
-        With a skeleton, or with corrections that state how gaps are filled: then these alone are.
+        With a skeleton, or with corrections that state how gaps are filled; without a skeleton no other gaps are
+        filled.
     monitor : Monitor
         Receives progress, and a notice of each correction that is passed over; may cancel.
 

@@ -205,8 +205,8 @@ def predict(
 ) -> tuple[Floats, Floats]:
     """Predict a series in frames where it is not known.
 
-    The deviation is that of the model times how much larger or smaller errors are than it says, where known values
-    near the gap are predicted from all others.
+    The deviation of the model is scaled by the errors that it makes where known values near the gap are predicted from
+    all others.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def _predict_from(
 
 
 def _inverse(covariance: Floats) -> Floats:
-    """Inverse of a positive definite matrix, in half the time of a general one's; that of a doubtful one as it is."""
+    """Inverse of a symmetric matrix: by Cholesky's factor if it is positive definite, which takes half the time."""
     factor, failed = dpotrf(covariance, lower=True)
     if failed:
         return np.asarray(np.linalg.inv(covariance), dtype=np.float64)

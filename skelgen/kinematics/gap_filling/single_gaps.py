@@ -1,8 +1,8 @@
-"""Fill the gaps of one marker in one of the ways that animators know, each with the error that it makes elsewhere.
+"""Fill the gaps of one marker by one of three methods of animators, with the error that the method makes elsewhere.
 
-A spline continues the marker's own motion; rigid mates carry the place that it has among them; a pattern is the path of
-another marker. Each way is tried on stretches as long as the gap in which the marker is seen: their root mean square
-error is the deviation that is stated.
+A spline continues the marker's own motion; rigid mates carry its place relative to theirs; a pattern is the path of
+another marker. Each method is tried on stretches as long as the gap in which the marker is seen: its root mean square
+error there is the stated deviation.
 """
 
 from collections.abc import Callable, Sequence

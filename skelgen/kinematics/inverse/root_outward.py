@@ -209,7 +209,7 @@ def _fixes_rotation(points: Floats, seen: Bools, about_joint: bool, flatness: fl
 
 
 def _completed(turns: Floats, fixed: Bools, above: Floats, rest: Floats | None) -> Floats:
-    """Rotations of a limb; where they are not fixed, at rest against the parent, or as in the frames around."""
+    """Rotations of a limb; where points do not fix them, those against the parent are kept or interpolated."""
     if fixed.all():
         return turns
     missing = np.flatnonzero(~fixed)

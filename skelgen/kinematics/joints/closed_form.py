@@ -175,7 +175,7 @@ def _centred(values: Floats, count: Ints) -> Floats:
 
 
 def _near_zero(equations: Floats) -> Floats:
-    """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge.
+    """Least squares solution, shape (3,); a small ridge keeps it near 0 where it is not determined.
 
     Parameters
     ----------

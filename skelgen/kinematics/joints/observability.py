@@ -18,7 +18,7 @@ STILL = np.deg2rad(2.0)
 """rad; a joint with a smaller range does not turn."""
 
 ALIGNED = 0.8
-"""Cosine from which two directions are one to somebody who moves."""
+"""Cosine of the angle between directions that a person who moves would take for one."""
 
 AMPLE = np.deg2rad(60.0)
 """rad; from this range on, a limb whose joint is off swings beside its markers by as much as the joint is off."""

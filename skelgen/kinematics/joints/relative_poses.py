@@ -206,7 +206,7 @@ def related_poses(
 
 
 def whitener(covariances: Floats) -> Floats:
-    """Return matrices W with W^T W = covariance^-1, shape (n, k, k); a ridge keeps exact poses weighable."""
+    """Return matrices W with W^T W = covariance^-1, shape (n, k, k); a ridge makes singular ones invertible."""
     diagonal = np.einsum("fii->fi", covariances).mean(axis=0)
     ridge = np.maximum(_SINGULAR_RIDGE * diagonal, np.finfo(np.float64).tiny)
     return np.asarray(whitened(*contiguous(covariances + np.diag(ridge))))

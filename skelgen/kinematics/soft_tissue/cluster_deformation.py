@@ -1,8 +1,8 @@
 r"""Deformations of marker clusters that follow the joints of their limb: soft tissue that is seen without a fit.
 
 What the markers of a limb do in its frame is a rigid displacement of the cluster and its deformation. The rigid part
-may be an error of the pose. Where the deformation follows the flexions of a joint, the rigid displacement, which
-nothing shows, does so too by all experience.
+cannot be told from an error of the pose. But where the deformation follows the flexions of a joint, the rigid
+displacement usually does so, too.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,8 @@ class ClusterDeformation:
         return np.tile(squares, (len(self.modes), 1)), np.asarray(self.modes @ self.moments)
 
     def with_joint(self, tissue: SoftTissue, joint: int, noise: float) -> tuple[Floats, Floats]:
-        """Return the variances of modes with one joint that other joints do not explain: expected by noise, and seen.
+        """Return the variance of each mode that one joint explains and no other does: as noise gives it, and as
+        observed.
 
         Both are in units of a displacement of the variance of the noise.
 
@@ -105,7 +106,7 @@ class ObservedDeformations:
     def likely_variances(self, tissue: SoftTissue) -> Floats:
         """Return prior variances of displacements [mm^2], shape (n_limbs, n_flexions).
 
-        They have one size wherever displacements are not ruled out. All are 0 if no cluster deforms with a joint.
+        All displacements that are not ruled out have the same variance. All are 0 if no cluster deforms with a joint.
         """
         joints = [np.unique(tissue.joints[one.flexions]) for one in self.limbs]
         pairs = [(limb, joint) for limb, own in enumerate(joints) for joint in own]

@@ -1,10 +1,10 @@
-r"""Calibration of a chain with soft tissue: displacements are unknowns with a prior, so they do not pass for joints.
+r"""Calibration of a chain with soft tissue: displacements are unknowns with a prior, and not taken for joints.
 
 A cluster that moves in proportion to the flexions shifts the joint that is found, and hardly leaves residuals: a
 displacement :math:`\delta \times \varphi` looks like a joint that is :math:`\delta` away. So displacements are fitted
-together with the constants of the chain. Their prior has mean 0 and the variance that makes all that is seen of them
-most likely: how clusters deform, and how their joints fail to meet. The common covariance of both says how far joints
-may be off by displacements that nothing shows.
+together with the constants of the chain. Their prior has mean 0 and the most likely variance, given how clusters deform
+and how far joints fail to meet. The covariance of constants and displacements together says how far joints may be off
+by displacements that cannot be observed.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ EQUATION_FRAMES = 100
 """Frames from which soft tissue and its uncertainty are computed, evenly spread: it is slow, more would add nothing."""
 
 LEAST_FRAMES = 20
-"""Fewer show no soft tissue: the flexions of a limb, three for each joint, would follow whatever so few frames hold."""
+"""Fewer frames show no soft tissue: the flexions of a limb, three for each joint, would fit anything in them."""
 
 ESTIMATES = 4
 """Rounds in which variances of displacements are estimated."""
@@ -46,10 +46,10 @@ LEAST_PART = 0.02
 """Of the largest variance: displacements of less are left out."""
 
 MAX_STEPS = 3
-"""Of constants and displacements together: more hardly move a joint nearer, as the joint prior goes on from there."""
+"""Steps of constants and displacements together: more hardly improve joints, which the joint prior fits afterwards."""
 
 DIVERGED = 10.0
-"""Times the squares of the residuals at the start: a fit that left that many has diverged, and is given up."""
+"""A fit is given up as diverged if its squared residuals exceed those at the start so many times."""
 
 STEP_TOLERANCE = 0.1
 """mm; less than a tenth of what soft tissue leaves uncertain."""
@@ -204,7 +204,7 @@ def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floa
 def _information_of_offsets(reduced: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:
     """Information of offsets, joints and axes from that of joints, axes and rigid displacements.
 
-    Deformations of a cluster are determined by the sights of its markers alone.
+    Deformations of a cluster are determined by the observations of its markers alone.
     """
     basis = system.clusters.basis
     n_markers, _, n_rigid = basis.shape
