@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QWid
 from skelgen.app.configuration import parameters_class
 from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
-from skelgen_gui.pages import HOME, Context, PageEntry
+from skelgen_gui.project.context import HOME, Context, PageEntry
 from skelgen_gui.widgets.layouts import column
 from skelgen_gui.widgets.painting import as_rich_text, doubt_colour, drawn_pixmap
 

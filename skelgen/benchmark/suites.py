@@ -15,10 +15,10 @@ from skelgen.benchmark.machine import machine_line
 from skelgen.benchmark.page import QUICK, Effort, Figure, Section, write_benchmark_page
 from skelgen.benchmark.people import measure_people
 from skelgen.benchmark.speed import measure_speed
-from skelgen.errors import InputError, SkelgenError
+from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.evaluation import Table
 from skelgen.files import replacing
-from skelgen.progress import SILENT, Cancelled, Monitor
+from skelgen.progress import SILENT, Monitor
 
 Suite = Callable[[Effort, Monitor], Section]
 

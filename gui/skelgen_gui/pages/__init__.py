@@ -8,9 +8,7 @@ from skelgen.app import STAGE_SUMMARIES
 from skelgen_gui.pages.export import ExportPage
 from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
-from skelgen_gui.project.context import HOME, Context, PageEntry, view_of
-
-__all__ = ["HOME", "PAGES", "Context", "PageEntry", "view_of"]
+from skelgen_gui.project.context import HOME, Context, PageEntry
 
 _TITLES = {"labels": "Labels", "limbs": "Limbs", "joints": "Joints", "skeleton": "Skeleton"}
 

@@ -25,7 +25,7 @@ from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import deformation, pair_odds, revised, wears_set
-from skelgen.stages.limbs.votes import majority
+from skelgen.stages.limbs.rigid_clusters import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
 HALF_WEIGHT = 20

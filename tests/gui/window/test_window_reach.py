@@ -21,7 +21,8 @@ from PySide6.QtWidgets import (
 )
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
-from skelgen_gui.pages import PAGES, PageEntry
+from skelgen_gui.pages import PAGES
+from skelgen_gui.project.context import PageEntry
 from skelgen_gui.timeline.lane_view import LaneView
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
