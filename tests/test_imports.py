@@ -85,3 +85,27 @@ def _given_names(path: Path) -> set[str]:
 def test_names_are_words_of_the_field(room):
     found = {path.name: _given_names(path) & NO_NAMES for path in (PYPROJECT.parent / "skelgen" / room).rglob("*.py")}
     assert {name: words for name, words in found.items() if words} == {}
+
+
+UNCHECKED = {"read_json": "what another program may have written", "table": "a readable table of a motion"}
+"""What holds values of any type across a boundary, and why."""
+
+
+def _bundles_in(path: Path) -> set[str]:
+    """Public functions, fields and constants of a file whose annotations are a dict, mapping or tuple of anything."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    scopes = [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]
+    stated = {(node, node.annotation) for scope in scopes for node in scope.body if isinstance(node, ast.AnnAssign)}
+    for node in (node for scope in scopes for node in scope.body if isinstance(node, ast.FunctionDef)):
+        arguments = [*node.args.args, *node.args.kwonlyargs, *filter(None, (node.args.vararg, node.args.kwarg))]
+        stated |= {(node, part) for part in (node.returns, *(one.annotation for one in arguments)) if part}
+    bundles = [node for node, part in stated if ast.unparse(part).endswith(("[str, Any]", "[Any, ...]"))]
+    bundles += [node for node, part in stated if isinstance(node, ast.FunctionDef) and node.args.kwarg is not None
+                and node.args.kwarg.annotation is part and ast.unparse(part) == "Any"]  # fmt: skip
+    return {node.name if isinstance(node, ast.FunctionDef) else ast.unparse(node.target) for node in bundles}
+
+
+@pytest.mark.parametrize("room", ["app", "benchmark", "evaluation", "kinematics", "simulation"])
+def test_no_bundle_of_anything_crosses_a_boundary(room):
+    found = {name for path in (PYPROJECT.parent / "skelgen" / room).rglob("*.py") for name in _bundles_in(path)}
+    assert {name for name in found if not name.startswith("_")} - UNCHECKED.keys() == set()

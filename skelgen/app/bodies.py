@@ -122,14 +122,11 @@ def join_bodies(projects: Sequence[Project], files: Sequence[Path | None] = ()) 
     deviation = np.full((len(names), len(names)), np.nan)
     limbs = Limbs(skeleton.limb_of_marker, deviation, skeleton.limb_names, body_of_limb=body_of_limb)
     costs = np.where(np.eye(len(body_of_limb)) > 0, 0.0, np.nan)
-    topology = Topology(skeleton.parents, costs, motion.joint_positions, *_no_descents(skeleton.n_joints), alpha=0.0)
+    no_steps, no_values = np.zeros(skeleton.n_joints, dtype=np.intp), np.full(skeleton.n_joints, np.nan)
+    topology = Topology(skeleton.parents, costs, motion.joint_positions, no_steps, no_values, alpha=0.0)
     report = StageReport()
     project = Project(joined).with_trajectories(joined, report).with_limbs(limbs, report)
     return project.with_topology(topology, report).with_skeleton(skeleton, motion, report)
-
-
-def _no_descents(n_joints: int) -> tuple[Ints, Floats]:
-    return np.zeros(n_joints, dtype=np.intp), np.full(n_joints, np.nan)
 
 
 def _titles(projects: Sequence[Project], files: Sequence[Path | None]) -> list[str]:

@@ -340,7 +340,7 @@ def corrections_of(project: Project, stage: str, monitor: Monitor) -> list[Corre
     """
     applied = [correction for correction in project.corrections if correction.stage == stage]
     for correction in applied:
-        monitor.notice(f"as you said: {correction.sentence}")
+        monitor.notice(f"as stated: {correction.sentence}")
     return [correction for correction in applied if correction.names]
 
 

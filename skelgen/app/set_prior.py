@@ -108,7 +108,7 @@ def with_segments(
             for marker, segment in list(elsewhere.items())[:_MOST_NAMED]
         )
         more = f" and {len(elsewhere) - _MOST_NAMED} more" if len(elsewhere) > _MOST_NAMED else ""
-        monitor.notice(f"otherwise than in {worn.title}, these markers move surely with another limb: {listed}{more}")
+        monitor.notice(f"unlike in {worn.title}, these markers surely move with another limb: {listed}{more}")
     if {frozenset(group) for group in segments.values()} == _groups(limbs, names, placed, elsewhere):
         return None
     apart = tuple(group[0] for group in segments.values())
@@ -213,7 +213,7 @@ def with_tree(
             group[of(pair[0])] = of(pair[1])
             taken.append(pair)
     if refused:
-        monitor.notice(f"otherwise than in a person, limbs are surely not joined: {', '.join(refused)}")
+        monitor.notice(f"unlike in a person, these limbs are surely not joined: {', '.join(refused)}")
     if not taken:
         return None
     of_person = (*constraints.of_person, *taken)

@@ -99,7 +99,7 @@ def _by_names(
     moved = [() if take is reference else moved_markers(reference, take) for take in named]
     if any(names is None for names in moved):
         return None
-    monitor.notice("markers are known by their names, which are the same in all takes")
+    monitor.notice("markers are matched by their names, which are the same in all takes")
     found = []
     for take, names in zip(named, moved, strict=True):
         checked = run_stages(Project(take, seed), None, "labels", settings=settings, monitor=monitor)

@@ -240,12 +240,9 @@ def marker_panels(
             values, std = _spread(project, preview)[:, axis], np.full(project.trajectories.n_frames, np.nan)
             std[preview.path.frames] = preview.path.std
             curves.append(_previewed(values, std))
-        panels.append(Panel(title, "mm", tuple(curves), "", _about_places(), from_zero=False))
+        about = translate("Curves", "Where selected markers are, with what is stated for their gaps.")
+        panels.append(Panel(title, "mm", tuple(curves), "", about, from_zero=False))
     return tuple(panels)
-
-
-def _about_places() -> str:
-    return translate("Curves", "Where selected markers are, with what is stated for their gaps.")
 
 
 def _curve(project: Project, drawn: Sequence[int], marker: int, values: Floats) -> Curve:

@@ -10,7 +10,7 @@ from skelgen.app.drawing.graph import CostGraph
 from skelgen.app.drawing.wording import degrees, fixed
 from skelgen.app.report.curves import angle_figure
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.inverse.motion import MOST_FRAMES, AngleRange
+from skelgen.kinematics.inverse.motion import MOST_FRAMES
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import RangeOfMotion, observed_joints
 from skelgen.model import Joint, Project
@@ -110,7 +110,10 @@ def angles_content(project: Project, graph: CostGraph) -> AnglesContent:
             joint=index,
             called=measures.joint_called(project, index),
             kind=joint.kind,
-            angles=[_angle(angle) for angle in graph.joints[index].ranges],
+            angles=[
+                AngleCells(_ANGLE_WORDS[angle.name], degrees(angle.low), degrees(angle.high), degrees(angle.std))
+                for angle in graph.joints[index].ranges
+            ],
             turns=_turns(observed[index].motion),
         )
         for index, joint in enumerate(skeleton.joints)
@@ -129,10 +132,6 @@ def angles_content(project: Project, graph: CostGraph) -> AnglesContent:
     ]
     sentences = [with_names_of_limbs(seen.notice, project.limbs) for seen in observed if seen.sentence]
     return AnglesContent(rows, figures, _OPEN_FIGURES, sentences)
-
-
-def _angle(angle: AngleRange) -> AngleCells:
-    return AngleCells(_ANGLE_WORDS[angle.name], degrees(angle.low), degrees(angle.high), degrees(angle.std))
 
 
 def _turns(motion: RangeOfMotion) -> list[tuple[str, str]]:

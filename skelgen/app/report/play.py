@@ -115,6 +115,7 @@ def play_content(project: Project) -> PlayContent | None:
     basis = np.stack([view.across, view.up, view.toward], axis=1)
     box = np.percentile(known @ basis, [0, _OUTLIERS, 100 - _OUTLIERS, 100], axis=0)
     step = max(float((box[3] - box[0]).max()) / _STEPS, 1e-6)
+    lowest = box[1, 1]
     data = _drawn(project) | {
         "rate": project.take.rate,
         "stride": stride,
@@ -124,7 +125,7 @@ def play_content(project: Project) -> PlayContent | None:
         "low": box[0].tolist(),
         "step": step,
         "box": box[1:3].tolist(),
-        "floor": _floor(box[1, 1], box[2, 1] - box[1, 1]),
+        "floor": 0.0 if abs(lowest) < _NEAR_ZERO * (box[2, 1] - lowest) else lowest,
         "axes": basis.tolist(),  # of the world, in those of the view
         "packed": _packed(points, basis, box[0], step),
     }
@@ -209,10 +210,6 @@ def _front(project: Project) -> View:
         places[is_there] = points.cloud
     known = places[~np.isnan(places[..., 0])]
     return find_views(known[: places.shape[1]], places)[0]
-
-
-def _floor(lowest: float, size: float) -> float:
-    return 0.0 if abs(lowest) < _NEAR_ZERO * size else lowest
 
 
 def _drawn(project: Project) -> dict[str, Any]:

@@ -153,11 +153,7 @@ def _scales(height: float, rng: np.random.Generator) -> dict[str, Floats]:
     scales = {segment: height * np.array([girth, girth, length]) for segment, length in along.items()}
     scales["head"] = height * np.array([1.0, 1.0, trunk])
     scales["foot"] = scales["toes"] = height * np.array([foot, foot, leg])
-    return {one.name: scales[_segment(one.name)] for one in _unmarked_limbs()}
-
-
-def _segment(limb_name: str) -> str:
-    return limb_name.removeprefix("left ").removeprefix("right ")
+    return {one.name: scales[one.name.removeprefix("left ").removeprefix("right ")] for one in _unmarked_limbs()}
 
 
 def _marked(limbs: list[LimbModel]) -> list[int]:
