@@ -258,7 +258,7 @@ class Window(QMainWindow):
         self.runner.begin_with(state.forms)
         self.cameras.begin_with(project, state.cameras)
         self.video.begin_with(state.video)
-        self.video_dock.setVisible(bool(state.video) or self.video_dock.isVisible())
+        self.video_dock.setVisible(state.video is not None or self.video_dock.isVisible())
         keys = [entry.key for entry in self.pages.entries]
         self.pages.page(state.page if state.page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(state.tab)

@@ -67,6 +67,25 @@ class Shown:
     hidden: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class KeptVideo:
+    """The reference video that a project keeps.
+
+    Attributes
+    ----------
+    path : str
+        Its file.
+    offset : float, s
+        Time of the video where the recording begins.
+    rate : float, Hz
+        Pictures per second as they were filmed; 0 takes what the file says.
+    """
+
+    path: str = ""
+    offset: float = 0.0
+    rate: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class ViewState:
     """The state of the window.
@@ -81,8 +100,8 @@ class ViewState:
         Parameters that were entered, by stage and name.
     cameras : tuple of ShownCamera
         Cameras in the 3-D view.
-    video : mapping of str to value
-        The reference video, as its pane keeps it; empty for none.
+    video : KeptVideo or None
+        The reference video.
     viewpoint : Viewpoint or None
         Where the viewer stands; None fits the take.
     shown : Shown or None
@@ -94,7 +113,7 @@ class ViewState:
     frame: int = 0
     forms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     cameras: tuple[ShownCamera, ...] = ()
-    video: Mapping[str, Any] = field(default_factory=dict)
+    video: KeptVideo | None = None
     viewpoint: Viewpoint | None = None
     shown: Shown | None = None
 
@@ -103,8 +122,7 @@ class ViewState:
         """Return what the window showed when a project was saved."""
         view = project.view
         page, tab, frame = str(view.get("page", "")), int(view.get("tab", 0)), int(view.get("frame", 0))
-        video = view.get("video")
-        video = video if isinstance(video, Mapping) else {}
+        video = _kept(KeptVideo, view.get("video"))
         cameras, viewpoint = _cameras_from(view.get("cameras")), _kept(Viewpoint, view.get("viewpoint"))
         shown = _kept(Shown, view.get("shown"))
         return cls(page, tab, frame, view.get("forms", {}), cameras, video, viewpoint, shown)
@@ -117,10 +135,10 @@ class ViewState:
         ]
         forms = {stage: dict(values) for stage, values in self.forms.items()}
         view = {"page": self.page, "frame": self.frame, "forms": forms, "tab": self.tab, "cameras": cameras}
-        for name, part in (("viewpoint", self.viewpoint), ("shown", self.shown)):
+        for name, part in (("viewpoint", self.viewpoint), ("shown", self.shown), ("video", self.video)):
             if part is not None:
                 view[name] = asdict(part)
-        return replace(project, view=view | ({"video": dict(self.video)} if self.video else {}))
+        return replace(project, view=view)
 
 
 def _kept(kind: type[_T], kept: Any) -> _T | None:

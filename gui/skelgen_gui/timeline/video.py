@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QPainter, QPaintEvent
@@ -13,6 +12,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QLabel, QPushButton, 
 from skelgen.capture.sources.video import ReferenceVideo
 from skelgen.capture.values import Image
 from skelgen.errors import SkelgenError
+from skelgen_gui.model.view_state import KeptVideo
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import column, describe, row_of
@@ -80,7 +80,7 @@ class VideoPane(QWidget):
         super().__init__()
         self._session, self._report_error = session, report_error
         self._video: ReferenceVideo | None = None
-        self._lost: Mapping[str, Any] = {}
+        self._lost: KeptVideo | None = None
         self._shown: int | None = None
         self._deriver = Deriver(self)
         self.picture = VideoPicture(self)
@@ -121,28 +121,27 @@ class VideoPane(QWidget):
         self.rate.setSuffix(" Hz")
 
     @property
-    def kept(self) -> Mapping[str, Any]:
-        """The video as a project keeps it: file, offset [s] and rate [Hz]; empty without a video."""
+    def kept(self) -> KeptVideo | None:
+        """The video as a project keeps it."""
         if self._video is None:
             return self._lost
-        return {"path": str(self._video.path), "offset": self.offset.value(), "rate": self.rate.value()}
+        return KeptVideo(str(self._video.path), self.offset.value(), self.rate.value())
 
-    def begin_with(self, kept: Mapping[str, Any]) -> None:
+    def begin_with(self, kept: KeptVideo | None) -> None:
         """Show the video that a project keeps, if it is still there."""
-        path, offset, rate = kept.get("path"), kept.get("offset", 0.0), kept.get("rate", 0.0)
-        if not (isinstance(path, str) and isinstance(offset, int | float) and isinstance(rate, int | float)):
+        if kept is None or not kept.path:
             self.show_video(None)
             return
         try:
-            self.show_video(ReferenceVideo(Path(path)))
+            self.show_video(ReferenceVideo(Path(kept.path)))
         except SkelgenError as error:
             self.show_video(None)
             self._lost = kept  # it may be there again next time
             self.picture.show_picture(None, str(error))
             return
-        self.offset.setValue(offset)
-        if rate > 0:
-            self.rate.setValue(rate)
+        self.offset.setValue(kept.offset)
+        if kept.rate > 0:
+            self.rate.setValue(kept.rate)
 
     def show_video(self, video: ReferenceVideo | None) -> None:
         """Show another video, from the beginning of the recording on; None shows none."""
@@ -150,7 +149,7 @@ class VideoPane(QWidget):
         self._deriver.wait()
         if self._video is not None:
             self._video.close()
-        self._video, self._shown, self._lost = video, None, {}
+        self._video, self._shown, self._lost = video, None, None
         for widget in (self.offset, self.rate, self.remove):
             widget.setEnabled(video is not None)
         self.offset.setValue(0.0)

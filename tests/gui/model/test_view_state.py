@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.model.view_state import ViewState
+from skelgen_gui.model.view_state import KeptVideo, ViewState
 from skelgen_gui.model.viewpoint import cameras_of
 
 from skelgen.capture.reference_rig import reference_rig
@@ -38,6 +38,13 @@ def test_what_the_window_shows_survives_the_project_file(project):
     assert (state.page, state.tab, state.frame, state.forms) == ("joints", 2, 17, forms)
     for camera, same in zip(cameras, state.cameras, strict=True):
         np.testing.assert_allclose(same.lines(400.0), camera.lines(400.0))
+
+
+@pytest.mark.parametrize("kept", [None, {}, {"path": 5}, {"path": "walk.avi", "offset": "late"}, "walk.avi"])
+def test_a_video_survives_the_project_file_and_what_is_none_is_left_out(project, kept):
+    video = KeptVideo("walk.avi", 0.2, 25.0)
+    assert ViewState.of(stored(ViewState(video=video).kept_in(project))).video == video
+    assert ViewState.of(replace(project, view={"video": kept})).video is None
 
 
 def test_names_in_the_project_file_are_those_of_version_0_1(project):

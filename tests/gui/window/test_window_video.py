@@ -69,11 +69,11 @@ def test_a_project_keeps_its_video_even_while_the_file_is_away(window, person, r
     path = tmp_path / "rods.skelgen"
     person.saves_as(path)
     person.opens(rods)
-    assert window.video.kept == {}
+    assert window.video.kept is None
     person.opens(path)
     person.waits(lambda: number_of(window.video) == 5)
     assert not window.video_dock.isHidden()
-    kept = dict(window.video.kept)
+    kept = window.video.kept
     film.unlink()
     person.opens(path)
     assert "film.avi: no such file" in window.video.picture.sentence
