@@ -81,10 +81,9 @@ def apply_subject(
     True
     """
     subjects = [subject] if isinstance(subject, Project | Path | str) else list(subject)
-    known = joined_subjects(subjects)
     return run_with_subject(
         Project(take.take if isinstance(take, Project) else take),
-        known,
+        joined_subjects(subjects),
         settings=Settings(parameters),
         monitor=monitor or SILENT,
     )
