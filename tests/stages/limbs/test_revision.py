@@ -11,7 +11,7 @@ from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import LimbConstraints, find_limbs
 from skelgen.stages.limbs.distances import distance_deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.revision import are_plates, bending
+from skelgen.stages.limbs.revision import are_plates, deformation
 
 PEOPLE = {
     "landing.trc": 0.8,
@@ -84,7 +84,7 @@ def test_white_noise_is_no_bending(simulated) -> None:
         simulation = simulated("human", 0, soft_tissue=tissue, noise=0.5, n_frames=600)
         positions, groups = simulation.take.positions, np.asarray(simulation.truth.limb_of_marker)
         deviations = distance_deviations(positions, np.arange(len(positions)))
-        assert bending(groups, deviations, positions) == (bend, False)
+        assert deformation(groups, deviations, positions) == (bend, False)
 
 
 @pytest.mark.parametrize("worn", ["plug-in-gait", "cast", "animation-41", "opencap"])
