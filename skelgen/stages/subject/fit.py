@@ -293,11 +293,11 @@ def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[
     owned = labels.marker_of_point >= 0
     counts = np.zeros((len(given), len(names)), dtype=np.intp)
     np.add.at(counts, (labels.points.tracks[owned], labels.marker_of_point[owned]), 1)
-    most_frequent: Ints = counts.argmax(axis=1)
+    found = [names[marker] for marker in counts.argmax(axis=1).tolist()]
     pairs = [
-        f"{name} is {names[most_frequent[track]]}"
-        for track, name in enumerate(given)
-        if counts[track].any() and name not in {names[most_frequent[track]], body_and_limb(names[most_frequent[track]])[1]}
+        f"{name} is {other}"
+        for name, other, is_labelled in zip(given, found, counts.any(axis=1).tolist(), strict=True)
+        if is_labelled and name not in {other, body_and_limb(other)[1]}
     ]
     if pairs:
         yield f"named otherwise than in the skeleton: {', '.join(pairs)}"
