@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.model.arrays import Bools, Floats, evenly_spread
 from skelgen.model.limbs import body_and_limb, names_of_bodies
 from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.labels import LabelParameters
@@ -296,8 +296,8 @@ def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[
     found = [names[marker] for marker in counts.argmax(axis=1).tolist()]
     pairs = [
         f"{name} is {other}"
-        for name, other, is_labelled in zip(given, found, counts.any(axis=1).tolist(), strict=True)
-        if is_labelled and name not in {other, body_and_limb(other)[1]}
+        for name, other, row in zip(given, found, counts, strict=True)
+        if row.any() and name not in {other, body_and_limb(other)[1]}
     ]
     if pairs:
         yield f"named otherwise than in the skeleton: {', '.join(pairs)}"
