@@ -10,8 +10,9 @@ side that have no marker, are matched with the markers of the other side togethe
 side, what two of a side's markers i, j gain when they are a and b of the other side is the evidence of the distance
 (a, b) with those samples added, less that of both apart (`_kernels.marker_exchanges.explained`); so it is for their
 distances to what is not hidden. Only the steadiest distances of each count. The best matching of the whole group is
-found by a beam over its members, each tied by steady distances to one before it, and kept if it explains the take
-better by `LEAST_GAIN`. So a whole body that left and came back is matched, too, though left and right limbs are alike.
+found by a beam over its members, those seen longest first, and kept if it explains the take better by `LEAST_GAIN`.
+A whole body that left and came back is matched, too, in the order in which its markers are tied to each other: left and
+right limbs are alike but for what they hang on.
 """
 
 from typing import NamedTuple
@@ -38,8 +39,10 @@ LEAST_MOMENTS = 2
 LEAST_HIDDEN = 3
 """Members and goals together: one of each is what it is."""
 
-MOST_HIDDEN = 64
-"""Larger groups are not matched: time and memory grow with the fourth power. 45 markers of a body take 0.3 s."""
+MOST_HIDDEN, MOST_OF_BODY = 26, 64
+"""Larger groups are not matched, and larger ones of which nothing is seen that they are steady with: time and memory
+grow with the fourth power. 45 markers of a body take 0.3 s. Where a part of a body is seen, it says more of the rest by
+smaller groups."""
 
 STEADIEST = 8
 """Distances of each marker that count on either side of a cut."""
@@ -163,9 +166,16 @@ class _Cuts:
         members = np.concatenate([members, left])
         if len(members) + len(goals) < LEAST_HIDDEN or not (len(members) and len(goals)):
             return None
-        if max(len(members), len(goals)) > MOST_HIDDEN:
-            return None
-        return _Group(members, goals, inside, outside)
+        group = _Group(members, goals, inside, outside)
+        largest = max(len(members), len(goals))
+        is_small = largest <= MOST_HIDDEN or (largest <= MOST_OF_BODY and self._is_apart(group))
+        return group if is_small else None
+
+    def _is_apart(self, group: _Group) -> bool:
+        """Whether a group is steady with nothing that is seen."""
+        others = np.setdiff1d(np.arange(self._n_markers), np.union1d(group.members, group.goals))
+        ties = explained(group.inside, self._spacing)[np.ix_(group.members, others)]
+        return not (ties > 0.0).any()
 
     def _places_if(self, members: Ints, goal: Ints, inside: slice) -> Floats:
         """Markers at the moments if members have these goals."""
@@ -203,13 +213,15 @@ def _matching(group: _Group, n_markers: int, spacing: float) -> Ints | None:
 
 
 def _order(group: _Group, n_markers: int, spacing: float) -> Ints:
-    """The order in which members are matched: each is tied by steady distances to one before it, leftovers come last.
+    """The order in which members are matched: those seen longest first, leftovers last.
 
-    So what is matched speaks of what comes next, and a beam finds a whole body that left and came back.
+    In large groups each is tied by steady distances to one before it, so that what is matched speaks of what comes next.
     """
     members = group.members
-    ties = explained(group.inside, spacing)[np.ix_(members, members)]
     last, seen = members >= n_markers, group.inside[0][members, members]
+    if max(len(members), len(group.goals)) <= MOST_HIDDEN:
+        return np.lexsort([-seen, last])
+    ties = explained(group.inside, spacing)[np.ix_(members, members)]
     order = [int(np.lexsort([-seen, last])[0])]
     while len(order) < len(members):
         tied = ties[order].max(axis=0)
