@@ -90,8 +90,15 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _hear_preamble(head, every[:first])
                 _pass_further_titles(head, every)
                 _hear_names(head, every)
-                return _without_no_places(head)
+                if _stand_over_rows(head, every):
+                    return _without_no_places(head)
     return None
+
+
+def _stand_over_rows(head: Head, every: Sequence[Sequence[str]]) -> bool:
+    """Whether what follows the titles may be a row of their table: with a number, or with as many cells."""
+    behind = every[head.n_lines : head.n_lines + 1]
+    return all(len(row) == head.n_cells or any(map(is_number, row)) for row in behind)
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:

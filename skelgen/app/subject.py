@@ -255,8 +255,8 @@ def _as_stated(project: Project, monitor: Monitor) -> Project:
     for sentence in notices:
         monitor.notice(sentence)
     report = project.reports["labels"]
-    told = {**project.reports, "labels": replace(report, notices=(*report.notices, *notices))}
-    return replace(project, reports=told)
+    reports = {**project.reports, "labels": replace(report, notices=(*report.notices, *notices))}
+    return replace(project, reports=reports)
 
 
 def _called(subject: Project) -> str:

@@ -282,7 +282,7 @@ def test_report_says_what_limbs_are_called_where_it_says_what_motion_does_not_de
     project = make_project(parents=(-1, 0, 0)).with_limb_names(("pelvis", "left thigh", "right thigh"))
     placed = tuple(replace(joint, is_placed_by_marker_set=True) for joint in project.skeleton.joints)
     project = replace(project, _skeleton=replace(project.skeleton, joints=placed))
-    sentence = report_content(project)["angles"]["sentences"][0]
+    sentence = report_content(project).angles.sentences[0]
     assert sentence.startswith("the joint between pelvis and left thigh is placed by the marker set")
 
 

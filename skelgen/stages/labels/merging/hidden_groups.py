@@ -215,7 +215,7 @@ def _matching(group: _Group, n_markers: int, spacing: float) -> Ints | None:
 def _order(group: _Group, n_markers: int, spacing: float) -> Ints:
     """The order in which members are matched: those seen longest first, leftovers last.
 
-    In large groups each is tied by steady distances to one before it, so that what is matched speaks of what comes next.
+    In large groups each is tied by steady distances to one before it, so that what is matched speaks of the next ones.
     """
     members = group.members
     last, seen = members >= n_markers, group.inside[0][members, members]
