@@ -212,7 +212,9 @@ def learn(told: list[Told]) -> None:
 
 
 def fitted(features: Floats, right: Bools, weight: Floats) -> str:
-    """Constant and weights of a logistic regression."""
+    """Constant and weights of a logistic regression; none where all are right, or all wrong."""
+    if right.all() or not right.any():
+        return f"nothing to learn of {len(right)} that are {'right' if right.all() else 'wrong'}"
     fit = LogisticRegression(C=10).fit(features, right, sample_weight=weight * len(weight) / weight.sum())
     return ", ".join(f"{value:.2f}" for value in (fit.intercept_[0], *fit.coef_[0]))
 
