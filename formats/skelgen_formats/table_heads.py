@@ -1,10 +1,9 @@
 """What the lines above a table of points say: which columns are whose, which is time, rate, unit, and where it begins.
 
 Titles are one line (see `skelgen_formats.titles`), or two, the name over the first or over each of the columns X, Y, Z
-(Mokka has units between them);
-or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of an ASCII export of Visual3D:
-file, signal, type, folder, and ``ITEM  X  Y  Z``. Before them may stand lines of a word and a value
-(``Frequency: 100``, ``Units: mm``), behind them one of units, or the name of the index that pandas writes.
+(Mokka has units between them); or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of
+an ASCII export of Visual3D: file, signal, type, folder, and ``ITEM  X  Y  Z``. Before them may stand lines of a word
+and a value (``Frequency: 100``, ``Units: mm``), behind them one of units, or the name of the index that pandas writes.
 """
 
 import re
@@ -87,9 +86,9 @@ def find_head(lines: Sequence[str]) -> Head | None:
         for first, find in product(starts, (_visual3d,) if _is_visual3d(every) else others):
             if (head := find(every[first : first + _TITLE_LINES])) is not None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
-                _hear_preamble(head, every[:first])
+                _read_preamble(head, every[:first])
                 _pass_further_titles(head, every)
-                _hear_names(head, every)
+                _read_names(head, every)
                 if _stand_over_rows(head, every):
                     return _without_no_places(head)
     return None
@@ -106,7 +105,7 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip().strip('"') for cell in text.split(delimiter)] or [""]
 
 
-def _hear_preamble(head: Head, before: list[list[str]]) -> None:
+def _read_preamble(head: Head, before: list[list[str]]) -> None:
     for row in before:
         key, _, value = ":".join(filter(None, row)).partition(":")
         stated = _STATED.fullmatch(key)
@@ -134,7 +133,7 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
         head.n_lines += 1
 
 
-def _hear_names(head: Head, every: list[list[str]]) -> None:
+def _read_names(head: Head, every: list[list[str]]) -> None:
     """Call points as cells of the first row do where a column is theirs: ROS has ``markers0.marker_name``."""
     titles, row = {title.lower(): at for at, title in enumerate(every[head.n_lines - 1])}, [*every, []][head.n_lines]
     for body in head.bodies:

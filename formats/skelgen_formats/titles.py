@@ -18,9 +18,9 @@ COMPONENTS = "wxyz"
 _BETWEEN = r"[ _.:-]"
 _UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
 _PLACE_WORD = rf"(?:pos|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
-_FORWARD = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
+_AXIS_LAST = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}t([xyz])", re.IGNORECASE)
-_TURNED = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
+_AXIS_FIRST = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.{1,200}?)[_ .]([123])")
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
@@ -33,7 +33,7 @@ _TIME = re.compile(
     r"(?:[ _]?[\[(/]? ?(s|secs?|seconds?|ms|msecs?|milliseconds?|us|µs|microseconds?|ns|nanoseconds?) ?[\])]?)?",
     re.IGNORECASE,
 )
-_SECONDS = {"s": 1.0, "ms": 1e-3, "mi": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
@@ -73,7 +73,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    for parsed in (_forward, _turned, _numbered):
+    for parsed in (_axis_last, _axis_first, _numbered):
         found = _joined(_gathered(titles, parsed))
         if found and (parsed is not _numbered or len(found) >= _FEWEST):
             return found
@@ -117,7 +117,7 @@ def seconds_per_unit(title: str) -> float | None:
     if match is None:
         return None
     unit = (match[1] or ("s" if title.lower() == "seconds" else "")).lower()
-    return next((_SECONDS[key] for key in (unit[:2], unit[:1]) if key in _SECONDS), 0.0)
+    return next((_SECONDS[key] for key in (unit[:3], unit[:2], unit[:1]) if key in _SECONDS), 0.0)
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title
@@ -171,19 +171,19 @@ def _without_unit(title: str) -> tuple[str, str]:
     return (match[1], match[2].lower()) if match else (title.strip(), "")
 
 
-def _forward(title: str) -> tuple[str, str, str] | None:
+def _axis_last(title: str) -> tuple[str, str, str] | None:
     text, unit = _without_unit(title)
     if (alone := _ALONE.fullmatch(text)) and len(text) > 1:
         return "", alone[1].lower(), unit
-    match = _TRANSLATED.fullmatch(text) or _FORWARD.fullmatch(text)
+    match = _TRANSLATED.fullmatch(text) or _AXIS_LAST.fullmatch(text)
     if match is None or _SENSED.fullmatch(text):
         return None
     named = _NAMED_PLACE.fullmatch(match[1])
     return (named or match)[1], match[2].lower(), unit
 
 
-def _turned(title: str) -> tuple[str, str, str] | None:
-    match = _TURNED.fullmatch(title.strip())
+def _axis_first(title: str) -> tuple[str, str, str] | None:
+    match = _AXIS_FIRST.fullmatch(title.strip())
     return (match[2], match[1].lower(), (match[3] or match[4] or "").lower()) if match else None
 
 

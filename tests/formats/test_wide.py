@@ -218,6 +218,8 @@ def test_name_of_the_index_of_pandas_is_no_frame(put):
         ("Time (Seconds)", (0, 0.02)),
         ("time_ms", (0, 20)),
         ("Elapsed Time (ms)", (0, 20)),
+        ("time [milliseconds]", (0, 20)),
+        ("time_microseconds", (0, 20_000)),
         ("time", (0, 20)),
         ("%time", (1_600_000_000_000_000_000, 1_600_000_000_020_000_000)),
     ],
