@@ -100,3 +100,15 @@ def counted(count: int, singular: str, plural: str = "") -> str:
     ('1 limb', '1200 frames', '0 bodies')
     """
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def listed(parts: Iterable[str]) -> str:
+    """Join parts as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["pelvis", "chest", "head"]), listed(["pelvis"])
+    ('pelvis, chest and head', 'pelvis')
+    """
+    *first, last = list(parts) or [""]
+    return f"{', '.join(first)} and {last}" if first else last

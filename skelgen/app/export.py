@@ -12,7 +12,6 @@ from skelgen_formats.rest_pose import remarks_on_rest
 from skelgen_formats.writing import PARTS, choices_in, parts_in, trajectories_of
 
 from skelgen.app.bodies import body_files
-from skelgen.app.drawing.wording import listed
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
@@ -21,7 +20,7 @@ from skelgen.geometry.frame_rate import n_frames_at
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Filled
-from skelgen.progress import SILENT, Monitor, counted
+from skelgen.progress import SILENT, Monitor, counted, listed
 
 
 def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError, SkelgenError
 from skelgen.model.arrays import Floats, check_whole, set_fields
+from skelgen.progress import listed
 
 SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
@@ -191,7 +192,7 @@ class Correction:
     @property
     def sentence(self) -> str:
         """What it says."""
-        names = " and ".join(filter(None, (", ".join(self.names[:-1]), *self.names[-1:])))
+        names = listed(self.names)
         first, rest = (*self.names, "")[0], ", ".join((*self.names[1:2], *self.names[3:]))
         sentence = self.rule.sentence.format(names=names, first=first, rest=rest, value=self.value)
         if self.first_frame is None and self.last_frame is None:

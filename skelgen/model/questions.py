@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.model.labelling import Doubt, Labelling
+from skelgen.progress import listed
 
 LEAST_SETTLED = 10.0
 """Positions; what settles less is not worth an answer."""
@@ -65,12 +66,9 @@ class Question:
             All markers.
         """
         spans = self.spans or ((self.first_frame, self.last_frame),)
-        listed = [f"{first} to {last}" for first, last in spans[:MOST_SPANS]]
-        listed += [f"{len(spans) - MOST_SPANS} more spans"] * (len(spans) > MOST_SPANS)
-        frames, called = (
-            "frames " + " and ".join(filter(None, (", ".join(listed[:-1]), listed[-1]))),
-            [names[marker] for marker in self.markers],
-        )
+        shown = [f"{first} to {last}" for first, last in spans[:MOST_SPANS]]
+        shown += [f"{len(spans) - MOST_SPANS} more spans"] * (len(spans) > MOST_SPANS)
+        frames, called = f"frames {listed(shown)}", [names[marker] for marker in self.markers]
         if self.kind == "same":
             asked = f"are {called[1]} and {called[0]} one marker"
         elif self.kind == "which":

@@ -8,9 +8,10 @@ import numpy as np
 from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph, tree_path
 from skelgen.app.drawing.measures import tidy_places
 from skelgen.app.drawing.poses import find_views, left_side, reference_markers
-from skelgen.app.drawing.wording import digits, fixed, listed, whole_percent
+from skelgen.app.drawing.wording import digits, fixed, whole_percent
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import listed
 from skelgen_gui.model import translate
 from skelgen_gui.model.selection import distances_to_lines
 

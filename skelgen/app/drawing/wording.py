@@ -1,7 +1,7 @@
 """Numbers and names as a reader wants them: three digits, a unit, no noise."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 _MINUS = "−"
 _FIXED_SPACE = "\N{NO-BREAK SPACE}"  # between a number and its unit
@@ -113,12 +113,6 @@ def whole_percent(probability: float) -> str:
     ['100 %', '99 %', '55 %', '1 %']
     """
     return f"{100 * probability if probability in (0.0, 1.0) else min(max(100 * probability, 1), 99):.0f} %"
-
-
-def listed(parts: Iterable[str]) -> str:
-    """Join parts as a sentence does: ``a, b and c``."""
-    words = list(parts)
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else ""
 
 
 def as_many_as_fit(names: Sequence[str], room: int) -> str:

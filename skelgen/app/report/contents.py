@@ -14,7 +14,7 @@ from skelgen.app.advice import doubtful_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import duration, listed, millimetres, percent, plain
+from skelgen.app.drawing.wording import duration, millimetres, percent, plain
 from skelgen.app.report.angles import AnglesContent, angles_content
 from skelgen.app.report.curves import points_figure
 from skelgen.app.report.joints import JointsContent, LengthsContent, joints_content, lengths_content
@@ -29,7 +29,7 @@ from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
-from skelgen.progress import SILENT, Monitor, counted
+from skelgen.progress import SILENT, Monitor, counted, listed
 
 _LIBRARIES = ("numpy", "scipy")
 

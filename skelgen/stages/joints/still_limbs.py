@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.progress import listed
 
 STILL = 0.1
 """Part of what limbs usually move in the room, below which a limb stands still."""
@@ -73,5 +74,5 @@ def _connected(edges: Ints, n_limbs: int) -> Ints:
 
 def _limbs(limbs: Iterable[int]) -> str:
     """What limbs are called in a sentence: ``limb 3``, ``limbs 3 and 4`` or ``limbs 3, 4 and 5``."""
-    *first, last = map(str, sorted(limbs))
-    return f"limbs {', '.join(first)} and {last}" if first else f"limb {last}"
+    numbers = [str(limb) for limb in sorted(limbs)]
+    return f"{'limb' if len(numbers) == 1 else 'limbs'} {listed(numbers)}"
