@@ -165,7 +165,7 @@ def judged(known: Known) -> Told:
         alone,
         topology.edge_probability,
         np.array(edges, dtype=np.bool_),
-        edge_features(topology, topology.edge_probability),
+        edge_features(topology, limbs),
     )
 
 
@@ -187,12 +187,14 @@ def neighbours(known: Known) -> set[frozenset[int]]:
     return found
 
 
-def edge_features(topology: Topology, stated: Floats) -> Floats:
-    """Leads of edges, and turns as they follow from leads and probabilities, shape (n_joints, 2)."""
-    lead = joint_costs.edge_leads(topology)
+def edge_features(topology: Topology, limbs: Limbs) -> Floats:
+    """Features of edges; turns, which are no result, as they follow from the probabilities, shape (n_joints, 4)."""
+    assert topology.edge_probability is not None
+    features = joint_costs.edge_features(topology, np.full(topology.joint_costs.shape, np.nan), limbs)
+    stated = topology.edge_probability * (1 + np.exp(-features[:, 0] / joint_costs.TIE))
     odds = np.log(stated / (1 - stated))
-    turn = (odds - joint_costs.BIAS - joint_costs.OF_LEAD * lead) / joint_costs.OF_TURN
-    return np.stack([lead, turn], axis=1)
+    features[:, 1] = (odds - joint_costs.BIAS - features @ joint_costs.WEIGHTS) / joint_costs.WEIGHTS[1]
+    return features
 
 
 def learn(told: list[Told]) -> None:
@@ -208,7 +210,7 @@ def learn(told: list[Told]) -> None:
         np.concatenate([getattr(one, name) for one in told]) for name in ("edge_features", "edge_is_right")
     )
     weight = np.concatenate([np.full(len(one.of_edges), part[one.kind]) for one in told])
-    print("BIAS, OF_LEAD, OF_TURN =", fitted(features, right, weight))
+    print("BIAS, WEIGHTS =", fitted(features, right, weight))
 
 
 def fitted(features: Floats, right: Bools, weight: Floats) -> str:

@@ -21,9 +21,10 @@ expected as often as :math:`x^{-1/b}`: b is the mean of how far the logarithms o
 Where noise is all there is, b is some 0.05, through 3 mm of soft tissue 0.3, on people 1. A cost that is x times
 another thus speaks against a joint by :math:`\log(x) / b`, and both together by the cost times :math:`e^{-b o}`.
 
-An edge of the tree is as sure as the best other edge between the same two parts of it is dearer, and as its limbs turn
-against each other: those that hardly turn show little of their joint. How often such an edge is right is learned from
-takes whose truth is known.
+An edge of the tree is as sure as the best other edge between the same two parts of it is dearer, as its limbs turn
+against each other (those that hardly turn show little of their joint), and as their markers are on them: what mixes
+markers of several limbs is nobody's neighbour. How often such an edge is right is learned from takes whose truth is
+known.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +33,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
-from skelgen.model import Topology
+from skelgen.model import Limbs, Topology
 from skelgen.model.arrays import Floats
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
@@ -180,13 +181,16 @@ SHOWN_TURN = 0.05
 TIE = 0.05
 """Logarithm of how many times dearer an edge is that could as well be there: costs differ by so much by chance."""
 
+SUREST = 0.98
+"""Mean probability of a limb's markers above which they say nothing more."""
+
 # Learned by tests/benchmarks/doubt.py
-BIAS, OF_LEAD, OF_TURN = 3.63, 0.62, 0.61
+BIAS, WEIGHTS = -0.50, (0.45, 0.97, 0.57, 1.00)
 RIVAL_SHARE = 0.26
 """Part of the wrong edges whose rival is right; with the others another edge is right, or limbs are wrong."""
 
 
-def with_certainty(topology: Topology, turns: Floats, constraints: JointConstraints) -> Topology:
+def with_certainty(topology: Topology, turns: Floats, limbs: Limbs, constraints: JointConstraints) -> Topology:
     """Return a tree with the probability of each of its edges, and of the best other edge instead.
 
     Parameters
@@ -195,12 +199,14 @@ def with_certainty(topology: Topology, turns: Floats, constraints: JointConstrai
         The tree.
     turns : ndarray, shape (n_limbs, n_limbs), rad
         How far limbs turn against each other, each axis; NaN if unknown.
+    limbs : Limbs
+        The limbs, with the probability of each marker.
     constraints : JointConstraints
         What the user states of the tree.
     """
-    leads = edge_leads(topology)
-    sure = edge_probability(leads, edge_turns(topology, turns))
-    found = sure / (1 + np.exp(-leads / TIE))
+    features = edge_features(topology, turns, limbs)
+    sure = 1 / (1 + np.exp(-(BIAS + features @ np.array(WEIGHTS))))
+    found = sure / (1 + np.exp(-features[:, 0] / TIE))
     rivals = RIVAL_SHARE * (1 - sure) + sure - found
     has_rival = topology.rivals[:, 0] >= 0
     stated = [(min(edge), max(edge)) in constraints.joined for edge in topology.edges.tolist()]
@@ -212,38 +218,37 @@ def with_certainty(topology: Topology, turns: Floats, constraints: JointConstrai
     )
 
 
-def edge_leads(topology: Topology) -> Floats:
-    """Return the logarithm of how many times dearer the best other edge is, for each joint, shape (n_joints,)."""
-    parents, children = topology.edges.T
-    costs = np.maximum(topology.joint_costs[parents, children], np.finfo(np.float64).tiny)
-    dearer = np.log1p(np.maximum(topology.margins, 0.0) / costs)
-    return np.asarray(np.minimum(np.nan_to_num(dearer, nan=MOST_DEARER), MOST_DEARER))
+def edge_features(topology: Topology, turns: Floats, limbs: Limbs) -> Floats:
+    """Return what tells how sure each edge is, shape (n_joints, 4).
 
-
-def edge_turns(topology: Topology, turns: Floats) -> Floats:
-    """Return the logarithm of how far the limbs of each joint turn against each other [rad], shape (n_joints,).
+    Logarithm of how many times dearer the best other edge is; logarithm of how far the limbs turn against each other
+    [rad], as usual if unknown; log odds of the markers on the less sure of both limbs, and in the mean of all limbs.
 
     Parameters
     ----------
     topology : Topology
         The tree.
     turns : ndarray, shape (n_limbs, n_limbs), rad
-        How far limbs turn against each other, each axis; NaN if unknown, which counts as usual.
+        How far limbs turn against each other, each axis; NaN if unknown.
+    limbs : Limbs
+        The limbs, with the probability of each marker.
     """
     parents, children = topology.edges.T
+    costs = np.maximum(topology.joint_costs[parents, children], np.finfo(np.float64).tiny)
+    leads = np.nan_to_num(np.log1p(np.maximum(topology.margins, 0.0) / costs), nan=MOST_DEARER)
     own = turns[parents, children]
-    median = float(np.nanmedian(own)) if np.isfinite(own).any() else 1.0
-    return np.asarray(np.log(np.maximum(np.nan_to_num(own, nan=median), SHOWN_TURN)))
+    usual_turn = float(np.nanmedian(own)) if np.isfinite(own).any() else 1.0
+    shown = np.log(np.maximum(np.nan_to_num(own, nan=usual_turn), SHOWN_TURN))
+    odds = _odds_of_limbs(limbs)
+    of_all = np.full(len(parents), odds.mean())
+    return np.stack([np.minimum(leads, MOST_DEARER), shown, np.minimum(odds[parents], odds[children]), of_all], axis=1)
 
 
-def edge_probability(leads: Floats, turns: Floats) -> Floats:
-    """Return how often edges of such leads, whose limbs turn so far, are right, shape (n_joints,).
-
-    Parameters
-    ----------
-    leads : ndarray, shape (n_joints,)
-        What `edge_leads` gives.
-    turns : ndarray, shape (n_joints,)
-        What `edge_turns` gives.
-    """
-    return np.asarray(1 / (1 + np.exp(-(BIAS + OF_LEAD * leads + OF_TURN * turns))))
+def _odds_of_limbs(limbs: Limbs) -> Floats:
+    """Log odds that the markers of each limb are on it, shape (n_limbs,); a single marker mixes nothing."""
+    on_limb = limbs.limb_of_marker >= 0
+    own, sure = limbs.limb_of_marker[on_limb], np.nan_to_num(limbs.probability[on_limb], nan=1.0)
+    sizes = np.bincount(own, minlength=limbs.n_limbs)
+    mean = np.bincount(own, weights=sure, minlength=limbs.n_limbs) / np.maximum(sizes, 1)
+    bounded = np.clip(np.where(sizes > 1, mean, 1.0), 1 - SUREST, SUREST)
+    return np.asarray(np.log(bounded / (1 - bounded)))

@@ -150,7 +150,7 @@ class JointSearch:
             raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
         topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)
         loops = loop_joints(tree.parents, costs, n_markers)
-        topology = with_certainty(replace(topology, loops=loops), costs.turns, stated)
+        topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
         notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
