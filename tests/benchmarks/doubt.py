@@ -1,7 +1,8 @@
 """Whether probabilities hold: ``python tests/benchmarks/doubt.py [n_takes] [--learn]``.
 
-Simulated people, animals, machines and random trees with soft tissue, and bodies that are seen without any error, 12
-takes of each kind unless told otherwise; real people (``../shared/data/bodies`` beside the project), and a shoulder
+Simulated people (in marker sets that are known, and that are not, and with markers anywhere on their limbs), animals,
+machines and random trees with soft tissue, and bodies that are seen without any error, 12 takes of each kind unless
+told otherwise; real people (``../shared/data/bodies`` beside the project), and a shoulder
 whose markers stand on pins in the bones (``../shared/data/bone_pin``). Nothing is given. Memberships of markers and
 edges of trees are sorted by their probability; beside stand how many are right. A marker is right on a limb most of
 whose markers are of its body, alone where no limb is of its body; an edge between neighbouring bodies or two parts of
@@ -19,13 +20,13 @@ from pathlib import Path
 
 import limbs as limb_benchmark
 import numpy as np
-from people import USUAL_PLACE, load
+from people import USUAL_PLACE, load, unknown_people
 from real_recordings import BONE_PINS, BONES, CENTRE
 from shown import show, show_machine
 from sklearn.linear_model import LogisticRegression
 
 import skelgen
-from skelgen.benchmark.people import simulated_animal, simulated_person
+from skelgen.benchmark.people import simulated_animal, simulated_person, without_names
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.simulation import SimulatedTake, simulate
@@ -110,7 +111,11 @@ def takes(n_takes: int) -> Iterator[Known]:
         tissue, moved = (3.0, 8.0)[index % 2], (1.0, 0.5, 0.3)[index % 3]
         options = {"n_frames": 400, "noise": 0.5, "soft_tissue": tissue, "motion_range": moved}
         yield simulated("soft tree", simulate(TREES[index % len(TREES)], seed=2000 + index, **options))
+        options = {"n_frames": 600, "noise": 0.3, "soft_tissue": "realistic"}
+        yield simulated("anywhere", without_names(simulate("human", seed=100 + index, **options)))
         yield simulated("exact", simulate(EXACT[index % len(EXACT)], seed=3000 + index, n_frames=400))
+    for _, _, who in unknown_people(n_takes):
+        yield Known("unknown set", who.take, who.allowed, who.parents)
     for path in sorted(USUAL_PLACE.glob("*.truth.npz")):
         real = load(USUAL_PLACE, path.name.removesuffix(".truth.npz"))
         yield Known("real person", real.take, real.allowed, real.parents)

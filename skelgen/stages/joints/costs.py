@@ -185,7 +185,7 @@ SUREST = 0.98
 """Mean probability of a limb's markers above which they say nothing more."""
 
 # Learned by tests/benchmarks/doubt.py
-BIAS, WEIGHTS = -0.50, (0.45, 0.97, 0.57, 1.00)
+BIAS, WEIGHTS = -0.24, (0.53, 1.07, 1.07, 0.42)
 RIVAL_SHARE = 0.26
 """Part of the wrong edges whose rival is right; with the others another edge is right, or limbs are wrong."""
 

@@ -1,8 +1,9 @@
 """How sure it is that a marker is on its limb: probabilities from what all pairs of markers say.
 
 The mean log odds of a marker's pairs with its limb are compared with those of the limb that suits it next best, or with
-0 for a limb of its own. How often such a marker is on its limb is learned from simulated takes, whose truth is known;
-the other limbs share the rest by their odds.
+0 for a limb of its own; where a person's limbs follow from the markers that people wear, these speak, too. How often
+such a marker is on its limb is learned from simulated takes, whose truth is known; the other limbs share the rest by
+their odds.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import counted
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
+from skelgen.stages.limbs.worn_places import worn_odds
 
 LARGEST = 6.0
 """Log odds of one pair: more would let it speak for all others."""
@@ -26,6 +28,9 @@ LEAST_FRAMES = 20
 MOST_NAMED = 8
 """Most doubtful markers that a notice names; nobody reads more."""
 
+OF_WORN = 0.5
+"""Weight of what is worn beside what pairs do: it is right or wrong of all pairs at once."""
+
 # Learned by tests/benchmarks/doubt.py
 BIAS, OF_LEAD, OF_SIZE = 2.27, 0.61, -1.49
 """Of markers with mates: constant, lead over the next best limb, logarithm of the limb's size over the usual
@@ -35,7 +40,7 @@ BIAS_ALONE, OF_LEAD_ALONE = -1.84, 0.95
 """Of the only marker of a limb."""
 
 
-def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints) -> Floats:
+def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints, whole: Floats | None = None) -> Floats:
     """Return the probability that each marker is on each limb, shape (n_markers, n_limbs).
 
     What lacks to 1 is the probability that the marker is on none of them.
@@ -48,9 +53,11 @@ def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints)
         Limb of each marker, numbered without holes.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
+        All frames, if what is worn speaks for limbs.
     """
     is_member = groups[:, np.newaxis] == np.arange(groups.max() + 1)
-    suits = limb_odds(positions, is_member)
+    suits = limb_odds(positions, is_member, whole)
     own = own_probability(suits, is_member)
     refused = (constraints.apart @ is_member) | is_member
     others = np.where(refused, 0.0, np.exp(suits))  # 1 being a limb of its own
@@ -85,7 +92,7 @@ def doubt_notices(limbs: Limbs, names: Sequence[str]) -> Iterator[str]:
         yield f"{others} perhaps on another limb"
 
 
-def limb_odds(positions: Floats, is_member: Bools) -> Floats:
+def limb_odds(positions: Floats, is_member: Bools, whole: Floats | None = None) -> Floats:
     """Return the mean log odds of each marker's pairs with each limb, shape (n_markers, n_limbs); 0 where it has none.
 
     Parameters
@@ -94,10 +101,14 @@ def limb_odds(positions: Floats, is_member: Bools) -> Floats:
         Sampled frames; NaN where unseen.
     is_member : ndarray of bool, shape (n_markers, n_limbs)
         Which marker is on which limb.
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
+        All frames, if what is worn speaks for limbs.
     """
     n_frames = int(np.clip(MOST_DISTANCES // len(is_member) ** 2, LEAST_FRAMES, max(len(positions), LEAST_FRAMES)))
     shown = positions[spread_frames(len(positions), n_frames)]
     odds = np.clip(log_odds(shown, bounded=True), -LARGEST, LARGEST)
+    if whole is not None:
+        odds = np.clip(odds + OF_WORN * worn_odds(whole, odds), -LARGEST, LARGEST)
     np.fill_diagonal(odds, 0.0)
     n_pairs = is_member.sum(axis=0) - is_member
     return np.asarray(odds @ is_member / np.maximum(n_pairs, 1))

@@ -85,7 +85,7 @@ def find_limbs(
     for notice in chain(*notices):
         monitor.notice(notice)
     limbs = found.limbs()
-    membership = _memberships(trajectories.positions[found.frames], limb_of_marker, limbs.body_of_limb, named)
+    membership = _memberships(trajectories.positions, found, limbs.body_of_limb, named)
     monitor.advance(1, 1)
     return replace(limbs, membership=membership)
 
@@ -104,7 +104,7 @@ def draft_limbs(trajectories: Trajectories, parameters: LimbParameters, *, seed:
 
 class _Groups(NamedTuple):
     """Limb of each marker by sampled frames, with the deviations of distances there; markers that are seen with others;
-    body of each marker, and how sure each body is.
+    body of each marker, and how sure each body is; and whether what is worn speaks for each marker's limb.
     """
 
     limb_of_marker: Ints
@@ -113,6 +113,7 @@ class _Groups(NamedTuple):
     usable: Ints
     body_of_marker: Ints
     sure: Floats
+    by_wear: Bools
 
     def limbs(self) -> Limbs:
         """The limbs, without memberships."""
@@ -137,13 +138,14 @@ def _groups(
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     body_of_marker, sure = _bodies(trajectories.positions, usable, every.steady, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
+    by_wear = np.zeros(trajectories.n_markers, dtype=np.bool_)
     for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
-        groups = grouping.limbs(frames, every.of(markers))
+        groups, by_wear[markers] = grouping.limbs(frames, every.of(markers))
         _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
     limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
-    return _Groups(limb_of_marker, frames, every, usable, body_of_marker, sure)
+    return _Groups(limb_of_marker, frames, every, usable, body_of_marker, sure, by_wear)
 
 
 def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
@@ -154,15 +156,16 @@ def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
         raise InputError(f"{counted(n_limbs, 'limb')} cannot be made of {n_usable} markers")
 
 
-def _memberships(positions: Floats, limb_of_marker: Ints, body_of_limb: Ints, named: MarkerConstraints) -> Floats:
+def _memberships(positions: Floats, found: _Groups, body_of_limb: Ints, named: MarkerConstraints) -> Floats:
     """Probability of each limb for each marker, NaN for those on none; limbs of other bodies have none."""
-    membership = np.full((len(limb_of_marker), len(body_of_limb)), np.nan)
+    membership = np.full((len(found.limb_of_marker), len(body_of_limb)), np.nan)
     for body in np.unique(body_of_limb).tolist():
         limbs = np.flatnonzero(body_of_limb == body)
-        markers = np.flatnonzero(np.isin(limb_of_marker, limbs))
+        markers = np.flatnonzero(np.isin(found.limb_of_marker, limbs))
         membership[markers] = 0.0
-        own = np.searchsorted(limbs, limb_of_marker[markers])
-        membership[np.ix_(markers, limbs)] = memberships(positions[:, markers], own, named.of(markers))
+        own, whole = np.searchsorted(limbs, found.limb_of_marker[markers]), positions[:, markers]
+        by_wear = whole if found.by_wear[markers].all() else None
+        membership[np.ix_(markers, limbs)] = memberships(whole[found.frames], own, named.of(markers), by_wear)
     return membership
 
 
@@ -232,8 +235,10 @@ class _Grouping:
         self._positions, self._constraints, self._parameters = positions, constraints, parameters
         self._n_limbs, self._seed = n_limbs, seed
 
-    def limbs(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
-        """Return the limb of each marker, -1 for markers that move against all limbs more than limbs do.
+    def limbs(self, frames: Ints, deviations: pair_distances.Deviations) -> tuple[Ints, bool]:
+        """Return the limb of each marker, and whether what is worn had a say.
+
+        The limb is -1 for markers that move against all limbs more than limbs do.
 
         Parameters
         ----------
@@ -243,15 +248,15 @@ class _Grouping:
             Of distances over these frames.
         """
         rigid = self.voted(frames, deviations)
-        groups = self.revised(rigid, frames, deviations)
+        groups, by_wear = self.revised(rigid, frames, deviations)
         if self._n_limbs is not None:
-            return groups
+            return groups, by_wear
         # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
         usual = deviations.between(rigid).neighbour_motion()
         others = np.nan_to_num(deviations.steady, nan=np.inf) + np.diag(np.full(len(groups), np.inf))
         is_alone = np.bincount(groups)[groups] == 1
         is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
-        return np.where(is_far & ~self._constraints.is_named, -1, groups)
+        return np.where(is_far & ~self._constraints.is_named, -1, groups), by_wear
 
     def voted(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         """Group markers by one sampling after the other until more than half agree; else by the majority on each pair.
@@ -273,8 +278,10 @@ class _Grouping:
                 return votes[-1]
         return self._constrained(majority(votes), deviations.steady)
 
-    def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
+    def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> tuple[Ints, bool]:
         """Revise limbs that bend by what all pairs say, if they do so unlike or a marker set is worn.
+
+        Also return whether what is worn had a say.
 
         Parameters
         ----------
@@ -288,12 +295,15 @@ class _Grouping:
         may_bend = self._parameters.method == "rigidity" and self._parameters.flexibility > 0
         is_open = may_bend and self._n_limbs is None
         bend, unlike = deformation(groups, deviations, self._positions) if is_open else (False, False)
+        whole = None
         if bend:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
             if unlike or (whole is not None and wears_set(by_motion, whole)):
                 groups = revised(groups, by_motion, self._constraints, whole)
-        return _numbered_by_first(groups)
+            else:
+                whole = None
+        return _numbered_by_first(groups), whole is not None
 
     def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         return _numbered_by_first(self._constrained(self._clusters(frames, deviations), deviations.steady))

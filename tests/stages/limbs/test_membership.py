@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skelgen.benchmark.people import simulated_person
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
-from skelgen.stages.limbs import LimbConstraints, doubt_notices, find_limbs
+from skelgen.stages.limbs import LimbConstraints, LimbParameters, doubt_notices, find_limbs
 
 
 def test_markers_of_rigid_limbs_are_sure_and_shares_are_probabilities(simulated):
@@ -36,6 +37,13 @@ def test_a_marker_between_two_limbs_is_the_least_sure_and_named_with_both(simula
     said = next(doubt_notices(limbs, take.names))
     assert said.startswith(f"{take.names[on_first[0]]} is on limb ")
     assert ", but could be on " in said
+
+
+def test_what_people_wear_makes_their_markers_surer():
+    for number in (1, 3, 4):
+        take = simulated_person(number)[0].take
+        by_motion = find_limbs(take, LimbParameters(marker_set="none"))
+        assert len(find_limbs(take).doubtful) < len(by_motion.doubtful)
 
 
 def test_what_the_user_states_is_sure(simulated):
