@@ -107,14 +107,14 @@ public repositories have, made by the tests. What is not named was not tried.
 | OpenCap, Pose2Sim, Sports2D TRC | keypoints | layout |
 | Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | two recorded; layout |
 | Vicon Workstation, Nexus 1 CSV | TRAJECTORIES, Field # | layout of public readers |
-| OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones | layout |
+| OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones, also with angles | layout |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
 | Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
 | BTS EMT | 3D tracks | layout of public readers |
-| Vicon Tracker CSV | Objects with quaternions | layout of public readers |
+| Vicon Tracker CSV | Objects with quaternions, helical or Euler angles | layout of public readers |
 | Mokka (BTK) ASCII export | points with or without events and analogue data | layout of its writer |
 | Visual3D ASCII export | targets and landmarks of one trial | layout |
 | C3D of Theia | segments with rotations, beside points or alone | layout of C-Motion's extension, against ezc3d |
@@ -126,7 +126,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | NumPy .npy, .npz | format 1.0 | written by NumPy |
 
 Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
-sensors alone, Motive with Euler angles or local coordinates. The error says what to export instead.
+sensors alone, Motive with local coordinates. The error says what to export instead.
 
 What is written was opened with these, in every case by the tests:
 

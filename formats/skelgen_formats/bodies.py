@@ -6,10 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError
-from skelgen.geometry.rotations import matrix_from_quaternion, nearest_rotation, quaternion_from_matrix
+from skelgen.geometry.rotations import (
+    matrix_from_euler,
+    matrix_from_quaternion,
+    matrix_from_vector,
+    nearest_rotation,
+    quaternion_from_matrix,
+)
 from skelgen.model import Poses
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.markers import FARTHEST, distinct_names, noted
+from skelgen_formats.options import ROTATION_VECTOR
+from skelgen_formats.titles import AXES
 
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
 _MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
@@ -77,6 +85,50 @@ def quaternions_from_matrices(path: Path, matrices: Floats) -> Floats:
     quaternions = np.full((*matrices.shape[:2], 4), np.nan)
     quaternions[seen] = quaternion_from_matrix(nearest_rotation(matrices[seen]))
     return quaternions
+
+
+def quaternions_from_angles(angles: Floats, order: str) -> Floats:
+    """Return unit quaternions, scalar first, of rotations that files give as three angles.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n_frames, n_bodies, 3), rad
+        About x, y and z, whatever the order; NaN where a body is unseen.
+    order : str
+        Such as ``zyx``, R = Rz Ry Rx: about the body's own axes, z first; or `ROTATION_VECTOR`.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_bodies, 4)
+    """
+    seen: Bools = np.asarray(np.isfinite(angles).all(axis=2))
+    quaternions = np.full((*angles.shape[:2], 4), np.nan)
+    turned = angles[seen]
+    if order == ROTATION_VECTOR:
+        matrices = matrix_from_vector(turned)
+    else:
+        matrices = matrix_from_euler(order.upper(), turned[:, [AXES.index(axis) for axis in order]])
+    quaternions[seen] = quaternion_from_matrix(matrices)
+    return quaternions
+
+
+def angles_in_rad(angles: Floats, unit: str, notices: list[str]) -> Floats:
+    """Return angles in rad; where no unit is named, those beyond a full turn show that they are degrees.
+
+    Parameters
+    ----------
+    angles : ndarray
+        In the file's unit.
+    unit : str
+        Begins with ``deg`` or ``rad``, or is empty.
+    notices : list of str
+        Gets a sentence if no unit is named.
+    """
+    if not unit:
+        with np.errstate(invalid="ignore"):
+            unit = "deg" if (np.abs(angles) > 2 * np.pi).any() else "rad"
+        notices.append(f"the file names no unit of angles; {unit} are assumed by their size")
+    return np.deg2rad(angles) if unit.startswith("deg") else angles
 
 
 def blank_unseen(numbers: Floats) -> Floats:

@@ -14,18 +14,22 @@ Layout, comma-separated text::
 Until 1.22 no line has a word such as Name or ID at its beginning; 1.25 has Type before the first. Columns of type
 ``Marker`` are read; where there are none, those of type ``Rigid Body Marker`` or ``Bone Marker``, which are where
 Motive's model puts the markers; where there are none of these, or with the option `bodies`, the bodies: columns of type
-``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W. Motive has y up; coordinates stay as they are.
+``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W, or with angles in degrees, X Y Z, which turn a
+body about its own axes in the order that Rotation Type names. Motive has y up; coordinates stay as they are.
 Machines that use decimal commas export with semicolons; both are understood. A file that is cut off is read so far.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
+from skelgen_formats.bodies import blank_unseen, quaternions_from_angles, take_from_bodies, transforms_of
 from skelgen_formats.lines import Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
@@ -38,7 +42,8 @@ _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
 _FEWEST_TITLE_LINES = 3  # type, name, quantity
 _DEFAULT_UNIT = "meters"  # what Motive exports by default
 _QUATERNION = "Quaternion"
-_PLACE, _TURN = ("Position", "XYZ"), ("Rotation", "WXYZ")
+_ORDER = re.compile(r"(?!.*(.).*\1)[XYZ]{3}")  # of angles: XYZ, ZYX and so on
+_PLACE, _TURN, _ANGLES = ("Position", "XYZ"), ("Rotation", "WXYZ"), ("Rotation", "XYZ")
 
 
 @dataclass(frozen=True)
@@ -86,8 +91,8 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
     Raises
     ------
     FormatError
-        If the header is not that of Motive, neither markers nor bodies were exported, or bodies in another way than as
-        quaternions in the world.
+        If the header is not that of Motive, neither markers nor bodies were exported, or bodies in coordinates of their
+        parents.
     """
     lines = read_lines(path, sample)
     delimiter = _delimiter(path, lines[0])
@@ -101,8 +106,10 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
         notices.append("the header names no length unit; metres are assumed")
     factor = mm_per_unit(path, 1, unit or _DEFAULT_UNIT)
     items = [] if bodies else _markers(titles, notices)
-    kinds = [_PLACE] if items else [_PLACE, _TURN]
-    items = items or _bodies(path, header, titles, notices)
+    order = header.get("Rotation Type", "").upper()
+    turn = _ANGLES if _ORDER.fullmatch(order) else _TURN
+    kinds = [_PLACE] if items else [_PLACE, turn]
+    items = items or _bodies(path, header, titles, turn, notices)
     wanted = [column for item in items for quantity, axes in kinds for column in item.of(quantity, axes)]
     whole = whole_lines(lines.rows(titles.first), len(lines), len(titles.axes), delimiter, notices)
     rows = parse_rows(path, whole, len(titles.axes), delimiter, wanted)
@@ -112,7 +119,11 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
     numbers, names = rows.reshape(len(rows), len(items), width), [item.name for item in items]
     if kinds == [_PLACE]:
         return take_from_markers(path, scaled(path, numbers, factor), names, rate, notices)
-    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), factor), names, rate, notices)
+    numbers = blank_unseen(numbers)
+    if turn == _ANGLES:
+        quaternions = quaternions_from_angles(np.deg2rad(numbers[:, :, 3:]), order.lower())
+        numbers = np.concatenate([numbers[:, :, :3], quaternions], axis=2)
+    return take_from_bodies(path, transforms_of(path, numbers, factor), names, rate, notices)
 
 
 def _delimiter(path: Path, line: str) -> str:
@@ -167,12 +178,14 @@ def _markers(titles: _Titles, notices: list[str]) -> list[_Item]:
     return []
 
 
-def _bodies(path: Path, header: Mapping[str, str], titles: _Titles, notices: list[str]) -> list[_Item]:
-    """Return the rigid bodies and bones with position and quaternion."""
+def _bodies(
+    path: Path, header: Mapping[str, str], titles: _Titles, turn: tuple[str, str], notices: list[str]
+) -> list[_Item]:
+    """Return the rigid bodies and bones with position and rotation, a quaternion or angles."""
     items = [item for item in _items(titles, _BODY_TYPES) if item.of(*_PLACE)]
-    whole = [item for item in items if item.of(*_TURN)]
+    whole = [item for item in items if item.of(*turn)]
     rotation, space = header.get("Rotation Type", _QUATERNION), header.get("Coordinate Space", "Global")
-    if items and rotation != _QUATERNION:
+    if items and rotation != _QUATERNION and turn == _TURN:
         what = f"rotations are of the type {rotation[:20]}; export with Rotation Type Quaternion, or with markers"
         raise FormatError(path, 1, what)
     if not whole:

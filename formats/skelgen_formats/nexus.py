@@ -11,10 +11,14 @@ Layout, comma-separated text (or tab-separated, as .txt), blocks one after the o
     1,0,44.1628,-276.862,675.697,...             empty cells are unseen; rows may end before them
     (an empty line)
 
-Trajectories is read; where there is none, the bodies of Objects (of Vicon Tracker) or Segments that have quaternions::
+Trajectories is read; where there is none, the bodies of Objects (of Vicon Tracker) or Segments::
 
     ,,Wand:Wand,,,,,,,                           or: Global Angle (Quaternion) Wand:Wand
     Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ         global; in any order
+    ,,deg,deg,deg,,mm,mm,mm                      deg or rad of angles
+
+Without RW they are rotation vectors, which Vicon calls helical and exports by default, or angles R = Rx Ry Rz where the
+title says ``(EulerXYZ)``; the option `angle_order` states another order.
 
 Frames that the file leaves out are unseen. Workstation and early versions of Nexus write
 ``TRAJECTORIES``, ``100,Hz``, ``,LASI,,,RASI,,,`` and ``Field #,X,Y,Z,X,Y,Z,...`` without sub-frames and units.
@@ -31,10 +35,16 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
+from skelgen_formats.bodies import (
+    angles_in_rad,
+    blank_unseen,
+    quaternions_from_angles,
+    take_from_bodies,
+    transforms_of,
+)
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
-from skelgen_formats.options import POINTS, Format
+from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, ROTATION_VECTOR, Format
 from skelgen_formats.text import parse_rows, rate_in, split_cells
 
 BLOCKS = (
@@ -47,6 +57,8 @@ _DELIMITERS = ",\t;"
 _AXES = ("X", "Y", "Z")
 _BODIES = ("Objects", "Segments")
 _TURN, _PLACE = ("RW", "RX", "RY", "RZ"), ("TX", "TY", "TZ")
+_ANGLES = _TURN[1:]
+_REPRESENTATION = re.compile(r"^Global Angle \(([^)]*)\)")
 _LEADING_TITLES = ("Frame", "Field #")  # of the first column; the second may be that of sub-frames
 _TITLE_LINES = 12  # within which the titles of the first block stand
 _LONGEST_TITLE = 256  # bytes of a block's title with what a spreadsheet parts cells by behind it
@@ -60,7 +72,7 @@ class _Block(NamedTuple):
     first: int
 
 
-def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud | Poses:
+def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO) -> Trajectories | PointCloud | Poses:
     """Read the trajectories, or else the bodies, of an ASCII export of Vicon Nexus or Tracker.
 
     Parameters
@@ -69,6 +81,8 @@ def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | Point
         The file.
     sample : Sample, optional
         Some frames only.
+    angle_order : str
+        How three angles turn a body, a choice of `ANGLE_ORDER`.
 
     Returns
     -------
@@ -114,7 +128,25 @@ def read_nexus(path: Path, sample: Sample | None = None) -> Trajectories | Point
     if title == BLOCKS[0]:
         return take_from_markers(path, scaled(path, numbers, unit), names_in_file, rate, notices)
     bodies = [_body_name(name) for name in names_in_file]
-    return take_from_bodies(path, transforms_of(path, blank_unseen(numbers), unit), bodies, rate, notices)
+    numbers = blank_unseen(numbers)
+    if numbers.shape[2] == len(_PLACE) + len(_ANGLES):
+        first = next(iter(columns.values()))[len(_PLACE)]
+        units = split_cells(path, head[3][1], head[3][0], delimiter) if len(head) > 3 else []
+        unit_of_angles = units[first].lower() if first < len(units) and behind == head[3][0] else ""
+        numbers = _with_quaternions(numbers, names_in_file[0], unit_of_angles, angle_order, notices)
+    return take_from_bodies(path, transforms_of(path, numbers, unit), bodies, rate, notices)
+
+
+def _with_quaternions(numbers: Floats, title: str, unit: str, angle_order: str, notices: list[str]) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of places and angles; says what is assumed."""
+    stated = _REPRESENTATION.search(title)
+    of_title = {"helical": ROTATION_VECTOR, "eulerxyz": "xyz"}.get(stated[1].lower().replace(" ", "") if stated else "")
+    order = angle_order if angle_order != AUTO else of_title or ROTATION_VECTOR
+    if angle_order == AUTO and not of_title:
+        what = "rotations are taken as helical angles, as Vicon exports them by default"
+        notices.append(f"{what}; `--angle-order xyz` takes them as Euler angles")
+    angles = angles_in_rad(numbers[:, :, len(_PLACE) :], unit, notices)
+    return np.concatenate([numbers[:, :, : len(_PLACE)], quaternions_from_angles(angles, order)], axis=2)
 
 
 def _body_name(title: str) -> str:
@@ -145,20 +177,21 @@ def _delimiter(path: Path, number: int, titles: str) -> str:
 
 
 def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str], block: str) -> dict[int, list[int]]:
-    """Return the columns of each marker, x y z, or body, place and quaternion, by the column under its name."""
+    """Return the columns of each marker, x y z, or body, place and rotation, by the column under its name."""
     named = [first for first in range(1, min(len(names), len(titles))) if names[first]]
-    columns = {}
+    columns: dict[int, list[int]] = {}
+    turn = _TURN if _TURN[0] in titles else _ANGLES
     for first, end in zip(named, [*named[1:], len(titles)][: len(named)], strict=True):
         own = list(titles[first:end])
         if block == BLOCKS[0] and tuple(own[:3]) == _AXES:
             columns[first] = [first, first + 1, first + 2]
-        elif block in _BODIES and {*_PLACE, *_TURN} <= {*own}:
-            columns[first] = [first + own.index(axis) for axis in (*_PLACE, *_TURN)]
+        elif block in _BODIES and {*_PLACE, *turn} <= {*own}:
+            columns[first] = [first + own.index(axis) for axis in (*_PLACE, *turn)]
     if not columns and block == BLOCKS[0]:
         raise FormatError(path, number, "no name stands over three columns X, Y, Z; trajectories were not exported")
     if not columns:
-        what = f"no name in the block {block} stands over RX, RY, RZ, RW, TX, TY, TZ"
-        raise FormatError(path, number, f"{what}; export the rotations as quaternions, or trajectories")
+        what = f"no name in the block {block} stands over RX, RY, RZ, TX, TY, TZ"
+        raise FormatError(path, number, f"{what}; export global rotations and translations, or trajectories")
     return columns
 
 
@@ -229,7 +262,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_is_nexus,
-    read=lambda path, options: read_nexus(path, options.sample),
-    options=(POINTS,),
-    note="ASCII export of Trajectories, any unit, or of bodies with quaternions; other blocks are left out.",
+    read=lambda path, options: read_nexus(path, options.sample, options.angle_order),
+    options=(POINTS, ANGLE_ORDER),
+    note="ASCII export of Trajectories, any unit, or of bodies (Objects, Segments); other blocks are left out.",
 )

@@ -43,6 +43,9 @@ REFERENCE, T_POSE, A_POSE, FIRST_FRAME = "reference", "t-pose", "a-pose", "first
 AS_MOVED, AS_FOUND = "as-moved", "as-found"
 """Choices of `JOINTS`."""
 
+ROTATION_VECTOR = "vector"
+"""Choice of `ANGLE_ORDER`: axis times angle, which Vicon calls helical."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -75,6 +78,8 @@ class Options:
         Rate of the recording where the file states none; 0: as it says.
     recorded_unit : str
         Unit of its lengths where the file states none, or `AUTO`.
+    angle_order : str
+        How three angles make the rotation of a body: the leftmost factor's axis first, or `ROTATION_VECTOR`, or `AUTO`.
     fixed_distance : float, mm
         Distance of two sensors that are fixed to one limb, which tells the unit; 0: as the file says.
     time_codes : float
@@ -105,6 +110,7 @@ class Options:
     bodies: bool = False
     recorded_rate: float = AS_RECORDED_RATE
     recorded_unit: str = AUTO
+    angle_order: str = AUTO
     fixed_distance: float = 0.0
     time_codes: float = 24.0
     density: float = 1000.0
@@ -240,6 +246,16 @@ RECORDED_UNIT = Option(
     writing=False,
 )
 """Options of readers of tables and arrays, which state neither."""
+
+ANGLE_ORDER = Option(
+    "angle_order",
+    AUTO,
+    "How three angles turn a body: about its own axes in this order, or as a vector, axis times angle; auto: as the"
+    " file says, else zyx for roll, pitch, yaw, vector for Vicon, and xyz.",
+    (AUTO, "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", ROTATION_VECTOR),
+    writing=False,
+)
+"""The option of readers of bodies whose files give angles, and do not say how these make a rotation."""
 
 FILLED = Option(
     "filled",

@@ -13,7 +13,7 @@ from itertools import product
 
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, without_trailing_empty
-from skelgen_formats.titles import AXES, Body, axis_alone, bodies_of, seconds_per_unit
+from skelgen_formats.titles import AXES, Body, angle_alone, axis_alone, bodies_of, component_alone, seconds_per_unit
 
 HEAD_LINES = 24
 """Lines that are looked through for titles."""
@@ -144,7 +144,8 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
 
 def _without_no_places(head: Head) -> Head:
     """Return it without what is no point: forces, accelerations, angles and the like."""
-    left_out = [body.name for body in head.bodies if not body.is_turned and _NO_PLACES.fullmatch(body.name)]
+    points = [body for body in head.bodies if not body.is_turned and not body.has_angles]
+    left_out = [body.name for body in points if _NO_PLACES.fullmatch(body.name)]
     if left_out:
         head.notices.append(f"no points, and left out: {', '.join(left_out[:8])}")
     head.bodies = [body for body in head.bodies if body.name not in left_out]
@@ -164,7 +165,7 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
     """
     titles = without_trailing_empty(rows[0])
     bodies = bodies_of(titles)
-    if len(bodies) < _FEWEST and not any(body.is_turned for body in bodies):
+    if len(bodies) < _FEWEST and not any(body.is_turned or body.has_angles for body in bodies):
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
@@ -188,7 +189,9 @@ def _under_names(rows: list[list[str]]) -> Head | None:
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
     for column in range(1, len(axes)):
-        if not names[column] and axis_alone(axes[column]) is not None:
+        if not names[column] and (
+            axis_alone(axes[column]) or angle_alone(axes[column]) or component_alone(axes[column])
+        ):
             names[column] = names[column - 1]
     titles = [f"{name}_{axis}" if name and axis else axis or name for name, axis in zip(names, axes, strict=True)]
     bodies = bodies_of(titles)

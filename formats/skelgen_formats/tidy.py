@@ -3,14 +3,15 @@
 One line of titles names, in any order and case, a column of frames (or of times alone), one of names or numbers of
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
-they are bodies. Rate and unit are those of a wide table.
+they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. Rate, unit and order of angles are
+those of a wide table.
 """
 
 import re
 from array import array
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,18 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in
-from skelgen_formats.titles import AXES, COMPONENTS, axis_alone, bodies_of, component_alone, seconds_per_unit
-from skelgen_formats.wide import QUOTED, since_first, take_from_table
+from skelgen_formats.titles import (
+    AXES,
+    COMPONENTS,
+    angle_alone,
+    axis_alone,
+    bodies_of,
+    component_alone,
+    seconds_per_unit,
+)
+from skelgen_formats.wide import QUOTED, since_first, take_from_table, with_quaternions
 
 _FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
 _THINGS = (
@@ -71,6 +80,7 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
     at, titles = _columns(lines[0], delimiter), _titles(lines[0], delimiter)
+    at = at if options.points == AUTO else {what: column for what, column in at.items() if what[0] != "r"}
     rows = _rows(path, lines, at, delimiter)
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
@@ -89,13 +99,20 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
         stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
     _, unit = axis_alone(titles[at["x"]]) or ("", "")
-    return take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
+    notices: list[str] = []
+    if width == len(AXES) * 2:
+        _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
+        numbers = with_quaternions(numbers, order, angle_unit, options, notices)
+    take = take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
+    return replace(take, notices=(*notices, *take.notices))
 
 
 def _numbered(at: dict[str, int]) -> list[int]:
-    """Return the columns of x, y, z, and of the quaternion if there is a whole one."""
+    """Return the columns of x, y, z, and of the quaternion or the three angles if these are whole."""
     turn = [at[f"q{component}"] for component in COMPONENTS if f"q{component}" in at]
-    return [*(at[axis] for axis in AXES), *(turn if len(turn) == len(COMPONENTS) else [])]
+    angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
+    whole = (part for part, n in ((turn, len(COMPONENTS)), (angles, len(AXES))) if len(part) == n)
+    return [*(at[axis] for axis in AXES), *next(whole, [])]
 
 
 def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows:
@@ -131,6 +148,8 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
     found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
     found["frame"] = [at for at, title in enumerate(plain) if _FRAME.fullmatch(title)] + found["time"]
     for at, title in enumerate(titles):
+        if angle := angle_alone(title):
+            found.setdefault(f"r{angle[0]}", []).append(at)
         if component := component_alone(title):
             found.setdefault(f"q{component}", []).append(at)
         elif axis := axis_alone(title):
@@ -161,6 +180,7 @@ FORMAT = Format(
     holds="markers",
     sniff=lambda head, path: any(_columns((decoded_head(head).splitlines() or [""])[0], one) for one in _DELIMITERS),
     read=read_tidy,
-    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
-    note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz bodies.",
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
+    note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"
+    " yaw, bodies.",
 )

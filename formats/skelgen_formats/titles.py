@@ -4,12 +4,15 @@ A title is a name and an axis, in any case and with a blank, a point, an undersc
 between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``; or the axis first: ``x_knee``, ``X1``.
 A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a point may stand apart from each other.
 MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``. Components of unit quaternions are ``knee_qw``,
-``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``, ``Qy``, ``Qz``.
+``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``, ``Qy``, ``Qz``. Angles of a body
+are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``, ``knee_euler_x``; a unit may follow.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+
+from skelgen_formats.options import ROTATION_VECTOR
 
 AXES = "xyz"
 COMPONENTS = "wxyz"
@@ -28,6 +31,13 @@ _TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
 _QUATERNION = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN})??(?:q{_BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){_BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){_BETWEEN}?(.{{1,200}})", re.IGNORECASE)
+_ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
+_NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
+_ABOUT_AXIS = re.compile(
+    rf"(?:(.{{1,200}}?){_BETWEEN})??(?:euler|rotvec|{_TURN_WORD}|r){_BETWEEN}?([xyz])", re.IGNORECASE
+)
+_SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
+_IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _TIME = re.compile(
     r"(?:%|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
     r"(?:[ _]?[\[(/]? ?(s|secs?|seconds?|ms|msecs?|milliseconds?|us|µs|microseconds?|ns|nanoseconds?) ?[\])]?)?",
@@ -38,16 +48,25 @@ _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
+_ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
+_NAVIGATION_ORDER, _AXES_ORDER = "zyx", "xyz"  # what most mean by roll, pitch, yaw, and by Rx, Ry, Rz
 
 
 @dataclass
 class Body:
-    """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one."""
+    """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
+
+    Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn, if it is the
+    usual one, and their unit, if a title names it.
+    """
 
     name: str
     unit: str = ""
     place: dict[str, int] = field(default_factory=dict)
     turn: dict[str, int] = field(default_factory=dict)
+    angles: dict[str, int] = field(default_factory=dict)
+    angle_order: str = _AXES_ORDER
+    angle_unit: str = ""
 
     @property
     def is_placed(self) -> bool:
@@ -59,10 +78,15 @@ class Body:
         """Whether a whole quaternion is there."""
         return len(self.turn) == len(COMPONENTS)
 
+    @property
+    def has_angles(self) -> bool:
+        """Whether three angles are there, and no quaternion."""
+        return len(self.angles) == len(AXES) and not self.is_turned
+
     def columns(self, *, turned: bool) -> list[int]:
-        """Return the columns of x, y, z, and of w, x, y, z if they are wanted."""
-        turn = [self.turn[component] for component in COMPONENTS] if turned else []
-        return [*(self.place[axis] for axis in AXES), *turn]
+        """Return the columns of x, y, z, and of w, x, y, z or the three angles if they are wanted."""
+        turn = [self.turn[component] for component in COMPONENTS] if self.is_turned else [*map(self.angles.get, AXES)]
+        return [*(self.place[axis] for axis in AXES), *(turn if turned else [])]
 
 
 def bodies_of(titles: Sequence[str]) -> list[Body]:
@@ -128,19 +152,33 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     bodies: list[Body] = []
     latest: dict[str, Body] = {}
     for column, title in enumerate(titles):
-        turn = _quaternion(title)
-        place = None if turn else parsed(title)
-        if turn is None and place is None:
+        what, (name, key, unit) = _column_of(title, parsed)
+        if not what:
             continue
-        name, key, unit = (*turn, "") if turn else place or ("", "", "")
         body = latest.get(name.lower())
-        if body is None or key in (body.turn if turn else body.place):
+        if body is None or key in getattr(body, what):
             body = latest[name.lower()] = Body(name)
             bodies.append(body)
-        (body.turn if turn else body.place)[key] = column
-        body.unit = body.unit or unit
+        getattr(body, what)[key] = column
         body.name = body.name or name
+        if what == "place":
+            body.unit = body.unit or unit
+        elif what == "angles":
+            body.angle_unit, body.angle_order = body.angle_unit or unit, _order(title)
+    for body in bodies:
+        if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
+            body.angles, body.turn = body.turn, {}
     return bodies
+
+
+def _column_of(title: str, parsed: _Parsed) -> tuple[str, tuple[str, str, str]]:
+    """Return to which part of a body a column belongs, if to any, and its name, key and unit."""
+    if angle := _angle(title):
+        return "angles", angle
+    if turn := _quaternion(title):
+        return "turn", (*turn, "")
+    place = parsed(title)
+    return ("place", place) if place else ("", ("", "", ""))
 
 
 def _joined(bodies: list[Body]) -> list[Body]:
@@ -154,16 +192,66 @@ def _joined(bodies: list[Body]) -> list[Body]:
             near = [one for one in [*behind, *bodies] if one.is_placed and not one.turn]
             other = next((one for one in near if one.name.lower() in _TRANSLATIONS), body)
             other.turn, other.name = body.turn, ""
-    placed = {body.name for body in bodies if body.is_placed}
+    places = _with_angles(bodies)
     for body in bodies:
         body.name = body.name or "body"
-    return [body for body in bodies if body.is_placed and not _are_angles(body.name, placed)]
+    return places
 
 
-def _are_angles(name: str, places: set[str]) -> bool:
-    """Whether x, y and z of a name are angles: of R alone, or of the R of another place."""
-    match = _ANGLES.fullmatch(name)
-    return match is not None and (not match[1] or match[1] in places)
+def _with_angles(bodies: list[Body]) -> list[Body]:
+    """Return places with the angles that stand in columns of other names: `R` beside `T`, or `knee_r` beside `knee`."""
+    placed = {body.name: body for body in bodies if body.is_placed}
+    angles = [body for body in bodies if _are_angles(body, placed)]
+    places = [body for body in bodies if body.is_placed and body not in angles]
+    for body in angles:
+        match = _ANGLES.fullmatch(body.name)
+        name = (match[1] or "") if match else ""
+        before = [one for one in places if min(one.place.values()) < min((body.angles or body.place).values())]
+        near = [one for one in [*before[::-1], *places] if one.name.lower() in _TRANSLATIONS and not one.angles]
+        other = placed[name] if name else next(iter(near), None)
+        if other is not None:
+            other.angles, other.angle_order = body.angles or body.place, body.angle_order
+            other.angle_unit, other.name = body.angle_unit, name
+    return places
+
+
+def _are_angles(body: Body, places: Mapping[str, Body]) -> bool:
+    """Whether a body is nothing but angles of another: without a name, or x, y and z of R alone or of another's R."""
+    match = _ANGLES.fullmatch(body.name) if body.is_placed else None
+    return (match is not None and (not match[1] or match[1] in places)) or (
+        not body.name and not body.place and body.has_angles
+    )
+
+
+def _angle(title: str) -> tuple[str, str, str] | None:
+    """Return name, axis and unit of a title that is surely one of an angle."""
+    named = _ANGLE_UNIT.fullmatch(title.strip())
+    text, unit = (named[1], named[2].lower().replace("°", "deg")) if named else (title.strip(), "")
+    if match := _NAVIGATED.fullmatch(text):
+        return match[1] or "", _ROLL_PITCH_YAW[match[2].lower()], unit
+    match = _ABOUT_AXIS.fullmatch(text)
+    is_sure = match is not None and (unit or _SURE_ANGLE.search(text))
+    return (match[1] or "", match[2].lower(), unit) if match and is_sure else None
+
+
+def angle_alone(title: str) -> tuple[str, str, str] | None:
+    """Return axis, order and unit of a title of an angle without a name, such as ``roll`` or ``Rx [deg]``, or None.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    match = _ABOUT_AXIS.fullmatch(title.strip())
+    found = _angle(title) or (("", match[2].lower(), "") if match and not match[1] else None)
+    return (found[1], _order(title), found[2]) if found and not found[0] else None
+
+
+def _order(title: str) -> str:
+    """Return how an angle turns a body by the usual meaning of its title."""
+    if "rotvec" in title.lower():
+        return ROTATION_VECTOR
+    return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else _AXES_ORDER
 
 
 def _without_unit(title: str) -> tuple[str, str]:

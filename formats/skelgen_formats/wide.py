@@ -1,8 +1,9 @@
 """Wide tables: one row per frame, three columns per point, as scripts write them, in CSV or Parquet.
 
 Which columns are whose is said by the lines above the numbers (see `skelgen_formats.table_heads`); other columns are
-left out. Cells are parted by commas, semicolons, tabs or blanks. Points with a unit quaternion are bodies, and read as
-such where all are, or with the option `bodies`.
+left out. Cells are parted by commas, semicolons, tabs or blanks. Points with a unit quaternion or three angles are
+bodies, and read as such where all are, or with the option `bodies`. How angles make a rotation no such file says; the
+usual order is assumed, and `angle_order` states another.
 
 Few such files state a frame rate or a unit. Else the rate is that of a column with times, in the unit that its title
 names or that gives a camera's rate, or 100 Hz is assumed, and the unit by the size of the coordinates; options state
@@ -26,7 +27,13 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
+from skelgen_formats.bodies import (
+    angles_in_rad,
+    blank_unseen,
+    quaternions_from_angles,
+    take_from_bodies,
+    transforms_of,
+)
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
     assumed_mm_per_unit,
@@ -36,7 +43,17 @@ from skelgen_formats.markers import (
     take_from_markers,
     zeros_unseen,
 )
-from skelgen_formats.options import AUTO, BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.options import (
+    ANGLE_ORDER,
+    AUTO,
+    BODIES,
+    POINTS,
+    RECORDED_RATE,
+    RECORDED_UNIT,
+    ROTATION_VECTOR,
+    Format,
+    Options,
+)
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
 from skelgen_formats.text import is_number, parse_rows, rate_in
 from skelgen_formats.titles import AXES, Body
@@ -88,7 +105,13 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | P
 def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
     """Return the points, or the bodies where there is nothing else or they are asked for; and whether it is these."""
     turned = [body for body in head.bodies if body.is_turned]
-    points = [body for body in head.bodies if not body.is_turned]
+    angled = [body for body in head.bodies if body.has_angles]
+    if not turned and (options.bodies or (options.points == AUTO and len(angled) == len(head.bodies))):
+        turned = angled
+    elif angled:
+        names = ", ".join(body.name for body in angled[:8])
+        head.notices.append(f"rotations other than unit quaternions are left out: {names}")
+    points = [body for body in head.bodies if body not in turned]
     are_bodies = bool(turned) and (options.bodies or not points)
     if are_bodies and points:
         one, several = "point without a rotation is left out", "points without a rotation are left out"
@@ -138,8 +161,37 @@ def _take(
 ) -> Trajectories | PointCloud | Poses:
     names = [body.name for body in chosen]
     numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
+    if numbers.shape[2] == len(AXES) * 2:
+        first = chosen[0]
+        numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     return replace(take, notices=(*head.notices, *take.notices))
+
+
+def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles; says what is assumed.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n_frames, n_bodies, 6)
+        Places, and angles about x, y and z.
+    usual : str
+        How such angles turn a body where the user does not state another order.
+    unit : str
+        Of the angles, empty if the file names none.
+    options : Options
+        `angle_order` counts.
+    notices : list of str
+        Gets sentences.
+    """
+    order = usual if options.angle_order == AUTO else options.angle_order
+    turned = "rotation vectors" if order == ROTATION_VECTOR else "R = " + " ".join(f"R{axis}" for axis in order)
+    stated = (
+        "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
+    )
+    notices.append(f"angles of bodies are taken as {turned}{stated}")
+    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
 
 
 def take_from_table(
@@ -248,8 +300,9 @@ CSV = Format(
     holds="markers",
     sniff=_is_wide,
     read=read_wide_csv,
-    options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT),
-    note="Columns name_x, name_y, name_z, as of anipose or FreeMoCap; with name_qx bodies; rate and unit by option.",
+    options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
+    note="Columns name_x, name_y, name_z, as of anipose or FreeMoCap; with name_qx or name_roll bodies; rate and unit"
+    " by option.",
 )
 
 
@@ -309,6 +362,6 @@ PARQUET = Format(
     holds="markers",
     sniff=lambda head, path: head.startswith(b"PAR1"),
     read=read_wide_parquet,
-    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="Columns as in wide-csv. Needs the extra `tables`.",
 )

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from skelgen_formats.registry import read_take
 
 from skelgen.model import PointCloud, Poses, Trajectories
@@ -124,8 +125,19 @@ def test_bodies_beside_markers_are_read_on_request(put):
     assert read_take(path, bodies=True).names == ("Foot",)
 
 
-def test_angles_and_local_coordinates_say_what_to_export(refused, put):
-    assert "export with Rotation Type Quaternion" in refused(put("euler.csv", of_bodies(rotation="XYZ")))
+@pytest.mark.parametrize(("order", "angles"), [("XYZ", (90, 0, 90)), ("ZYX", (90, 0, 90))])
+def test_angles_turn_bodies_in_the_order_of_their_type(put, order, angles):
+    text = of_bodies(rotation=order).replace("X,Y,Z,W,X", "X,Y,Z,,X").replace("0,0.70710678,0,0.70710678", "90,0,90,")
+    take = read_take(
+        put("euler.csv", text.replace("Rotation,Rotation,Rotation,Rotation", "Rotation,Rotation,Rotation,"))
+    )
+    rotation = Rotation.from_euler(order, angles, degrees=True)
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], rotation.as_matrix(), atol=1e-12)
+    assert np.isnan(take.world_from_body[1]).all()
+
+
+def test_other_rotations_and_local_coordinates_say_what_to_export(refused, put):
+    assert "export with Rotation Type Quaternion" in refused(put("euler.csv", of_bodies(rotation="Matrix")))
     assert "export with global" in refused(put("local.csv", of_bodies(kind="Bone", space="Local")))
 
 

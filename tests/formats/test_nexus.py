@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from skelgen_formats.registry import read_take, recognise
 
 from skelgen.model import Trajectories
@@ -110,9 +111,36 @@ def test_objects_with_quaternions_are_bodies(put, text):
     assert np.isnan(take.world_from_body[1, 1]).all()
 
 
-def test_objects_with_angles_say_what_to_export(refused, put):
-    text = OBJECTS.replace("RX,RY,RZ,RW", "RX,RY,RZ,")
-    assert "in the block Objects stands over RX, RY, RZ, RW" in refused(put("tracker.csv", text))
+HELICAL = (
+    "Objects\n100\n,,Wand:Wand,,,,,,Box:Box\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ,RX,RY,RZ,TX,TY,TZ\n"
+    ",,deg,deg,deg,mm,mm,mm,deg,deg,deg,mm,mm,mm\n1,0,90,0,90,10,20,30,0,0,0,1,2,3\n2,0,0,0,0,0,0,0,0,0,0,1,2,3\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "order", "rotation"),
+    [
+        (HELICAL, "auto", Rotation.from_rotvec([90, 0, 90], degrees=True)),
+        (HELICAL, "xyz", Rotation.from_euler("XYZ", [90, 0, 90], degrees=True)),
+        (
+            HELICAL.replace(",,Wand", ",,Global Angle (EulerXYZ) Wand"),
+            "auto",
+            Rotation.from_euler("XYZ", [90, 0, 90], degrees=True),
+        ),
+        (HELICAL.replace("deg", "rad"), "auto", Rotation.from_rotvec([90, 0, 90])),
+    ],
+)
+def test_objects_with_angles_are_bodies(put, text, order, rotation):
+    take = read_take(put("tracker.csv", text), angle_order=order)
+    assert take.names == ("Wand", "Box")
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], rotation.as_matrix(), atol=1e-12)
+    assert np.isnan(take.world_from_body[1, 0]).all()
+    assert any("helical" in notice for notice in take.notices) == (order == "auto" and "Euler" not in text)
+
+
+def test_objects_without_places_say_what_to_export(refused, put):
+    text = OBJECTS.replace("RX,RY,RZ,RW", "AX,AY,AZ,")
+    assert "in the block Objects stands over RX, RY, RZ" in refused(put("tracker.csv", text))
 
 
 @pytest.mark.parametrize("title", ["Angles", "Joint angles of Ann"])

@@ -93,3 +93,10 @@ def test_rows_with_quaternions_are_bodies(put):
     take = read_take(put("bodies.csv", content))
     assert (take.names, take.rate) == (("knee", "ankle"), 100.0)
     np.testing.assert_allclose(take.world_from_body[2, 1, :2, (0, 3)], [[0.28, 0.96], [102.0, 10.0]])
+
+
+def test_rows_with_angles_are_bodies(put):
+    content = table("time,body,x,y,z,Rx [deg],Ry [deg],Rz [deg]", "0.0{0},{1},{2},{3},{4},0,0,90", ROWS)
+    take = read_take(put("bodies.csv", content))
+    np.testing.assert_allclose(take.world_from_body[2, 1, :2, 0], [0, 1], atol=1e-12)
+    np.testing.assert_allclose(read_take(put("bodies.csv", content)).world_from_body[2, 1, :2, 3], [102.0, 10.0])

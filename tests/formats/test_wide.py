@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from skelgen_formats.registry import read_take, recognise
 
 POSITIONS = np.array([[[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]], [[1.6, 2.6, 3.6], [np.nan] * 3]]) + 100
@@ -303,9 +304,59 @@ def test_tools_of_ndi_are_bodies_beside_their_markers(put):
     assert read_take(path, bodies=True).names == ("body", "body_2")
 
 
-def test_angles_of_a_body_are_left_out_with_a_notice(put):
+ROLL = "{n}_x,{n}_y,{n}_z,{n}_roll (deg),{n}_pitch (deg),{n}_yaw (deg)"
+NAVIGATED = [[0, -1, 0], [0.5, 0, 0.75**0.5], [-(0.75**0.5), 0, 0.5]]  # by hand: R = Rz(90) Ry(60) Rx(0), below
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ROLL,
+        "{n}_x,{n}_y,{n}_z,{n}_roll,{n}_pitch,{n}_yaw",
+        "{n} X [m],{n} Y [m],{n} Z [m],{n} Roll,{n} Pitch,{n} Yaw",
+    ],
+)
+def test_roll_pitch_and_yaw_turn_bodies(put, titles):
+    text = "time," + ",".join(titles.format(n=name) for name in ("thigh", "shank")) + "\n"
+    text += "".join(f"{t},0.1,0.2,0.3,10,20,30,0.4,0.5,0.6,0,60,90\n" for t in (0, 0.01))
+    take = read_take(put("bodies.csv", text))
+    assert (take.rate, take.names) == (100.0, ("thigh", "shank"))
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, :3], NAVIGATED, atol=1e-12)
+    assert any("R = Rz Ry Rx" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("order", ["auto", "vector", "zyx"])
+@pytest.mark.parametrize(
+    "titles", ["{n}_tx,{n}_ty,{n}_tz,{n}_rx,{n}_ry,{n}_rz", "{n}PosX,{n}PosY,{n}PosZ,{n}RotX,{n}RotY,{n}RotZ"]
+)
+def test_angles_about_axes_turn_bodies_in_the_stated_order(put, titles, order):
+    text = ",".join(titles.format(n=name) for name in ("thigh", "shank")) + "\n" + "1,2,3,1.5,0,0.5,4,5,6,0,0,0\n" * 2
+    take = read_take(put("bodies.csv", text), angle_order=order)
+    expected = {
+        "auto": Rotation.from_euler("XYZ", [1.5, 0, 0.5]),
+        "zyx": Rotation.from_euler("ZYX", [0.5, 0, 1.5]),
+        "vector": Rotation.from_rotvec([1.5, 0, 0.5]),
+    }
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], expected[order].as_matrix(), atol=1e-12)
+
+
+def test_bodies_without_names_have_the_angles_beside_their_places(put):
+    text = "Frame,Tx,Ty,Tz,Rx,Ry,Rz,Tx,Ty,Tz,Rx,Ry,Rz\n" + "1,1,2,3,0,0,0,4,5,6,0,0,90\n" * 2
+    take = read_take(put("bodies.csv", text))
+    np.testing.assert_allclose(take.world_from_body[0, :, 0, 0], [1, 0], atol=1e-12)
+
+
+def test_names_may_stand_over_places_and_angles(put):
+    text = ",thigh,,,,,,shank\nFrame,X,Y,Z,RX,RY,RZ,X,Y,Z,RX,RY,RZ\n" + "1,1,2,3,0,0,0,4,5,6,0,0,90\n" * 2
+    take = read_take(put("bodies.csv", text))
+    assert take.names == ("thigh", "shank")
+    np.testing.assert_allclose(take.world_from_body[0, :, 0, 0], [1, 0], atol=1e-12)
+
+
+def test_angles_are_left_out_where_points_are_asked_for(put):
     titles = ",".join(f"{name}_pos_{axis},{name}_rot_{axis}" for name in ("thigh", "shank") for axis in "xyz")
-    take = read_take(put("euler.csv", f"{titles}\n" + "1,90,2,90,3,90,4,90,5,90,6,90\n" * 2))
+    path = put("euler.csv", f"{titles}\n" + "1,90,2,90,3,90,4,90,5,90,6,90\n" * 2)
+    take = read_take(path, points="markers")
     assert take.names == ("thigh", "shank")
     assert "rotations other than unit quaternions are left out: thigh, shank" in take.notices
 
