@@ -13,7 +13,8 @@ Layout, tab-separated text::
 Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 
-The first line may be missing. Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of
+The first line may be missing, and the column of frame numbers, or that of times; without Units they are told by the
+size of the coordinates. Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of
 coordinate names may be missing, and names stand over each column (``knee_x``). NumMarkers may differ from the names:
 what Cortex names beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if
 none has one. Where the times make another rate than DataRate, they count.
@@ -21,7 +22,7 @@ none has one. Where the times make another rate than DataRate, they count.
 
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -36,6 +37,7 @@ from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
+    assumed_mm_per_unit,
     equal_unseen,
     mm_per_unit,
     more_than_announced,
@@ -44,7 +46,15 @@ from skelgen_formats.markers import (
     zeros_unseen,
 )
 from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
-from skelgen_formats.text import count_in, number_in, parse_rows, rate_in, whole_lines, without_trailing_empty
+from skelgen_formats.text import (
+    count_in,
+    is_number,
+    number_in,
+    parse_rows,
+    rate_in,
+    whole_lines,
+    without_trailing_empty,
+)
 from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
@@ -78,12 +88,14 @@ _KEYS = (
 class _Table:
     """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured.
 
-    Rows may have doubled tabs, too few cells (padded), or a tab before the first cell (indented).
+    Rows may have doubled tabs, too few cells (padded), or a tab before the first cell (indented). Before the markers
+    stand frame number and time, or only one of them.
     """
 
     delimiter: str
     names: list[str]
     n_measured: int
+    leading: int = _LEADING_CELLS
     doubled: bool = False
     padded: bool = False
     indented: bool = False
@@ -91,7 +103,7 @@ class _Table:
     @property
     def n_cells(self) -> int:
         """Cells of a row."""
-        return _LEADING_CELLS + 3 * len(self.names)
+        return self.leading + 3 * len(self.names)
 
 
 def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) -> Trajectories | PointCloud:
@@ -122,17 +134,19 @@ def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) ->
     header = _header(path, lines, start, delimiter)
     announced = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
     stated = number_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
-    factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
+    unit = _value(path, header, "units", start)
     notices: list[str] = []
     table = _table(path, lines, start, delimiter, announced, notices)
     if not table.names:
         raise FormatError(path, start + 4, "no marker is named and none has columns: nothing can be read from it")
     rate = _rate(path, lines, start, table, stated, notices)
     whole = whole_lines(_rows(lines, start, table), len(lines), table.n_cells, delimiter, notices)
-    rows = parse_rows(path, whole, table.n_cells, delimiter, leading=_LEADING_CELLS)
+    rows = parse_rows(path, whole, table.n_cells, delimiter, leading=table.leading)
     n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, n_frames, rows, notices)
     positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
+    is_unit = unit and not is_number(unit)  # where none stands, the next value may be taken for it
+    factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices)
     computed = None if points == ALL_POINTS else np.arange(len(table.names)) >= table.n_measured
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
 
@@ -141,7 +155,7 @@ def _rate(path: Path, lines: Lines, start: int, table: _Table, stated: float, no
     """Return the frame rate that the header states, or that of the first times where these make another one."""
     rows = islice(_rows(lines, start, table), _TIMES_READ)
     whole = whole_lines(rows, len(lines), table.n_cells, table.delimiter, [])
-    times = parse_rows(path, whole, table.n_cells, table.delimiter, [_LEADING_CELLS - 1])[:, 0]
+    times = parse_rows(path, whole, table.n_cells, table.delimiter, [table.leading - 1])[:, 0]
     with np.errstate(over="ignore", invalid="ignore"):
         are_times = len(times) >= _FEWEST_TIMES and np.isfinite(times).all() and (np.diff(times) > 0).all()
     measured = rate_of(times) if are_times and not lines.is_sampled else 0.0
@@ -174,6 +188,8 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
         names, places = points, places[::3]
     table = _Table(delimiter, names, len(names))
     _, first = next(_rows(lines, start, table), (0, ""))
+    if len(leading) == 1 and _longest(islice(_rows(lines, start, table), _TIMES_READ), delimiter) == table.n_cells - 1:
+        table = replace(table, leading=1)
     if first.startswith(delimiter) and first.count(delimiter) == table.n_cells:
         table, first = replace(table, indented=True), first[1:]
     if _filled(first, delimiter) > table.n_cells == len(first.replace(delimiter, " ").split()):
@@ -212,6 +228,11 @@ def _count(path: Path, lines: Lines, start: int, table: _Table, announced: int) 
         what = f"{len(filled)} rows, most of them far shorter than the {count} markers of the longest or of the header"
         raise FormatError(path, start + 4, what)
     return count
+
+
+def _longest(rows: Iterable[tuple[int, str]], delimiter: str) -> int:
+    """Number of cells of the longest row, 0 without any."""
+    return max((_filled(line, delimiter) for _, line in rows), default=0)
 
 
 def _filled(line: str, delimiter: str) -> int:
@@ -294,7 +315,7 @@ def _is_trc(head: bytes, path: Path) -> bool:
 
 def _header(path: Path, lines: Sequence[str], start: int, delimiter: str) -> dict[str, str]:
     keys, values = ([cell.strip() for cell in lines[start + row].split(delimiter)] for row in (1, 2))
-    if len([*filter(None, values)]) < len([*filter(None, keys)]):  # some write blanks between a few of them
+    if len(values) < len([*filter(None, keys)]):  # some write blanks between a few of them
         values = lines[start + 2].replace(delimiter, " ").split()
     named, filled = [key for key in keys if key], [value for value in values if value]
     if len(named) == len(filled):  # doubled tabs need not stand in the same places
@@ -342,5 +363,5 @@ FORMAT = Format(
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     options=(POINTS, AXES, UNIT, RATE, FILLED),
-    note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written with full precision.",
+    note="Units mm, cm, m from the header, else by size; empty cells and three zeros are unseen; written with full precision.",
 )

@@ -230,3 +230,19 @@ def test_names_in_columns_of_blanks_above_rows_that_begin_with_a_tab_are_read(pu
     take = read_take(put("columns.trc", "\n".join(lines)))
     assert (take.names, take.rate) == (walk.names, walk.rate)
     np.testing.assert_array_equal(take.positions, walk.positions)
+
+
+def test_frame_numbers_may_be_missing(put, text, walk):
+    lines = text.split("\n")
+    at = next(number for number, line in enumerate(lines) if line.startswith("Frame#"))
+    rows = [line.partition("\t")[2] for line in lines[at:]]
+    take = read_take(put("times.trc", "\n".join([*lines[:at], *rows])))
+    np.testing.assert_array_equal(take.positions, walk.positions)
+    assert (take.names, take.rate) == (walk.names, walk.rate)
+
+
+@pytest.mark.parametrize("new", ["\t\t", "\t"])
+def test_missing_unit_is_found_by_size_with_a_notice(edited, text, walk, new):
+    take = read_take(edited("none.trc", text, "\tmm\t", new))
+    np.testing.assert_array_equal(take.positions, walk.positions)
+    assert any("names no length unit; mm is assumed" in notice for notice in take.notices)
