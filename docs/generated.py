@@ -113,6 +113,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
+| ART DTrack text | 6d, 6di, 3d of DTrack's output | layout of its documentation |
 | BTS EMT | 3D tracks | layout of public readers |
 | Vicon Tracker CSV | Objects with quaternions, helical or Euler angles | layout of public readers |
 | Mokka (BTK) ASCII export | points with or without events and analogue data | layout of its writer |
