@@ -190,6 +190,14 @@ def test_points_with_residual_0_throughout_are_computed_where_others_are_measure
     assert read_take(put("no.c3d", replace(PLAIN, points=points(np.array([1.5, 0.0, 0.0]))).content)).n_markers == 3
 
 
+def test_infinite_positions_are_unseen_with_a_notice(put):
+    odd = points(1.0)
+    odd[2, 1, 0] = np.inf
+    take = read_take(put("infinite.c3d", replace(PLAIN, points=odd).content))
+    assert np.argwhere(~take.seen).tolist() == [[2, 1]]
+    assert "1 position is infinite, and taken as unseen" in take.notices
+
+
 def test_file_of_outputs_alone_says_how_to_read_it(refused, put):
     odd = OddC3d(points(0.0), ("LHipAngles", "LKneeAngles", "LAnkleAngles"))
     assert "`--points all`" in refused(put("angles.c3d", odd.content))

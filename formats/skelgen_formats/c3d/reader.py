@@ -51,11 +51,12 @@ _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?
 
 
 class _Points(NamedTuple):
-    """Positions of a file, and in how many frames each point is marked as computed, and as measured."""
+    """Positions of a file, in how many frames each point is marked as computed and as measured, and infinite ones."""
 
     positions: Floats
     computed: Ints
     measured: Ints
+    n_infinite: int
 
 
 def read_c3d(
@@ -96,6 +97,8 @@ def read_c3d(
     read = _read_points(path, layout, chosen)
     if layout.counted:
         notices.append(f"the header cannot say how many frames there are; {len(read.positions)} were found")
+    if read.n_infinite:
+        notices.append(f"{counted(read.n_infinite, 'position is', 'positions are')} infinite, and taken as unseen")
     _compare_counts(layout, len(read.positions) + layout.n_frames - len(chosen), notices)
     outputs = _are_outputs(layout, names, read)
     left_out = outputs & (points != ALL_POINTS)
@@ -145,7 +148,7 @@ def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
 def _read_points(path: Path, layout: C3dLayout, chosen: Ints) -> _Points:
     """Return positions of some frames, shape (n, n_points, 3), NaN where unseen, and how they are marked."""
     positions = np.empty((len(chosen), layout.n_points, 3))
-    last = 0  # the last frame that is filled
+    last = n_infinite = 0  # the last frame that is filled
     computed, measured = (np.zeros(layout.n_points, dtype=np.intp) for _ in range(2))
     with open_regular(path) as stream:
         for first, block in frames_in_blocks(positions):
@@ -154,11 +157,14 @@ def _read_points(path: Path, layout: C3dLayout, chosen: Ints) -> _Points:
             last = first + int(filled[-1]) if len(filled) else last
             block[:], residuals = points[:, :, :3], points[:, :, 3]
             block[residuals < 0] = np.nan
+            infinite = np.isinf(block).any(axis=2)
+            block[infinite] = np.nan
+            n_infinite += int(infinite.sum())
             seen = ~np.isnan(zeros_unseen(block)[..., 0])
             computed += (seen & (residuals == 0)).sum(axis=0)
             measured += (residuals > 0).sum(axis=0)
     # points without residual and camera are computed, by the convention, if others of the file have them
-    return _Points(positions[: last + 1] if layout.counted else positions, computed, measured)
+    return _Points(positions[: last + 1] if layout.counted else positions, computed, measured, n_infinite)
 
 
 def _raw(stream: BinaryIO, layout: C3dLayout, frames: Ints) -> bytes:
