@@ -95,9 +95,12 @@ def find_head(lines: Sequence[str]) -> Head | None:
 
 
 def _stand_over_rows(head: Head, every: Sequence[Sequence[str]]) -> bool:
-    """Whether what follows the titles may be a row of their table: with a number, or with as many cells."""
+    """Whether what follows the titles may be a row of their table: with a number, or as many cells but no titles."""
     behind = every[head.n_lines : head.n_lines + 1]
-    return all(len(row) == head.n_cells or any(map(is_number, row)) for row in behind)
+    return all(
+        any(map(is_number, row)) if in_one_line([row]) else len(row) == head.n_cells or any(map(is_number, row))
+        for row in behind
+    )
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:

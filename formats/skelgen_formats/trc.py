@@ -221,7 +221,7 @@ def _named_by_axis(names: Sequence[str]) -> list[str]:
 def _count(path: Path, lines: Lines, start: int, table: _Table, announced: int) -> int:
     """Return for how many markers there are columns: as many as are named, or announced, or as the longest row has."""
     filled = array("q", (_filled(line, table.delimiter) for _, line in _rows(lines, start, table)))
-    longest = -(-max(max(filled) - _LEADING_CELLS, 0) // 3)
+    longest = -(-max(max(filled) - table.leading, 0) // 3)
     named = len(table.names)
     count = next((count for count in sorted((named, announced)) if longest <= count <= named and count), longest)
     if len(filled) * count > _MOST_TIMES * sum(filled) + _FEW_CELLS:
@@ -363,5 +363,5 @@ FORMAT = Format(
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     options=(POINTS, AXES, UNIT, RATE, FILLED),
-    note="Units mm, cm, m from the header, else by size; empty cells and three zeros are unseen; written with full precision.",
+    note="Unit from the header, else by size; empty cells and three zeros are unseen; written with full precision.",
 )

@@ -378,6 +378,17 @@ def test_export_of_mokka_is_read(put, delimiter):
     assert "another table, which begins in line 13, is left out" in take.notices
 
 
+def test_last_of_two_lines_of_titles_counts(put):
+    """Venus3D names the points twice; rate and unit stand before, with an empty cell between."""
+    text = "#Venus3D CSV Data\n#Sample Rate,,120.0\n#Units,,mm\n#Point Type,,,P1(X),P1(Y),P1(Z),P2(X),P2(Y),P2(Z)\n"
+    text += "ID,Sample,Time,1(X),1(Y),1(Z),2(X),2(Y),2(Z)\n" + "".join(
+        f"{n},{n},{n / 120},1,2,3,4,5,6\n" for n in range(3)
+    )
+    take = read_take(put("venus.csv", text))
+    assert (take.names, take.rate, take.n_frames) == (("1", "2"), 120.0, 3)
+    np.testing.assert_array_equal(take.positions[2], [[1, 2, 3], [4, 5, 6]])
+
+
 def test_line_of_comment_marks_alone_is_no_line_of_titles(put):
     assert read_take(put("marks.csv", "%\n#\n" + UNITS)).names == ("nose", "tail.base")
 
