@@ -227,7 +227,7 @@ def _motion(path: Path, lines: Lines, at: int, n_channels: int) -> tuple[Floats,
 
 def _after(path: Path, numbered: tuple[int, str], head: str) -> str:
     number, line = numbered
-    words = " ".join(line.split())
+    words = ":".join(part.strip() for part in " ".join(line.split()).split(":", 1))
     if not words.lower().startswith(head.lower()):
         raise FormatError(path, number, f"{words[:40]!r} where '{head}' belongs")
     return words[len(head) :].strip()

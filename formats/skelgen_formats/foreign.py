@@ -35,7 +35,9 @@ _FOREIGN = (
         (".fbx",),
         f"an FBX scene; {_MARKERS} from the program that recorded them, or bones as BVH",
     ),
-    _Foreign((), (".vsk", ".vst", ".vss", ".mp"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"),
+    _Foreign(
+        (), (".vsk", ".vst", ".vss", ".mp", ".mkr"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"
+    ),
     _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
     _Foreign(
         (b"comment,NaturalPoint", b"info,version"),
@@ -50,7 +52,11 @@ _FOREIGN = (
     _Foreign((), (".anc", ".anb", ".forces"), f"analogue data of Cortex, no markers; {_MARKERS}"),
     _Foreign((b"<OpenSimDocument",), (".osim",), "a model of OpenSim, without a recording; give its .trc"),
     _Foreign((), (".mot", ".sto"), _OPENSIM),
-    _Foreign((b"<robot", b"<sdf"), (".urdf", ".sdf"), "a model of a robot, without a recording; give its markers"),
+    _Foreign(
+        (b"<robot", b"<sdf", b"<mujoco"),
+        (".urdf", ".sdf", ".mjcf"),
+        "a model of a robot, without a recording; give its markers",
+    ),
     _Foreign(
         (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3"),
         (".bag", ".mcap", ".db3"),

@@ -130,10 +130,9 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
     bodies = [_body_name(name) for name in names_in_file]
     numbers = blank_unseen(numbers)
     if numbers.shape[2] == len(_PLACE) + len(_ANGLES):
-        first = next(iter(columns.values()))[len(_PLACE)]
-        units = split_cells(path, head[3][1], head[3][0], delimiter) if len(head) > 3 else []
-        unit_of_angles = units[first].lower() if first < len(units) and behind == head[3][0] else ""
-        numbers = _with_quaternions(numbers, names_in_file[0], unit_of_angles, angle_order, notices)
+        cells = head[3][1].split(delimiter) if behind == head[2][0] + 1 else []  # there is a line of units
+        angle_unit = [*cells, *[""] * len(titles)][next(iter(columns.values()))[len(_PLACE)]].strip(' "').lower()
+        numbers = _with_quaternions(numbers, names_in_file[0], angle_unit, angle_order, notices)
     return take_from_bodies(path, transforms_of(path, numbers, unit), bodies, rate, notices)
 
 

@@ -29,6 +29,7 @@ _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _DELIMITERS = "\t;,"
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
+_SKELETON_KEY = "SOLVER"  # of skeletons' segments, which Track Manager computes from the markers
 _LOOSE_KEYS = ("DESCRIPTION", "TIME_STAMP")  # of which nothing is read, and that scripts part from values by blanks
 _LEADING_TITLES = ("frame", "time")
 _MAX_LEADING = len(_LEADING_TITLES)
@@ -62,8 +63,8 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     header, first = _header(lines, delimiter)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
-    if "2D" in included or "SKELETON" in included:
-        line, kind = header["DATA_INCLUDED"][0], "2D data" if "2D" in included else "skeletons"
+    if "2D" in included or "SKELETON" in included or _SKELETON_KEY in header:
+        line, kind = header.get("DATA_INCLUDED", (1, []))[0], "2D data" if "2D" in included else "skeletons"
         raise FormatError(path, line, f"holds {kind}; export the 3D data of the markers from Track Manager instead")
     if not header:
         raise FormatError(path, 1, "no header; export TSV from Track Manager with its header, in which the names stand")

@@ -3,7 +3,8 @@
 Titles are one line (see `skelgen_formats.titles`), or two, the name over the first or over each of the columns X, Y, Z
 (Mokka has units between them); or those of DeepLabCut in 3D, ``scorer``, ``bodyparts`` and ``coords``; or the five of
 an ASCII export of Visual3D: file, signal, type, folder, and ``ITEM  X  Y  Z``. Before them may stand lines of a word
-and a value (``Frequency: 100``, ``Units: mm``), behind them one of units, or the name of the index that pandas writes.
+and a value (``Frequency: 100``, ``Units: mm``, ``// fs=100``), behind them one of units, or the name of the index that
+pandas writes.
 """
 
 import re
@@ -24,12 +25,13 @@ _FEWEST = 2  # points of a table that no word says what it is
 _DELIMITERS = (",", ";", "\t", None)
 _NO_PLACES = re.compile(
     r"(.*[_ .:-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|vel|velocity|velocities|speed)([_ .:-].*)?",
+    r"|omega|forces?|moments?|torques?|grf|velo?|velocity|velocities|speed)([_ .:-].*)?",
     re.IGNORECASE,
 )
 _STATED = re.compile(
-    r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
+    r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
+_APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
 _NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -109,8 +111,9 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def _read_preamble(head: Head, before: list[list[str]]) -> None:
-    for row in before:
-        key, _, value = ":".join(filter(None, row)).partition(":")
+    for text in (part for row in before for part in _APART.split(":".join(filter(None, row)))):
+        key, _, value = text.lstrip("/ ").replace("=", ":", 1).partition(":")
+        key = _CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
         if stated and stated[1].lower().startswith("unit"):
             head.unit = head.unit or value.strip(": ")

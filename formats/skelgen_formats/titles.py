@@ -1,7 +1,8 @@
 """Titles of columns as scripts write them: whose coordinate along which axis, in which unit, and which column is time.
 
 A title is a name and an axis, in any case and with a blank, a point, an underscore, a colon, a hyphen or nothing
-between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``; or the axis first: ``x_knee``, ``X1``.
+between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``, ``knee_px``; or the axis first:
+``x_knee``, ``X1``.
 A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a point may stand apart from each other.
 MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``. Components of unit quaternions are ``knee_qw``,
 ``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``, ``Qy``, ``Qz``. Angles of a body
@@ -20,11 +21,12 @@ COMPONENTS = "wxyz"
 
 _BETWEEN = r"[ _.:-]"
 _UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
-_PLACE_WORD = rf"(?:pos|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
+_PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
-_TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}t([xyz])", re.IGNORECASE)
+_TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.{1,200}?)[_ .]([123])")
+_FOURTH = re.compile(r"(.{1,200}?)[_ .]4")  # beside 1, 2, 3: a quaternion, or another list of numbers
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
 _TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
@@ -40,7 +42,7 @@ _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _TIME = re.compile(
     r"(?:%|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
-    r"(?:[ _]?[\[(/]? ?(s|secs?|seconds?|ms|msecs?|milliseconds?|us|µs|microseconds?|ns|nanoseconds?) ?[\])]?)?",
+    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
     re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
@@ -97,8 +99,11 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
+    fourths = {match[1] for title in titles if (match := _FOURTH.fullmatch(title.strip()))}
     for parsed in (_axis_last, _axis_first, _numbered):
         found = _joined(_gathered(titles, parsed))
+        if parsed is _numbered:
+            found = [body for body in found if body.name not in fourths]
         if found and (parsed is not _numbered or len(found) >= _FEWEST):
             return found
     return []

@@ -14,8 +14,9 @@ Lines that begin with ``#`` are comments; three zeros are unseen, too. The names
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 
 The first line may be missing, and the column of frame numbers, or that of times; without Units they are told by the
-size of the coordinates. Commas or blanks may stand for the tabs, and doubled tabs for single ones; the line of
-coordinate names may be missing, and names stand over each column (``knee_x``). NumMarkers may differ from the names:
+size of the coordinates. Commas or blanks may stand for the tabs, blanks between frame number and time alone, and
+doubled tabs for single ones; the line of coordinate names may be missing, and names stand over each column
+(``knee_x``). NumMarkers may differ from the names:
 what Cortex names beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if
 none has one. Where the times make another rate than DataRate, they count.
 """
@@ -71,7 +72,7 @@ _FIRST_LINE, _FIRST_KEY = "PathFileType", "DataRate"
 _LEADING_TITLE = re.compile(r"(frame|time|time ?stamp|sample)s?\b.*", re.IGNORECASE)  # Frame#, Time, Times, Time (s)
 _BY_AXIS = re.compile(r"(.{1,200})[ _.:-]([xyzXYZ])")
 _APART = re.compile(r" {2,}")  # what a script put between two names instead of tabs
-_DOUBLED = re.compile(r"\t[\t ]*")
+_DOUBLED, _BLANKS = re.compile(r"\t[\t ]*"), re.compile(r"(?<=\d) +(?=\d)")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
 _TIMES_READ, _FEWEST_TIMES = 100, 3
@@ -88,7 +89,8 @@ _KEYS = (
 class _Table:
     """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured.
 
-    Rows may have doubled tabs, too few cells (padded), or a tab before the first cell (indented). Before the markers
+    Rows may have doubled tabs, too few cells (padded), a tab before the first cell (indented), or blanks between frame
+    number and time (blank). Before the markers
     stand frame number and time, or only one of them.
     """
 
@@ -99,6 +101,7 @@ class _Table:
     doubled: bool = False
     padded: bool = False
     indented: bool = False
+    blank: bool = False
 
     @property
     def n_cells(self) -> int:
@@ -188,6 +191,8 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
         names, places = points, places[::3]
     table = _Table(delimiter, names, len(names))
     _, first = next(_rows(lines, start, table), (0, ""))
+    if len(first.partition(delimiter)[0].split()) == _LEADING_CELLS:
+        table = replace(table, blank=True)
     if len(leading) == 1 and _longest(islice(_rows(lines, start, table), _TIMES_READ), delimiter) == table.n_cells - 1:
         table = replace(table, leading=1)
     if first.startswith(delimiter) and first.count(delimiter) == table.n_cells:
@@ -248,6 +253,7 @@ def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
         if line.startswith("#") or not line.strip(table.delimiter + " "):
             continue
         cells = line.removeprefix(table.delimiter) if table.indented else line
+        cells = _BLANKS.sub(table.delimiter, cells, count=1) if table.blank else cells
         cells = _DOUBLED.sub(table.delimiter, cells) if table.doubled else cells
         cells = " ".join(cells.split()) if table.delimiter == " " else cells
         missing = table.n_cells - 1 - cells.count(table.delimiter) if table.padded else 0

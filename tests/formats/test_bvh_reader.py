@@ -208,3 +208,8 @@ def test_motion_is_no_take_and_a_take_no_motion(written):
         recognise(written())
     with pytest.raises(FormatError, match=r"there are BVH \(\.bvh\)"):
         read_motion(written(name="walk.c3d"))
+
+
+def test_blank_may_stand_before_the_colon(written):
+    text = ODD_ORDERS.replace("Frames:", "Frames :").replace("Frame Time:", "Frame Time :")
+    assert len(read_motion(written(text)).places) == len(read_motion(written()).places)

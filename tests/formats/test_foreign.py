@@ -21,6 +21,9 @@ import pytest
         ("points.txt", b"0.0\t1.5\t-2.5e-3\n", "numbers without titles"),
         ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
         ("skeleton.tsv", b"NO_OF_FRAMES\t1\nDATA_INCLUDED\tSKELETON\n", "holds skeletons; export the 3D data"),
+        ("bones.tsv", b"NO_OF_FRAMES\t1\nREFERENCE\tGLOBAL\nSOLVER\t1\n", "holds skeletons; export the 3D data"),
+        ("human.mjcf", b"<mujoco model='human'>", "a model of a robot"),
+        ("ann.mkr", b"!MKR#2\n[Autolabel]\n", "a subject of Vicon"),
         (
             "walk.c3d",
             b"version https://git-lfs.github.com/spec/v1\n",

@@ -246,3 +246,10 @@ def test_missing_unit_is_found_by_size_with_a_notice(edited, text, walk, new):
     take = read_take(edited("none.trc", text, "\tmm\t", new))
     np.testing.assert_array_equal(take.positions, walk.positions)
     assert any("names no length unit; mm is assumed" in notice for notice in take.notices)
+
+
+def test_blanks_may_part_frame_number_and_time(put, text, walk):
+    lines = text.split("\n")
+    lines[6:] = [line.replace("\t", "      ", 1) for line in lines[6:]]
+    take = read_take(put("blanks.trc", "\n".join(lines)))
+    np.testing.assert_array_equal(take.positions, walk.positions)

@@ -277,6 +277,7 @@ def test_lines_before_the_titles_may_have_many_cells(put):
         "{n}.pose.position.x,{n}.pose.position.y,{n}.pose.position.z,"
         "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
         "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
+        "{n}-px,{n}-py,{n}-pz,{n}-qx,{n}-qy,{n}-qz,{n}-qw",
     ],
 )
 def test_points_with_quaternions_are_bodies(put, titles):
@@ -376,6 +377,25 @@ def test_export_of_mokka_is_read(put, delimiter):
     assert (take.names, take.rate, take.seen.tolist()) == (("nose", "tail"), 50.0, [[True, True], [True, False]])
     np.testing.assert_array_equal(take.positions[0], [[10, 20, 30], [40, 50, 60]])
     assert "another table, which begins in line 13, is left out" in take.notices
+
+
+def test_four_numbered_columns_are_no_point(put):
+    """MATLAB scripts write quaternions beside points so; which component is the scalar, nobody says."""
+    text = "// fs=50  nSamples=2\n// posUnit=m\nPELV_1,PELV_2,PELV_3,LFEP_1,LFEP_2,LFEP_3,qR_1,qR_2,qR_3,qR_4\n"
+    take = read_take(put("thesis.csv", text + "1,2,3,4,5,6,1,0,0,0\n" * 2))
+    assert (take.names, take.rate) == (("PELV", "LFEP"), 50.0)
+    np.testing.assert_array_equal(take.positions[0, 0], [1000, 2000, 3000])
+
+
+def test_places_and_quaternions_may_have_words_of_their_own(put):
+    """As Axis Studio and loggers of Azure Kinect write them."""
+    titles = (
+        ",".join(f"Hips-Joint-Posi-{axis}" for axis in "xyz") + "," + ",".join(f"A-Joint-Posi-{axis}" for axis in "xyz")
+    )
+    velocities = ",".join(f"Hips-Joint-Velo-{axis}" for axis in "xyz")
+    text = f"timestamp_usec,{titles},{velocities}\n" + "".join(f"{n * 20000},1,2,3,4,5,6,7,8,9\n" for n in range(3))
+    take = read_take(put("axis.csv", text))
+    assert (take.names, take.rate) == (("Hips-Joint", "A-Joint"), 50.0)
 
 
 def test_last_of_two_lines_of_titles_counts(put):
