@@ -7,6 +7,8 @@ and a value (``Frequency: 100``, ``Units: mm``, ``// fs=100``), behind them one 
 pandas writes.
 """
 
+import contextlib
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -33,6 +35,7 @@ _STATED = re.compile(
 )
 _APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
 _NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
+_UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
@@ -92,7 +95,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _pass_further_titles(head, every)
                 _read_names(head, every)
                 if _stand_over_rows(head, every):
-                    return _without_no_places(head)
+                    return _without_no_places(_without_quaternions(head, every[head.n_lines :]))
     return None
 
 
@@ -146,6 +149,27 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
         columns = [titles[title] for word in _NAME_WORDS if (title := body.name.lower() + word) in titles]
         named = [row[column] for column in columns if column < len(row) and row[column]]
         body.name = named[0] if named else body.name
+
+
+def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
+    """Return it without points of four columns of unit length: quaternions, whose scalar the titles leave open."""
+    left_out = [body for body in head.bodies if body.fourth is not None and _is_unit(body, body.fourth, rows)]
+    if left_out:
+        names = ", ".join(body.name for body in left_out[:8])
+        head.notices.append(f"quaternions without positions, and left out: {names}")
+    head.bodies = [body for body in head.bodies if body not in left_out]
+    return head
+
+
+def _is_unit(body: Body, fourth: int, rows: Sequence[Sequence[str]]) -> bool:
+    """Whether four columns have unit length in the first row in which they hold numbers."""
+    columns = [*body.place.values(), fourth]
+    for row in rows:
+        with contextlib.suppress(ValueError, IndexError):
+            length = math.hypot(*(float(row[column].replace(",", ".")) for column in columns))
+            if math.isfinite(length):
+                return abs(length - 1.0) < _UNIT_TOLERANCE
+    return False
 
 
 def _without_no_places(head: Head) -> Head:

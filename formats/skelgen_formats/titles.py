@@ -4,14 +4,16 @@ A title is a name and an axis, in any case and with a blank, a point, an undersc
 between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``, ``knee_px``; or the axis first:
 ``x_knee``, ``X1``.
 A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a point may stand apart from each other.
-MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``. Components of unit quaternions are ``knee_qw``,
-``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``, ``Qy``, ``Qz``. Angles of a body
-are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``, ``knee_euler_x``; a unit may follow.
+MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``, Python ``knee[0]`` and so on. Components of
+unit quaternions are ``knee_qw``, ``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``,
+``Qy``, ``Qz``. Angles of a body are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``,
+``knee_euler_x``; a unit may follow.
 """
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from skelgen_formats.options import ROTATION_VECTOR
 
@@ -25,8 +27,8 @@ _PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|c
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
-_NUMBERED = re.compile(r"(.{1,200}?)[_ .]([123])")
-_FOURTH = re.compile(r"(.{1,200}?)[_ .]4")  # beside 1, 2, 3: a quaternion, or another list of numbers
+_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_FOURTH = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
 _TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
@@ -58,8 +60,8 @@ _NAVIGATION_ORDER, _AXES_ORDER = "zyx", "xyz"  # what most mean by roll, pitch, 
 class Body:
     """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
 
-    Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn, if it is the
-    usual one, and their unit, if a title names it.
+    Angles about x, y and z stand for a quaternion where there is none; with the order in which they usually turn, and
+    their unit, if a title names it. A fourth column beside x, y and z may show that these are a quaternion.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Body:
     place: dict[str, int] = field(default_factory=dict)
     turn: dict[str, int] = field(default_factory=dict)
     angles: dict[str, int] = field(default_factory=dict)
+    fourth: int | None = None
     angle_order: str = _AXES_ORDER
     angle_unit: str = ""
 
@@ -99,14 +102,23 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    fourths = {match[1] for title in titles if (match := _FOURTH.fullmatch(title.strip()))}
-    for parsed in (_axis_last, _axis_first, _numbered):
+    numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
+    first = 0 if "0" in numbers else 1
+    numbered = partial(_numbered, first=first)
+    for parsed, fourth in ((_axis_last, "w"), (_axis_first, "w"), (numbered, str(first + len(AXES)))):
         found = _joined(_gathered(titles, parsed))
-        if parsed is _numbered:
-            found = [body for body in found if body.name not in fourths]
-        if found and (parsed is not _numbered or len(found) >= _FEWEST):
-            return found
+        if found and (parsed is not numbered or len(found) >= _FEWEST):
+            return _with_fourths(found, titles, fourth)
     return []
+
+
+def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[Body]:
+    """Return the same bodies with their fourth columns, such as ``knee.w`` beside ``knee.x``, or ``knee_4``."""
+    found = [_FOURTH.fullmatch(title.strip()) for title in titles]
+    fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
+    for body in bodies:
+        body.fourth = None if body.is_turned else fourths.get(body.name)
+    return bodies
 
 
 def axis_alone(title: str) -> tuple[str, str] | None:
@@ -280,10 +292,11 @@ def _axis_first(title: str) -> tuple[str, str, str] | None:
     return (match[2], match[1].lower(), (match[3] or match[4] or "").lower()) if match else None
 
 
-def _numbered(title: str) -> tuple[str, str, str] | None:
+def _numbered(title: str, first: int) -> tuple[str, str, str] | None:
     text, unit = _without_unit(title)
     match = _NUMBERED.fullmatch(text)
-    return (match[1], AXES[int(match[2]) - 1], unit) if match else None
+    place = int(match[2] or match[3] or match[4]) - first if match else -1
+    return (match[1], AXES[place], unit) if match and 0 <= place < len(AXES) else None
 
 
 def _quaternion(title: str) -> tuple[str, str] | None:

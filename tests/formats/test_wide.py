@@ -384,7 +384,22 @@ def test_four_numbered_columns_are_no_point(put):
     text = "// fs=50  nSamples=2\n// posUnit=m\nPELV_1,PELV_2,PELV_3,LFEP_1,LFEP_2,LFEP_3,qR_1,qR_2,qR_3,qR_4\n"
     take = read_take(put("thesis.csv", text + "1,2,3,4,5,6,1,0,0,0\n" * 2))
     assert (take.names, take.rate) == (("PELV", "LFEP"), 50.0)
+    assert "quaternions without positions, and left out: qR" in take.notices
     np.testing.assert_array_equal(take.positions[0, 0], [1000, 2000, 3000])
+
+
+def test_columns_of_vectors_are_counted_from_0_as_python_does(put):
+    """Kinetics Toolkit writes homogeneous coordinates so, with a fourth that is 1."""
+    titles = ",".join(f"{name}[{n}]" for name in ("C7", "CLAV") for n in range(4))
+    take = read_take(put("serve.csv", f"Time,{titles}\n" + "".join(f"{n / 50},1,2,3,1,4,5,6,1\n" for n in range(3))))
+    assert (take.names, take.rate) == (("C7", "CLAV"), 50.0)
+    np.testing.assert_array_equal(take.positions[0], [[1000, 2000, 3000], [4000, 5000, 6000]])
+
+
+def test_orientations_without_positions_are_no_points(refused, put):
+    titles = ",".join(f"{name}.{axis}" for name in ("Head", "Arm") for axis in "wxyz")
+    text = f"timestamp,{titles}\n" + "".join(f"{n / 50},0.6,0.8,0,0,1,0,0,0\n" for n in range(3))
+    assert "quaternions without positions" in refused(put("pose.csv", text))
 
 
 def test_places_and_quaternions_may_have_words_of_their_own(put):
