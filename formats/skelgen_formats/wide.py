@@ -130,14 +130,17 @@ def _numbers_of(
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
-    numbers = _padded(_until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    rows = parse_rows(path, numbers, head.n_cells, head.delimiter, [*wanted, *times])
+    numbers = _unquoted(_until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
+    whole = _padded(numbers, len(lines), head)
+    rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
     if not times:
         return rows, None
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
-        few = islice(_padded(lines.numbered(first), head.delimiter, least), options.sample.most)
-        stamps = parse_rows(path, few, head.n_cells, head.delimiter, times)[:, 0]
+        few = islice(_unquoted(lines.numbered(first), head.delimiter, least), options.sample.most)
+        stamps = parse_rows(
+            path, _padded(few, len(lines), replace(head, notices=[])), head.n_cells, head.delimiter, times
+        )[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.second)
 
@@ -280,7 +283,22 @@ def _until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Itera
         yield number, line
 
 
-def _padded(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:
+def _padded(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with as many cells as titles, those that end earlier padded; the last, if it does, is left out."""
+    padded = 0
+    for number, line in numbered:
+        missing = head.n_cells - 1 - line.count(head.delimiter) if head.delimiter else 0
+        if missing > 0 and number == n_lines and not line.endswith(str(head.delimiter)):
+            head.notices.append(f"line {number}, the last, is cut off and left out")
+            break
+        padded += missing > 0
+        yield number, line + str(head.delimiter) * missing
+    if padded:
+        rows = counted(padded, "row ends", "rows end")
+        head.notices.append(f"{rows} before the last column; what has no cells is unseen there")
+
+
+def _unquoted(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:
     """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
     parting = delimiter or " "
     for number, line in lines:

@@ -413,6 +413,21 @@ def test_places_and_quaternions_may_have_words_of_their_own(put):
     assert (take.names, take.rate) == (("Hips-Joint", "A-Joint"), 50.0)
 
 
+def test_rows_that_end_early_are_unseen_there(put):
+    """As a recorder of UWB writes a position of one tag per row, with the tags above and times of the clock."""
+    text = ",a,a,a,b,b,b,\nTimestamp (ns),Pos_x (mm), Pos_y (mm), Pos_z (mm),Pos_x (mm), Pos_y (mm), Pos_z (mm),\n"
+    text += "".join(f"15946566556{n}7508831,{n},2,3,\n15946566556{n + 2}9132997,,,,4,5,6,\n" for n in (1, 5))
+    take = read_take(put("uwb.csv", text))
+    assert (take.names, take.seen.tolist()) == (("a", "b"), [[True, False], [False, True]] * 2)
+    assert "2 rows end before the last column; what has no cells is unseen there" in take.notices
+
+
+def test_last_row_that_is_cut_off_is_left_out(put):
+    take = read_take(put("cut.csv", UNITS + "0.04,1,2"))
+    assert take.n_frames == 2
+    assert any("is cut off and left out" in notice for notice in take.notices)
+
+
 def test_last_of_two_lines_of_titles_counts(put):
     """Venus3D names the points twice; rate and unit stand before, with an empty cell between."""
     text = "#Venus3D CSV Data\n#Sample Rate,,120.0\n#Units,,mm\n#Point Type,,,P1(X),P1(Y),P1(Z),P2(X),P2(Y),P2(Z)\n"
