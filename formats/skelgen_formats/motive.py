@@ -173,7 +173,8 @@ def _markers(titles: _Titles, notices: list[str]) -> list[_Item]:
                 notices.append("no measured markers were exported; those of the bodies' models are taken")
             left_out = sorted({other for other in titles.kinds[2:] if other and other != kind})
             if left_out:
-                notices.append(f"columns left out: {', '.join(left_out)}")
+                hint = "; `--bodies` reads the bodies instead" if {*left_out} & {*_BODY_TYPES} else ""
+                notices.append(f"columns left out: {', '.join(left_out)}{hint}")
             return items
     return []
 

@@ -94,6 +94,7 @@ def info(
     from skelgen.app.files import NamedFile, name_of_format, open_input
     from skelgen.app.first_look import account_sentences
     from skelgen.app.tables import column_rows, project_tables
+    from skelgen.model import Poses
 
     screen = Screen(quiet, as_json)
     sample = Sample()
@@ -114,7 +115,8 @@ def info(
         screen.say(f"extent [mm]: {low} .. {high}")
     for sentence in account_sentences(tables["take"]):
         screen.say(sentence)
-    screen.table("Markers, estimated" if sample.n_left_out else "Markers", columns)
+    title = "Bodies" if isinstance(project.take, Poses) else "Markers"
+    screen.table(f"{title}, estimated" if sample.n_left_out else title, columns)
     screen.json({"format": format_name, **tables, "columns": columns})
 
 

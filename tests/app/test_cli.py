@@ -118,6 +118,13 @@ class TestRunning:
         assert data["format"] == "csm"
         assert data["columns"][0] == {"name": "a", "seen": 20, "gaps": 0, "longest_gap": 0}
 
+    def test_info_of_bodies_calls_them_so(self, tmp_path, capsys):
+        titles = ",".join(f"{name}_{axis}" for name in ("a", "b") for axis in ("x", "y", "z", "roll", "pitch", "yaw"))
+        (tmp_path / "bodies.csv").write_text(titles + "\n" + "1,2,3,0,0,0,4,5,6,0,0,90\n" * 3)
+        assert main(["info", str(tmp_path / "bodies.csv")]) == 0
+        shown = capsys.readouterr().out
+        assert "Bodies" in shown and "Markers" not in shown
+
     def test_info_counts_a_large_file_and_reads_a_sample_of_it(self, tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         positions = np.zeros((40_000, 20, 3)) + np.arange(1, 61).reshape(20, 3)

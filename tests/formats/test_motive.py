@@ -21,7 +21,7 @@ def test_metres_become_millimetres_and_empty_cells_gaps(put, motive_text):
 
 def test_left_out_bodies_and_prefixes_are_noticed(put, motive_text):
     notices = " ".join(read_take(put("take.csv", motive_text)).notices)
-    assert "Rigid Body" in notices
+    assert "Rigid Body; `--bodies` reads the bodies instead" in notices
     assert "Bob:" in notices
 
 
