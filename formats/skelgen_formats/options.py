@@ -251,7 +251,7 @@ ANGLE_ORDER = Option(
     "angle_order",
     AUTO,
     "How three angles turn a body: about its own axes in this order, or as a vector, axis times angle; auto: as the"
-    " file says, else zyx for roll, pitch, yaw, vector for Vicon, and xyz.",
+    " file says, else zyx for roll, pitch, yaw, vector for Vicon, and the order of the columns.",
     (AUTO, "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", ROTATION_VECTOR),
     writing=False,
 )

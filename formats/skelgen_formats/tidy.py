@@ -29,6 +29,7 @@ from skelgen_formats.titles import (
     axis_alone,
     bodies_of,
     component_alone,
+    order_of,
     seconds_per_unit,
 )
 from skelgen_formats.wide import QUOTED, since_first, take_from_table, with_quaternions
@@ -36,7 +37,19 @@ from skelgen_formats.wide import QUOTED, since_first, take_from_table, with_quat
 _FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
-    *("body", "rigid_body", "rigidbody", "object", "segment", "sensor", "station", "tool"),
+    *(
+        "body",
+        "rigid_body",
+        "rigidbody",
+        "object",
+        "segment",
+        "sensor",
+        "station",
+        "tool",
+        "device",
+        "tracker",
+        "asset",
+    ),
 )
 _NAMES = (
     *_THINGS,
@@ -102,6 +115,7 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     notices: list[str] = []
     if width == len(AXES) * 2:
         _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
+        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
         numbers = with_quaternions(numbers, order, angle_unit, options, notices)
     take = take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
     return replace(take, notices=(*notices, *take.notices))

@@ -53,15 +53,15 @@ _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
 _ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
-_NAVIGATION_ORDER, _AXES_ORDER = "zyx", "xyz"  # what most mean by roll, pitch, yaw, and by Rx, Ry, Rz
+_NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
 
 
 @dataclass
 class Body:
     """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
 
-    Angles about x, y and z stand for a quaternion where there is none; with the order in which they usually turn, and
-    their unit, if a title names it. A fourth column beside x, y and z may show that these are a quaternion.
+    Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
+    their unit, if titles say it. A fourth column beside x, y and z may show that these are a quaternion.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Body:
     turn: dict[str, int] = field(default_factory=dict)
     angles: dict[str, int] = field(default_factory=dict)
     fourth: int | None = None
-    angle_order: str = _AXES_ORDER
+    stated_order: str = ""
     angle_unit: str = ""
 
     @property
@@ -88,10 +88,26 @@ class Body:
         """Whether three angles are there, and no quaternion."""
         return len(self.angles) == len(AXES) and not self.is_turned
 
+    @property
+    def angle_order(self) -> str:
+        """How the angles turn the body: as titles say, else about the axes in the order of their columns."""
+        return self.stated_order or order_of(self.angles)
+
     def columns(self, *, turned: bool) -> list[int]:
         """Return the columns of x, y, z, and of w, x, y, z or the three angles if they are wanted."""
         turn = [self.turn[component] for component in COMPONENTS] if self.is_turned else [*map(self.angles.get, AXES)]
         return [*(self.place[axis] for axis in AXES), *(turn if turned else [])]
+
+
+def order_of(angles: Mapping[str, int]) -> str:
+    """Return the axes of angles in the order of their columns, such as ``zyx``.
+
+    Parameters
+    ----------
+    angles : mapping of str to int
+        Column of each axis.
+    """
+    return "".join(sorted(angles, key=angles.__getitem__))
 
 
 def bodies_of(titles: Sequence[str]) -> list[Body]:
@@ -181,7 +197,7 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
         if what == "place":
             body.unit = body.unit or unit
         elif what == "angles":
-            body.angle_unit, body.angle_order = body.angle_unit or unit, _order(title)
+            body.angle_unit, body.stated_order = body.angle_unit or unit, _order(title)
     for body in bodies:
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
             body.angles, body.turn = body.turn, {}
@@ -223,13 +239,19 @@ def _with_angles(bodies: list[Body]) -> list[Body]:
     for body in angles:
         match = _ANGLES.fullmatch(body.name)
         name = (match[1] or "") if match else ""
-        before = [one for one in places if min(one.place.values()) < min((body.angles or body.place).values())]
-        near = [one for one in [*before[::-1], *places] if one.name.lower() in _TRANSLATIONS and not one.angles]
-        other = placed[name] if name else next(iter(near), None)
+        columns = body.angles or body.place
+        free = [one for one in places if one.name.lower() in _TRANSLATIONS and not one.angles]
+        nearest = min(free, key=partial(_columns_between, columns), default=None)
+        other = placed[name] if name else nearest
         if other is not None:
-            other.angles, other.angle_order = body.angles or body.place, body.angle_order
+            other.angles, other.stated_order = columns, body.stated_order
             other.angle_unit, other.name = body.angle_unit, name
     return places
+
+
+def _columns_between(angles: Mapping[str, int], place: Body) -> int:
+    """Return how far the columns of a place are from those of angles; the first of several is before them."""
+    return min(abs(column - angle) for column in place.place.values() for angle in angles.values())
 
 
 def _are_angles(body: Body, places: Mapping[str, Body]) -> bool:
@@ -254,6 +276,8 @@ def _angle(title: str) -> tuple[str, str, str] | None:
 def angle_alone(title: str) -> tuple[str, str, str] | None:
     """Return axis, order and unit of a title of an angle without a name, such as ``roll`` or ``Rx [deg]``, or None.
 
+    The order is empty where the columns tell it, the unit where the title names none.
+
     Parameters
     ----------
     title : str
@@ -265,10 +289,10 @@ def angle_alone(title: str) -> tuple[str, str, str] | None:
 
 
 def _order(title: str) -> str:
-    """Return how an angle turns a body by the usual meaning of its title."""
+    """Return how an angle turns a body by the usual meaning of its title, empty if the columns tell."""
     if "rotvec" in title.lower():
         return ROTATION_VECTOR
-    return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else _AXES_ORDER
+    return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
 
 
 def _without_unit(title: str) -> tuple[str, str]:

@@ -347,6 +347,15 @@ def test_bodies_without_names_have_the_angles_beside_their_places(put):
     np.testing.assert_allclose(take.world_from_body[0, :, 0, 0], [1, 0], atol=1e-12)
 
 
+def test_order_of_the_columns_is_that_of_the_axes(put):
+    """NDI writes the angles of a tool before its place, z first, and the tool's markers behind it."""
+    tool = "Frame,Rz,Ry,Rx,Tx,Ty,Tz,Error,Marker1 Status,Tx,Ty,Tz"
+    row = "1,90,60,0,1,2,3,0.1,OK,4,5,6"
+    take = read_take(put("tools.csv", f"{tool},{tool}\n" + f"{row},{row}\n" * 2), bodies=True)
+    np.testing.assert_allclose(take.world_from_body[0, :, :3, :3], [NAVIGATED] * 2, atol=1e-12)
+    np.testing.assert_array_equal(take.world_from_body[0, :, :3, 3], [[1000, 2000, 3000]] * 2)
+
+
 def test_names_may_stand_over_places_and_angles(put):
     text = ",thigh,,,,,,shank\nFrame,X,Y,Z,RX,RY,RZ,X,Y,Z,RX,RY,RZ\n" + "1,1,2,3,0,0,0,4,5,6,0,0,90\n" * 2
     take = read_take(put("bodies.csv", text))
