@@ -24,12 +24,24 @@ _UNLABELLED = re.compile(r"((uname)?\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
 COMPUTED = "left out because a model computed them (`--points all` takes them)"
 """What became of points that are no markers, for `noted`."""
 
+_OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?)")
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
 _MOST_NUMBERS = 3  # that a program writes for gaps
 _NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
+
+
+def are_outputs(names: Sequence[str]) -> Bools:
+    """Return which names are those that Vicon's models give to angles, forces and the like, shape (n_markers,).
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as ``LHipAngles`` or ``Ann:RKneeMoment``.
+    """
+    return np.array([_OUTPUT.fullmatch(name.rpartition(":")[2].strip()) is not None for name in names], dtype=np.bool_)
 
 
 def mm_per_unit(path: Path, place: str | int, unit: str) -> float:

@@ -27,7 +27,7 @@ _FEWEST = 2  # points of a table that no word says what it is
 _DELIMITERS = (",", ";", "\t", None)
 _NO_PLACES = re.compile(
     r"(.*[_ .:-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|velo?|velocity|velocities|speed)([_ .:-].*)?",
+    r"|omega|forces?|moments?|torques?|grf|dir|direction|velo?|velocity|velocities|speed)([_ .:-].*)?",
     re.IGNORECASE,
 )
 _STATED = re.compile(

@@ -49,6 +49,7 @@ _TIME = re.compile(
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
+_BESIDE = re.compile(rf"(.{{1,200}}?){_BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
@@ -198,6 +199,11 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
             body.unit = body.unit or unit
         elif what == "angles":
             body.angle_unit, body.stated_order = body.angle_unit or unit, _order(title)
+    placed = [body for body in bodies if body.is_placed]
+    names = {body.name.lower() for body in placed}
+    rates = [(body, _BESIDE.fullmatch(titles[body.place["x"]].strip())) for body in placed]
+    beside = [body for body, match in rates if match and match[1].lower() in names]
+    bodies = [body for body in bodies if body not in beside]
     for body in bodies:
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
             body.angles, body.turn = body.turn, {}

@@ -38,6 +38,7 @@ from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
+    are_outputs,
     assumed_mm_per_unit,
     equal_unseen,
     mm_per_unit,
@@ -150,7 +151,8 @@ def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) ->
     positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
     is_unit = unit and not is_number(unit)  # where none stands, the next value may be taken for it
     factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices)
-    computed = None if points == ALL_POINTS else np.arange(len(table.names)) >= table.n_measured
+    virtual = (np.arange(len(table.names)) >= table.n_measured) | are_outputs(table.names)
+    computed = None if points == ALL_POINTS else virtual
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
 
 

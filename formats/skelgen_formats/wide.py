@@ -36,6 +36,7 @@ from skelgen_formats.bodies import (
 )
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
+    are_outputs,
     assumed_mm_per_unit,
     equal_unseen,
     mm_per_unit,
@@ -44,6 +45,7 @@ from skelgen_formats.markers import (
     zeros_unseen,
 )
 from skelgen_formats.options import (
+    ALL_POINTS,
     ANGLE_ORDER,
     AUTO,
     BODIES,
@@ -214,7 +216,7 @@ def take_from_table(
     times : ndarray, shape (n,), s, or None
         Time stamps, of some frames at least; a unit that no title names is found.
     options : Options
-        `recorded_rate` and `recorded_unit` count.
+        `points`, `recorded_rate` and `recorded_unit` count.
     unit : str
         What the file says, or empty.
     """
@@ -226,7 +228,8 @@ def take_from_table(
         return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
-    return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
+    computed = None if options.points == ALL_POINTS else are_outputs(names)
+    return take_from_markers(path, scaled(path, positions, factor), names, rate, notices, computed)
 
 
 def _lost_unseen(bodies: Floats) -> Floats:

@@ -166,6 +166,21 @@ def test_signals_of_inertial_sensors_and_force_plates_are_no_points(refused, put
     assert "a table needs titles" in refused(put("imu.csv", "t,ax,ay,az,gx,gy,gz\n" + rows("{1},")))
 
 
+def test_rates_and_scales_beside_points_are_left_out(put):
+    axes = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz", "sx", "sy", "sz")
+    text = ",".join(f"{name}_{axis}" for name in ("knee", "hip") for axis in axes) + "\n"
+    assert read_take(put("rates.csv", text + ",".join("123" * 10) + "\n")).names == ("knee", "hip")
+    assert read_take(put("bodies.csv", text.replace("_v", "_r") + ",".join("123" * 10) + "\n")).n_bodies == 2
+
+
+def test_outputs_of_models_are_no_points_unless_asked_for(put):
+    names = ("LASI", "RASI", "LHipAngles", "Ann:RKneeMoment", "LAnklePower")
+    text = ",".join(f"{name}_{axis}" for name in names for axis in "xyz") + "\n"
+    path = put("outputs.csv", text + ",".join(map(str, range(15))) + "\n")
+    assert read_take(path).names == ("LASI", "RASI")
+    assert read_take(path, points="all").n_markers == 5
+
+
 def test_velocities_beside_points_are_left_out(put):
     head = "nose_x,nose_y,nose_z,tail_x,tail_y,tail_z,nose_vel_x,nose_vel_y,nose_vel_z\n"
     take = read_take(put("both.csv", head + rows(after=",1,2,3")))

@@ -36,6 +36,7 @@ from skelgen_formats.c3d.parameters import dec_floats, number_of
 from skelgen_formats.lines import Sample
 from skelgen_formats.markers import (
     COMPUTED,
+    are_outputs,
     assumed_mm_per_unit,
     frames_in_blocks,
     mm_per_unit,
@@ -47,7 +48,7 @@ from skelgen_formats.markers import (
 from skelgen_formats.options import ALL_POINTS, MARKERS
 
 _OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS", "USERMOS")
-_OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?|Cent(re|er)Of(Mass|Gravity)(Floor)?)")
+_MASS = re.compile(r"\w*Cent(re|er)Of(Mass|Gravity)(Floor)?")
 
 
 class _Points(NamedTuple):
@@ -123,7 +124,7 @@ def _are_outputs(layout: C3dLayout, names: Sequence[str], read: _Points) -> Bool
     groups = {*_OUTPUT_GROUPS, *layout.texts("POINT", "TYPE_GROUPS")} - {"LABELS"}  # the latter names further ones
     listed = {text.rpartition(":")[2] for group in groups for text in layout.texts("POINT", group)} - {""}
     unmeasured = (read.measured == 0) & (read.computed > 0)
-    named = np.array([_OUTPUT.fullmatch(name) is not None for name in short]) | are_axes(short)
+    named = are_outputs(short) | np.array([_MASS.fullmatch(name) is not None for name in short]) | are_axes(short)
     outputs = np.array([name in listed for name in short]) | (unmeasured & named)
     others = unmeasured & ~outputs
     if others.sum() < (read.measured > 0).sum():  # else the file marks measured points so
