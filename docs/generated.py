@@ -123,8 +123,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | NDI First Principles, Simi Motion as text | rate and unit before the titles, or neither | layout |
 | NDI Aurora, Polaris; ROS (`rostopic echo -p`) | tables of bodies with quaternions | layout of public recorders |
 | pandas, R, MATLAB, NumPy | tables of points as they write them: index, NA, name_1, # before titles | layout |
-| Kinetics Toolkit, Venus3D, NatNet and UWB recorders as CSV | vectors `[0]` to `[3]`, two lines of titles, rows that end early | layout of public files |
-| tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors; NDI | layout; a simulated person as each |
+| Kinetics Toolkit, Venus3D, recorders of NatNet | vectors `[0]` to `[3]`, titles twice, rows that end early | layout |
+| tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors | layout; a simulated person |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0 | written by NumPy |
 
