@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from skelgen_formats.lines import decoded_head
+from skelgen_formats.titles import turned_without_place
 
 
 class _Foreign(NamedTuple):
@@ -113,6 +114,9 @@ def table_hint(head: bytes) -> str:
         return ""
     for row in rows:
         along = [{title[:-1] for title in row if title.lower().endswith(axis)} for axis in "xyz"]
+        if turned := turned_without_place(row):
+            names = ", ".join(turned[:8])
+            return f"the titles name rotations of {names}, and no positions: name_x, name_y, name_z; export both"
         if along[0] & along[1] - along[2] - {""}:
             return "the titles name x and y alone: points in images; triangulate them first, e.g. with anipose"
     return "a table needs titles: name_x, name_y, name_z of each point, or frame, name, x, y, z with a row per point"

@@ -26,10 +26,11 @@ _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
 _DELIMITERS = (",", ";", "\t", None)
 _NO_PLACES = re.compile(
-    r"(.*[_ .:-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|dir|direction|velo?|velocity|velocities|speed)([_ .:-].*)?",
+    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
+    r"|omega|forces?|moments?|torques?|grf|dir|direction|velo?|velocity|velocities|speed)([_ .:/-].*)?",
     re.IGNORECASE,
 )
+_SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
 _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
@@ -175,7 +176,9 @@ def _is_unit(body: Body, fourth: int, rows: Sequence[Sequence[str]]) -> bool:
 def _without_no_places(head: Head) -> Head:
     """Return it without what is no point: forces, accelerations, angles and the like."""
     points = [body for body in head.bodies if not body.is_turned and not body.has_angles]
-    left_out = [body.name for body in points if _NO_PLACES.fullmatch(body.name)]
+    left_out = [body.name for body in points if _NO_PLACES.fullmatch(body.name) or _SENSED.fullmatch(body.name)]
+    if left_out and len(head.bodies) - len(left_out) < _FEWEST:  # a single point has no skeleton
+        left_out = [body.name for body in points]
     if left_out:
         head.notices.append(f"no points, and left out: {', '.join(left_out[:8])}")
     head.bodies = [body for body in head.bodies if body.name not in left_out]

@@ -21,7 +21,7 @@ AXES = "xyz"
 COMPONENTS = "wxyz"
 """Of a unit quaternion, scalar first."""
 
-_BETWEEN = r"[ _.:-]"
+_BETWEEN = r"[ _.:/-]"
 _UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
 _PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
@@ -50,6 +50,7 @@ _TIME = re.compile(
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){_BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
+_PLATE = re.compile(rf"(.{{1,200}}?){_BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
@@ -138,6 +139,18 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     return bodies
 
 
+def turned_without_place(titles: Sequence[str]) -> list[str]:
+    """Return names of bodies that have a quaternion or three angles, and no coordinate.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    """
+    bodies = _gathered(titles, _axis_last)
+    return [body.name or "body" for body in bodies if (body.is_turned or body.has_angles) and not body.place]
+
+
 def axis_alone(title: str) -> tuple[str, str] | None:
     """Return axis and unit of a title without a name, such as ``x``, ``pos_x`` or ``X (mm)``; None of any other.
 
@@ -203,6 +216,9 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     names = {body.name.lower() for body in placed}
     rates = [(body, _BESIDE.fullmatch(titles[body.place["x"]].strip())) for body in placed]
     beside = [body for body, match in rates if match and match[1].lower() in names]
+    plates = [(body, match) for body in placed if (match := _PLATE.fullmatch(titles[body.place["x"]].strip()))]
+    kinds = {(match[1], match[2]) for _, match in plates}
+    beside += [body for body, match in plates if {(match[1], "F"), (match[1], "M")} <= kinds]
     bodies = [body for body in bodies if body not in beside]
     for body in bodies:
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):

@@ -34,6 +34,7 @@ import pytest
         ("walk.htr", b"[Header]\nFileType htr\n", "segments of Cortex"),
         ("walk.bag", b"#ROSBAG V2.0\n", "a recording of ROS"),
         ("arm.urdf", b"<robot name='arm'>", "a model of a robot"),
+        ("imu.csv", b"t,a_roll,a_pitch,a_yaw\n0,1,2,3\n", "the titles name rotations of a, and no positions"),
         ("angles.csv", b"time,hip,knee\n0,1,2\n", "a table needs titles: name_x, name_y, name_z"),
         ("sleap.csv", b"frame,nose.x,nose.y,nose.score\n0,1,2,1\n", "x and y alone: points in images; triangulate"),
     ],

@@ -173,6 +173,19 @@ def test_rates_and_scales_beside_points_are_left_out(put):
     assert read_take(put("bodies.csv", text.replace("_v", "_r") + ",".join("123" * 10) + "\n")).n_bodies == 2
 
 
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ["FreeAcc_X", "FreeAcc_Y", "FreeAcc_Z", "Acc_X", "Acc_Y", "Acc_Z"],
+        ["Lumbar/Accelerometer/X", "Lumbar/Accelerometer/Y", "Lumbar/Accelerometer/Z", "dv[1]", "dv[2]", "dv[3]"],
+        ["v_x", "v_y", "v_z", "Mag_X", "Mag_Y", "Mag_Z"],
+        [f"FP{n}_{what}{axis}" for n in (1, 2) for what in "FM" for axis in "xyz"],
+    ],
+)
+def test_sensors_and_force_plates_are_no_points(refused, put, titles):
+    assert refused(put("sensors.csv", ",".join(["time", *titles]) + "\n" + ",".join("1" * (len(titles) + 1)) + "\n"))
+
+
 def test_outputs_of_models_are_no_points_unless_asked_for(put):
     names = ("LASI", "RASI", "LHipAngles", "Ann:RKneeMoment", "LAnklePower")
     text = ",".join(f"{name}_{axis}" for name in names for axis in "xyz") + "\n"
