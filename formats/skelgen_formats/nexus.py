@@ -96,14 +96,9 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
     """
     lines = read_lines(path, sample)
     blocks = list(_blocks(lines))
-    found = [block for block in blocks if block.title == BLOCKS[0]]
-    found = found or [block for block in blocks if block.title in _BODIES]
-    if not found:
-        there = ", ".join(dict.fromkeys(block.title for block in blocks)) or "none"
-        what = f"no block {BLOCKS[0]}, only {there}; export ASCII with trajectories switched on"
-        raise FormatError(path, "", what)
-    title = found[0].title
-    head = [numbered for numbered, _ in zip(lines.numbered(found[0].first), range(4), strict=False)]
+    chosen = _chosen(path, blocks)
+    title = chosen.title
+    head = [numbered for numbered, _ in zip(lines.numbered(chosen.first), range(4), strict=False)]
     if len(head) < 3:
         raise FormatError(path, len(lines), f"the header of the block {title} is cut off")
     delimiter = _delimiter(path, *head[2])
@@ -134,6 +129,17 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
         angle_unit = [*cells, *[""] * len(titles)][next(iter(columns.values()))[len(_PLACE)]].strip(' "').lower()
         numbers = _with_quaternions(numbers, names_in_file[0], angle_unit, angle_order, notices)
     return take_from_bodies(path, transforms_of(path, numbers, unit), bodies, rate, notices)
+
+
+def _chosen(path: Path, blocks: Sequence[_Block]) -> _Block:
+    """Return the first block of trajectories, or else of bodies."""
+    found = [block for block in blocks if block.title == BLOCKS[0]]
+    found = found or [block for block in blocks if block.title in _BODIES]
+    if not found:
+        there = ", ".join(dict.fromkeys(block.title for block in blocks)) or "none"
+        what = f"no block {BLOCKS[0]}, only {there}; export ASCII with trajectories switched on"
+        raise FormatError(path, "", what)
+    return found[0]
 
 
 def _with_quaternions(numbers: Floats, title: str, unit: str, angle_order: str, notices: list[str]) -> Floats:

@@ -28,7 +28,6 @@ MM_PER_UNIT = {name: mm for mm, names in _UNITS.items() for name in names}
 AUTO = "auto"
 """Find the unit from the size of the body."""
 
-
 OptionValue = str | float | bool
 
 Writable = Project | Take | Filled
@@ -205,7 +204,6 @@ RATE = Option(
 )
 """The registry resamples the value before it is written, for every format that offers this."""
 
-
 POINTS = Option(
     "points",
     AUTO,
@@ -250,8 +248,7 @@ RECORDED_UNIT = Option(
 ANGLE_ORDER = Option(
     "angle_order",
     AUTO,
-    "How three angles turn a body: about its own axes in this order, or as a vector, axis times angle; auto: as the"
-    " file says, else zyx for roll, pitch, yaw, vector for Vicon, and the order of the columns.",
+    "How three angles turn a body: about its axes in this order, or as a vector; auto: as the file says, or as usual.",
     (AUTO, "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", ROTATION_VECTOR),
     writing=False,
 )

@@ -212,18 +212,23 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
             body.unit = body.unit or unit
         elif what == "angles":
             body.angle_unit, body.stated_order = body.angle_unit or unit, _order(title)
-    placed = [body for body in bodies if body.is_placed]
-    names = {body.name.lower() for body in placed}
-    rates = [(body, _BESIDE.fullmatch(titles[body.place["x"]].strip())) for body in placed]
-    beside = [body for body, match in rates if match and match[1].lower() in names]
-    plates = [(body, match) for body in placed if (match := _PLATE.fullmatch(titles[body.place["x"]].strip()))]
-    kinds = {(match[1], match[2]) for _, match in plates}
-    beside += [body for body, match in plates if {(match[1], "F"), (match[1], "M")} <= kinds]
+    beside = _beside_points(bodies, titles)
     bodies = [body for body in bodies if body not in beside]
     for body in bodies:
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
             body.angles, body.turn = body.turn, {}
     return bodies
+
+
+def _beside_points(bodies: Sequence[Body], titles: Sequence[str]) -> list[Body]:
+    """Return velocities and the like of other bodies, ``knee_vx`` beside ``knee_x``, and force plates."""
+    placed = [body for body in bodies if body.is_placed]
+    names = {body.name.lower() for body in placed}
+    rates = [(body, _BESIDE.fullmatch(titles[body.place["x"]].strip())) for body in placed]
+    plates = [(body, match) for body in placed if (match := _PLATE.fullmatch(titles[body.place["x"]].strip()))]
+    kinds = {(match[1], match[2]) for _, match in plates}
+    beside = [body for body, match in rates if match and match[1].lower() in names]
+    return beside + [body for body, match in plates if {(match[1], "F"), (match[1], "M")} <= kinds]
 
 
 def _column_of(title: str, parsed: _Parsed) -> tuple[str, tuple[str, str, str]]:
@@ -272,7 +277,7 @@ def _with_angles(bodies: list[Body]) -> list[Body]:
 
 
 def _columns_between(angles: Mapping[str, int], place: Body) -> int:
-    """Return how far the columns of a place are from those of angles; the first of several is before them."""
+    """Return how far the columns of a place are from those of angles."""
     return min(abs(column - angle) for column in place.place.values() for angle in angles.values())
 
 
