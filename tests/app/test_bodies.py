@@ -140,6 +140,20 @@ def test_a_body_that_is_not_there_is_named_once_and_names_without_that_of_the_bo
     assert not any("more cameras" in sentence for sentence in advice_on(project))
 
 
+@pytest.mark.parametrize("labelled", [True, False])
+def test_of_two_bodies_that_are_alike_one_is_labelled_whole_and_the_other_is_said_to_be_absent(labelled):
+    take = simulate("rods", seed=1, n_frames=200, noise=0.3, dropouts=0.05, labelled=labelled).take
+    known = skelgen.reconstruct(simulate("rods", seed=1, n_frames=240, noise=0.3).take)
+    alike = [replace(known, take=replace(known.take, name=name)) for name in ("anna", "ben")]
+    project = skelgen.apply_subject(take, alike)
+    seen = project.trajectories.seen
+    assert seen[:, :9].mean() > 0.9
+    assert not seen[:, 9:].any()
+    told = project.reports["labels"].notices
+    assert "no frame shows ben: leave its skeleton out" in told
+    assert any(notice.startswith("not all of anna and ben are there; ben is taken as absent") for notice in told)
+
+
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):
     rom = skelgen.reconstruct(replace(simulate("rods", seed=1, n_frames=80).take, name="rom.c3d"))
     files = [skelgen.write(rom, tmp_path / f"{name}.skelgen")[0] for name in ("anna", "ben")]

@@ -1,7 +1,8 @@
 """A subject: a calibrated skeleton applied to other takes of the same body.
 
-`labels` finds which point is which marker, `points` places what remains, `posing` poses the skeleton, `changes` tests
-what differs from the calibrated take, `fit` does all of that; `sensors` finds sensors that moved on their limbs.
+`labels` finds which point is which marker, `present` which of several bodies are there, `points` places what remains,
+`posing` poses the skeleton, `changes` tests what differs from the calibrated take, `fit` does all of that; `sensors`
+finds sensors that moved on their limbs.
 """
 
 from skelgen.stages.subject.changes import with_joints_as_fitted

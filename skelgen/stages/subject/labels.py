@@ -29,6 +29,7 @@ from skelgen.stages.labels import (
 )
 from skelgen.stages.subject.points import FollowedPoints, PlacedTrack, place_tracks, tracked_points
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject
+from skelgen.stages.subject.present import BodyLabels, label_present_bodies
 
 GATE = 5.0
 """Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""
@@ -66,6 +67,8 @@ class SubjectLabels:
         Part of the positions that could be explained which lie where the skeleton has its markers.
     by_name : bool
         Whether the names of the take decided.
+    alike_bodies : str
+        Which bodies fit as one that is there, and how well; empty if no two compete.
     """
 
     marker_of_point: Ints
@@ -75,6 +78,7 @@ class SubjectLabels:
     new: tuple[PlacedTrack, ...]
     explained: float
     by_name: bool
+    alike_bodies: str = ""
 
 
 def label_by_subject(
@@ -108,8 +112,13 @@ def label_by_subject(
     parameters, names = parameters or LabelParameters(), calibrated.names
     points = tracked_points(take, parameters, monitor)
     gates = GATE * PoseFilter(skeleton).deviation
-    marker_of_point, by_name = _proposed(points, skeleton, names, gates, monitor)
-    placed, poses = _reassigned_and_posed(points, marker_of_point, skeleton, gates, monitor)
+
+    def labelled(sought: Skeleton) -> BodyLabels:
+        proposed, by_name = _proposed(points, sought, names, gates, monitor)
+        return BodyLabels(sought, points, *_reassigned_and_posed(points, proposed, sought, gates, monitor), by_name)
+
+    present, sentence = label_present_bodies(skeleton, labelled)
+    skeleton, placed, poses = present.skeleton, present.marker_of_point, present.poses
     # Part of what could be explained, frame by frame the fewer of points and markers, that is explained
     possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
     explained = float((placed >= 0).sum() / max(int(possible), 1))
@@ -128,7 +137,7 @@ def label_by_subject(
     for number, one in enumerate((*moved, *new)):
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
         result[one.points] = marker
-    return SubjectLabels(result, points, poses, moved, new, explained, by_name)
+    return SubjectLabels(result, points, poses, moved, new, explained, present.by_name, sentence)
 
 
 def _proposed(

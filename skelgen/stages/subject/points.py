@@ -169,7 +169,7 @@ def _alone(
     """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
     lengths = np.bincount(points.tracks[points.tracks >= 0])
-    found = []
+    is_there, found = poses.seen.any(axis=0), []
     order = left[np.argsort(points.tracks[left], kind="stable")]
     for some in np.split(order, np.flatnonzero(np.diff(points.tracks[order])) + 1) if len(order) else []:
         if len(some) < max(LEAST_FRAMES, MOVED_SHARE * lengths[points.tracks[some[0]]]):
@@ -178,7 +178,7 @@ def _alone(
         shifted = points.cloud.points[some, np.newaxis] - poses.world_from_limb[frames, :, :3, 3]
         local = (poses.world_from_limb[frames, :, :3, :3].swapaxes(-1, -2) @ shifted[..., np.newaxis])[..., 0]
         middle = np.median(local, axis=0)
-        off = np.linalg.norm(local - middle, axis=2)
+        off = np.where(is_there, np.linalg.norm(local - middle, axis=2), np.inf)
         limb = int(np.argmin(np.median(off, axis=0)))
         near = off[:, limb] < gate
         name = points.names[int(points.tracks[some[0]])] if points.names else ""
