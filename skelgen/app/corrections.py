@@ -21,7 +21,7 @@ from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.model.limbs import BODY_END, body_and_limb
 from skelgen.progress import Monitor
 
-_EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smooth"})
+EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smooth"})
 """Kinds of corrections that change labels at once, without a new run."""
 
 
@@ -45,7 +45,7 @@ def with_correction(project: Project, correction: Correction) -> Project:
     if project.has("labels"):
         check_no_contradiction(project, correction)
     added = replace(project, corrections=(*project.corrections, correction))
-    if correction.kind in _EDITS and project.has("labels"):
+    if correction.kind in EDITS and project.has("labels"):
         return _with_edited_labels(added, correction)
     for which in range(len(correction.names)):
         if project.has("labels"):
@@ -158,7 +158,7 @@ def corrected_labels(
     monitor : Monitor
         Receives a notice for each correction.
     """
-    if not any(correction.kind in _EDITS for correction in project.corrections):
+    if not any(correction.kind in EDITS for correction in project.corrections):
         return trajectories, labelling
     from skelgen.stages.labels import apply_corrections, corrected_quality  # noqa: PLC0415 - loads scipy
 

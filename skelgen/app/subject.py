@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
-from skelgen.app.corrections import with_stated_limb_names
+from skelgen.app.corrections import EDITS, with_stated_limb_names
 from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
@@ -30,7 +30,7 @@ from skelgen.model.arrays import Floats
 from skelgen.model.joint_spans import JointSpan
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints import find_joint_spans
-from skelgen.stages.labels import PointLabels, history_of, labelling_of_cloud, labelling_of_markers
+from skelgen.stages.labels import PointLabels, corrected_quality, history_of, labelling_of_cloud, labelling_of_markers
 from skelgen.stages.subject import (
     SensorShift,
     SubjectFit,
@@ -185,7 +185,14 @@ def run_with_subject(
         return _run_with_sensors(project, take, subject, settings, monitor)
     started = time.perf_counter()
     with threadpool_limits(limits=1):
-        fit = fit_subject(take, subject, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
+        fit = fit_subject(
+            take,
+            subject,
+            labelling=settings.labels,
+            posing=settings.skeleton,
+            corrections=project.corrections,
+            monitor=monitor,
+        )
     seconds = time.perf_counter() - started
     for sentence in fit.notices:
         monitor.notice(sentence)
@@ -242,15 +249,10 @@ def _with_skeleton(
 
 
 def _as_stated(project: Project, monitor: Monitor) -> Project:
-    """The project with the names that the user gave; of other corrections a notice says that the skeleton stands."""
-    from skelgen.stages.labels import apply_corrections  # noqa: PLC0415 - loads scipy
-
-    for one in project.corrections:
-        if one.kind == "rename":
-            edited = apply_corrections(project.trajectories, (one,))
-            project = project.renamed(edited.trajectories.names)
+    """The project with the limbs' names that the user gave; notices say which corrections are not obeyed."""
     project = with_stated_limb_names(project)
-    passed = [one.sentence for one in project.corrections if one.kind not in {"rename", "name", "name-joint", "fill"}]
+    obeyed = EDITS | {"name", "name-joint", "fill"}
+    passed = [one.sentence for one in project.corrections if one.kind not in obeyed]
     notices = tuple(f"not obeyed, as the skeleton of another take labels this one: {one}" for one in passed)
     for sentence in notices:
         monitor.notice(sentence)
@@ -272,8 +274,11 @@ def _label_quality(take: PointCloud | Trajectories, fit: SubjectFit) -> Labellin
     if isinstance(take, PointCloud):
         tracked = fit.labels.points
         points = PointLabels(tracked.cloud, tracked.tracks, fit.labels.marker_of_point)
-        return labelling_of_cloud(fit.trajectories, history_of(points, fit.trajectories.n_markers))
-    return labelling_of_markers(fit.trajectories, fit.trajectories)
+        found = labelling_of_cloud(fit.found, history_of(points, fit.found.n_markers))
+    else:
+        found = labelling_of_markers(fit.found, fit.found)
+    is_edited = fit.edits.touched.any() or fit.edits.deleted.any()
+    return corrected_quality(found, fit.edits, isinstance(take, PointCloud)) if is_edited else found
 
 
 def _virtual_markers(take: Poses, subject: Project) -> Floats:

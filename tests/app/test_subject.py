@@ -16,6 +16,7 @@ from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model import Poses, Project
+from skelgen.model.corrections import Correction
 from skelgen.simulation import Structure, find_structure, read_truth, simulate
 
 FRAMES = 200
@@ -218,5 +219,29 @@ def test_names_that_the_user_gave_stay_when_the_take_is_labelled_by_the_skeleton
     again = run_with_subject(deleted, known)
     assert again.trajectories.names == ("tip", *project.trajectories.names[1:])
     assert again.limbs.names[again.limbs.limb_of_marker[0]] == again.skeleton.limb_names[0] == "boom"
-    (passed,) = [notice for notice in again.reports["labels"].notices if notice.startswith("not obeyed")]
-    assert project.trajectories.names[-1] in passed
+    last = project.trajectories.names[-1]
+    assert not again.trajectories.seen[:, -1].any()
+    assert f"as stated: {last} is nobody" in again.reports["labels"].notices
+
+
+def test_markers_that_the_user_corrected_stay_so_when_the_skeleton_labels_the_take_again(folder):
+    known = skelgen.load(folder / "rom")
+    project = run_with_subject(Project(skelgen.read(folder / "walk.mfml")), known)
+    first, second, third = project.trajectories.names[:3]
+    stated = skelgen.correct(project, "swap", [first, second], frames=(50, 80))
+    stated = skelgen.correct(stated, "delete", [third], frames=(100, 120))
+    stated = skelgen.correct(stated, "split", [second], "glove", frames=(150, None))
+    again = run_with_subject(stated, known)
+    assert again.trajectories.names == stated.trajectories.names
+    np.testing.assert_array_equal(again.trajectories.positions, stated.trajectories.positions)
+    assert again.labelling.confidence[60, :2].min() > 0.99
+    assert again.limbs.limb_of_marker[-1] == -1
+    assert not any(notice.startswith("not obeyed") for notice in again.reports["labels"].notices)
+
+
+def test_corrections_of_markers_that_the_skeleton_does_not_find_are_passed_over_and_told(folder):
+    known = skelgen.load(folder / "rom")
+    alone = Project(skelgen.read(folder / "walk.mfml"))
+    ghost = dataclasses.replace(alone, corrections=(Correction("delete", ("M007",)),))
+    told = run_with_subject(ghost, known).reports["labels"].notices
+    assert any("passed over" in notice and "'M007'" in notice for notice in told)

@@ -23,12 +23,14 @@ from skelgen.stages.labels.stage import check_labels, label_markers, refit_label
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
+    CorrectedLabels,
     apply_corrections,
     corrected_quality,
     stated_positions,
 )
 
 __all__ = [
+    "CorrectedLabels",
     "LabelParameters",
     "PointLabels",
     "PoseFilter",

@@ -7,12 +7,14 @@ import numpy as np
 
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, evenly_spread
+from skelgen.model.corrections import Correction
 from skelgen.model.limbs import body_and_limb, names_of_bodies
 from skelgen.progress import SILENT, Monitor, counted
-from skelgen.stages.labels import LabelParameters
+from skelgen.stages.labels import CorrectedLabels, LabelParameters, apply_corrections
 from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject import changes as take_changes
 from skelgen.stages.subject.labels import SubjectLabels, label_by_subject
+from skelgen.stages.subject.points import PlacedTrack
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject, subject_motion
 
 TESTED_FRAMES = 1200
@@ -39,6 +41,10 @@ class SubjectFit:
         Its poses.
     labels : SubjectLabels
         How points became markers.
+    found : Trajectories
+        The markers before the user's corrections.
+    edits : CorrectedLabels
+        What the corrections changed.
     moved : tuple of int
         Markers that sit elsewhere on their limb than in the calibrated take.
     shifts : ndarray, shape (n_markers,), mm
@@ -55,6 +61,8 @@ class SubjectFit:
     skeleton: Skeleton
     motion: Motion
     labels: SubjectLabels
+    found: Trajectories
+    edits: CorrectedLabels
     moved: tuple[int, ...]
     shifts: Floats
     missing: tuple[int, ...]
@@ -75,6 +83,7 @@ def fit_subject(
     *,
     labelling: LabelParameters | None = None,
     posing: SkeletonParameters | None = None,
+    corrections: tuple[Correction, ...] = (),
     monitor: Monitor = SILENT,
 ) -> SubjectFit:
     """Label and pose a take by the skeleton of another take of the same body.
@@ -89,6 +98,8 @@ def fit_subject(
         How points without names are followed.
     posing : SkeletonParameters, optional
         What is an outlier.
+    corrections : tuple of Correction
+        What the user states; those of markers are applied to the labels before the skeleton is posed.
     monitor : Monitor
         Receives progress; may cancel.
 
@@ -101,11 +112,13 @@ def fit_subject(
     free = take_changes.with_free_joints(calibrated)
     labels = label_by_subject(take, free, subject.trajectories, labelling, monitor)
     monitor.begin("poses of the subject")
-    all_names = _all_names(names, labels)
-    positions = labels.points.positions(labels.marker_of_point, len(all_names))
+    found = _found(take, names, labels)
+    edits = apply_corrections(found, corrections, by_subject=True)
+    positions, all_names = edits.trajectories.positions, edits.trajectories.names
+    new = (*labels.new, *(_of_no_limb(name) for name in all_names[found.n_markers :]))
     moved_tracks = [one.marker for one in labels.moved]
     test, moved, freer = _compared(subject, positions[:, : len(names)], moved_tracks, posing)
-    skeleton = _with_new(take_changes.with_free_joints(calibrated, freer), labels)
+    skeleton = _with_new(take_changes.with_free_joints(calibrated, freer), new)
     shifts = test.distances
     if moved:
         skeleton = _replaced(skeleton, pose_subject(skeleton, _without(positions, moved), posing), positions, moved)
@@ -114,16 +127,18 @@ def fit_subject(
     skeleton = _with_deviations(skeleton, poses, positions)
     seen = ~np.isnan(positions[:, : len(names), 0]).all(axis=0)
     missing = tuple(np.flatnonzero(~seen & (calibrated.limb_of_marker >= 0)).tolist())
-    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer)
+    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer, new)
     return SubjectFit(
-        trajectories=Trajectories(positions, all_names, take.rate, take.name, take.notices),
+        trajectories=replace(edits.trajectories, notices=take.notices),
         skeleton=skeleton,
         motion=subject_motion(skeleton, poses, positions, take.rate),
         labels=labels,
+        found=found,
+        edits=edits,
         moved=moved,
         shifts=shifts,
         missing=missing,
-        notices=tuple(_notices(labels, changes, test)),
+        notices=(*_notices(labels, changes, test), *_renamed_notices(labels, found.names), *edits.notices),
         is_other_subject=_is_other(moved, test),
     )
 
@@ -138,6 +153,19 @@ class _Changes:
     shifts: Floats
     missing: tuple[int, ...]
     freer: tuple[int, ...]
+    new: tuple[PlacedTrack, ...]
+
+
+def _found(take: PointCloud | Trajectories, names: tuple[str, ...], labels: SubjectLabels) -> Trajectories:
+    """The markers as they are labelled: the skeleton's, then new ones."""
+    called = _all_names(names, labels)
+    positions = labels.points.positions(labels.marker_of_point, len(called))
+    return Trajectories(positions, called, take.rate, take.name, take.notices)
+
+
+def _of_no_limb(name: str) -> PlacedTrack:
+    """A marker that the user split off another one: the skeleton does not know where it sits."""
+    return PlacedTrack(np.zeros(0, dtype=np.intp), -1, np.full(3, np.nan), np.nan, -1, name)
 
 
 def _all_names(names: tuple[str, ...], labels: SubjectLabels) -> tuple[str, ...]:
@@ -151,9 +179,8 @@ def _all_names(names: tuple[str, ...], labels: SubjectLabels) -> tuple[str, ...]
     return tuple(every)
 
 
-def _with_new(skeleton: Skeleton, labels: SubjectLabels) -> Skeleton:
+def _with_new(skeleton: Skeleton, new: tuple[PlacedTrack, ...]) -> Skeleton:
     """The skeleton with new markers behind its own."""
-    new = labels.new
     if not new:
         return skeleton
     spreads = [one.spread for one in new]
@@ -238,10 +265,10 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
     if changes.freer:
         parts = ", ".join(skeleton.joint_name(skeleton.joints[index]) for index in changes.freer)
         yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"
-    if labels.new:
+    if changes.new:
         parts = ", ".join(
             f"{name} on limb {one.limb}" if one.limb >= 0 else f"{name} on no limb"
-            for name, one in zip(names[len(changes.shifts) :], labels.new, strict=True)
+            for name, one in zip(names[len(changes.shifts) :], changes.new, strict=True)
         )
         yield f"markers that the skeleton does not know: {parts}"
     n_left = int((labels.marker_of_point < 0).sum())
@@ -249,7 +276,6 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
         part = f"({100 * n_left / len(labels.marker_of_point):.1f} %)"
         one, several = "belongs to no marker and is left out", "belong to no marker and are left out"
         yield counted(n_left, f"point {part} {one}", f"points {part} {several}")
-    yield from _renamed_notices(labels, names)
 
 
 def _missing_notices(changes: _Changes) -> Iterator[str]:

@@ -32,7 +32,7 @@ class CorrectedLabels:
     deleted : ndarray of bool, shape (n_frames, n_markers_before)
         Positions before the corrections that are no marker, as the user states.
     notices : tuple of str
-        Positions that were lost.
+        Positions that were lost; by a calibrated skeleton also which corrections were applied.
     """
 
     trajectories: Trajectories
@@ -42,7 +42,9 @@ class CorrectedLabels:
     notices: tuple[str, ...]
 
 
-def apply_corrections(trajectories: Trajectories, corrections: tuple[Correction, ...]) -> CorrectedLabels:
+def apply_corrections(
+    trajectories: Trajectories, corrections: tuple[Correction, ...], *, by_subject: bool = False
+) -> CorrectedLabels:
     """Apply the corrections of labels, in their order.
 
     Parameters
@@ -51,16 +53,26 @@ def apply_corrections(trajectories: Trajectories, corrections: tuple[Correction,
         As the labels stage made them.
     corrections : tuple of Correction
         Those of other stages are passed over.
+    by_subject : bool
+        Whether a calibrated skeleton labelled the take: its markers stay although no position of them is left, a
+        correction that cannot be applied to its labels is passed over, and notices say what was done with each.
 
     Raises
     ------
     InputError
         If a correction names a marker that is not there, or gives a name twice.
     """
-    editor = _Editor(trajectories)
+    editor = _Editor(trajectories, trajectories.n_markers if by_subject else 0)
     for correction in corrections:
         if correction.kind in _ACTS:
-            _ACTS[correction.kind](editor, correction, editor.find(correction))
+            try:
+                _ACTS[correction.kind](editor, correction, editor.find(correction))
+            except InputError as error:
+                if not by_subject:
+                    raise
+                editor.notices.append(f"passed over, as the calibrated skeleton labels this take: {error}")
+            else:
+                editor.notices += [f"as stated: {correction.sentence}"] if by_subject else []
     return editor.result()
 
 
@@ -121,8 +133,8 @@ def stated_positions(trajectories: Trajectories, corrections: Iterable[Correctio
 class _Editor:
     """Markers while they are corrected."""
 
-    def __init__(self, trajectories: Trajectories) -> None:
-        self._original = trajectories
+    def __init__(self, trajectories: Trajectories, n_staying: int) -> None:
+        self._original, self._n_staying = trajectories, n_staying
         self.names = list(trajectories.names)
         here = np.arange(trajectories.n_markers, dtype=np.int32)
         self.source = np.where(trajectories.seen, here, np.int32(-1))
@@ -147,6 +159,7 @@ class _Editor:
             free = self.source[:, kept] < 0
             n_lost += int(((self.source[:, marker] >= 0) & ~free).sum())
             self.source[free, kept] = self.source[free, marker]
+            self.source[:, marker] = -1
         if n_lost:
             lost = counted(n_lost, "position seen at the same time is", "positions seen at the same time are")
             self.notices.append(f"{correction.sentence}: {lost} left out")
@@ -208,6 +221,7 @@ class _Editor:
         self.names.append(name)
 
     def _drop(self, markers: list[int]) -> None:
+        markers = [marker for marker in markers if marker >= self._n_staying]
         self.source, self.touched = (np.delete(values, markers, axis=1) for values in (self.source, self.touched))
         self.names = [name for marker, name in enumerate(self.names) if marker not in markers]
 
