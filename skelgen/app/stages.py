@@ -30,6 +30,7 @@ from skelgen.app.inputs import (
 )
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
+from skelgen.app.stated_bodies import bodies_by_joints
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -197,6 +198,10 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     split = project.labelling.split if project.has_labelling else ()
     held = HeldNotices(monitor)
     limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+    parted = bodies_by_joints(project, settings, limbs, stated, monitor)
+    if parted is not None:
+        stated, held = parted, HeldNotices(monitor)
+        limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
     prior = None
     if settings.limbs.marker_set == "auto" and n_limbs is None:
         prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)

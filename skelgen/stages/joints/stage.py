@@ -6,13 +6,14 @@ tried on sampled frames; the cheapest joints span the tree; those that are kept 
 
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import joint_children
+from skelgen.model.topology import joint_children, limbs_of_bodies
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs, with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
@@ -70,6 +71,22 @@ def find_joints(
         If no marker belongs to a limb, or the constraints cannot be met.
     """
     return JointSearch(trajectories, limbs, parameters, seed).find(constraints, monitor)
+
+
+LEAST_MARKERS = 3
+"""Markers of a body that is parted by joints: fewer have no pose."""
+
+
+class PartedBodies(NamedTuple):
+    """Body of each limb, and how many times the gap of all other joints those have that part the bodies."""
+
+    body_of_limb: Ints
+    gap_ratio: float
+
+    @property
+    def probability(self) -> float:
+        """That these are the bodies: one half if other joints fit as badly, and nearly 1 if none does by far."""
+        return 1.0 - 1.0 / (1.0 + self.gap_ratio)
 
 
 class JointSearch:
@@ -162,6 +179,39 @@ class JointSearch:
         for notice in notices:
             monitor.notice(notice)
         return topology
+
+    def parted(self, n_bodies: int) -> PartedBodies | None:
+        """Part limbs into a stated number of bodies, where the joints of the tree fit worst; None if that fails.
+
+        Parameters
+        ----------
+        n_bodies : int
+            How many bodies there are; each has at least `LEAST_MARKERS` markers.
+        """
+        n_limbs, limb_of_marker = self._limbs.n_limbs, self._limbs.limb_of_marker
+        odds, _, search = self._pairs(np.zeros(n_limbs, dtype=np.intp), SILENT)
+        costs = comparable_costs(search.guesses(), n_limbs, self._parameters.alpha, odds)
+        sizes = np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=n_limbs)
+        parents = find_tree(costs, search.guesses(), sizes.tolist(), JointConstraints(), None).parents
+        cost_of = costs.comparable[np.arange(n_limbs), parents]  # meaningless for roots
+        parted = parents.copy()
+        cut: list[int] = []
+        for child in sorted(np.flatnonzero(parents >= 0).tolist(), key=lambda limb: -cost_of[limb]):
+            if len(limbs_of_bodies(parted)) == n_bodies:
+                break
+            tried = parted.copy()
+            tried[child] = -1
+            if min(sizes[limbs].sum() for limbs in limbs_of_bodies(tried)) >= LEAST_MARKERS:
+                parted, cut = tried, [*cut, child]
+        bodies = limbs_of_bodies(parted)
+        if len(bodies) != n_bodies:
+            return None
+        kept = cost_of[parted >= 0].max(initial=0.0)
+        ratio = float(np.sqrt(cost_of[cut].min(initial=np.inf) / kept)) if kept > 0 else np.inf
+        body_of_limb = np.zeros(n_limbs, dtype=np.intp)
+        for body, limbs in enumerate(bodies):
+            body_of_limb[limbs] = body
+        return PartedBodies(body_of_limb, ratio)
 
 
 def _with_joints(tree: Tree, joints: list[JointGuess], raw: Floats, parameters: JointParameters) -> Topology:

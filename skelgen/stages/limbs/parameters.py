@@ -171,11 +171,14 @@ class LimbConstraints:
         Names of markers; no two of a group share a limb.
     bodies : iterable of sequence of str
         Names of markers; each group is on a body of its own.
+    body_probability : float
+        That these are bodies.
     """
 
     together: NameGroups = ()
     apart: NameGroups = ()
     bodies: NameGroups = ()
+    body_probability: float = 1.0
 
     def with_parameters(self, parameters: LimbParameters) -> LimbConstraints:
         """Return these constraints and those that the parameters hold as text, e.g. ``"LKNE, LANK; RKNE, RANK"``."""
@@ -211,7 +214,8 @@ class LimbConstraints:
         blocks = [tuple(np.flatnonzero(block_of == block).tolist()) for block in np.unique(block_of)]
         of_block = np.array([block_of == block for block in block_of])
         bodies = tuple(_indices(group, index_of) for group in self.bodies)
-        return MarkerConstraints(blocks, np.asarray(of_block @ forbidden @ of_block, dtype=np.bool_), bodies)
+        apart = np.asarray(of_block @ forbidden @ of_block, dtype=np.bool_)
+        return MarkerConstraints(blocks, apart, bodies, self.body_probability)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,11 +230,14 @@ class MarkerConstraints:
         Markers that may not share a limb.
     bodies : tuple of ndarray of intp
         Markers of each body that is stated; none once markers are parted into bodies.
+    body_probability : float
+        That these are bodies.
     """
 
     blocks: list[Group]
     apart: Bools
     bodies: tuple[Ints, ...] = ()
+    body_probability: float = 1.0
 
     @property
     def is_empty(self) -> bool:

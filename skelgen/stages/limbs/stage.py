@@ -199,6 +199,7 @@ def _bodies(
     for block in (*(tuple(one.tolist()) for one in stated), *named.blocks):
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
+    sure = np.minimum(sure, named.body_probability) if stated else sure
     kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)
     return body_of_marker, sure[kept] if len(kept) > 1 else np.ones(1)
 
@@ -217,7 +218,8 @@ def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
         yield (
             f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-            "stays near one of another, they are never seen together, or the names of markers say so"
+            "stays near one of another, they are never seen together, the names of markers say so, or the joints between "
+            "them fit worst"
         )
 
 
