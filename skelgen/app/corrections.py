@@ -19,7 +19,7 @@ from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import RULES, Correction, Place
 from skelgen.model.limbs import BODY_END, body_and_limb
-from skelgen.progress import Monitor
+from skelgen.progress import Monitor, listed
 
 EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smooth"})
 """Kinds of corrections that change labels at once, without a new run."""
@@ -55,7 +55,7 @@ def with_correction(project: Project, correction: Correction) -> Project:
     if correction.kind == "name":
         return _renamed_limbs(added) if project.has("limbs") else added
     if correction.kind == "name-joint":
-        return renamed_joints(added) if project.has("skeleton") else added
+        return _with_named_joint(added, correction) if project.has("skeleton") else added
     return added.before(correction.stage)
 
 
@@ -196,6 +196,19 @@ def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Pr
         body = next((body.name for body in bodies if limb in body.limbs), "")
         names[limb] = f"{body}{BODY_END}{body_and_limb(found)[1]}" if len(bodies) > 1 else found
     return project.with_limb_names(names_with_stated(names, stated_names(project, project.limbs)))
+
+
+def _with_named_joint(project: Project, correction: Correction) -> Project:
+    """The project with one more name of a joint; refuse it if the limbs share none."""
+    ends = [corrected_marker(project.trajectories, correction, which) for which in (0, 1)]
+    one, other = project.limbs.limb_of_marker[ends].tolist()
+    tree = [{joint.parent, joint.child} for joint in project.skeleton.joints]
+    if {one, other} not in tree:
+        names = project.skeleton.limb_names
+        near = [names[limb] for pair in tree if one in pair for limb in pair - {one}]
+        what = f"{names[one]} is joined to {listed(near) or 'no limb'}" if one != other else f"both are on {names[one]}"
+        raise InputError(f"there is no joint between the limbs of {listed(correction.names)}: {what}")
+    return renamed_joints(project)
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:

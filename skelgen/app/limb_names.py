@@ -19,6 +19,7 @@ from skelgen.files import read_content
 from skelgen.model import Limbs, Motion, Poses, Project, Skeleton
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Correction
+from skelgen.model.limbs import BODY_END, names_of_bodies
 from skelgen.model.topology import limbs_of_bodies
 from skelgen.progress import SILENT, Monitor
 
@@ -141,12 +142,13 @@ def names_in_motion(
     monitor : Monitor
         Receives a notice of what the shape is, and of where it contradicts names of sides.
     """
-    names = named_limbs(project, _of_trees(project.limbs, skeleton.parents), marker_set).names
+    limbs = _of_trees(project.limbs, skeleton.parents)
+    names = named_limbs(project, limbs, marker_set).names
     if marker_set == "none" or isinstance(project.take, Poses) or not motion.n_frames:
         return names
     from skelgen.stages.names import contradicts_sides, names_by_shape  # noqa: PLC0415 - reads tables
 
-    stated = stated_names(project, project.limbs)
+    stated = stated_names(project, limbs)
     if any(name != f"limb{limb}" for limb, name in enumerate(names) if limb not in stated):
         if contradicts_sides(replace(skeleton, limb_names=names), motion):
             monitor.notice(
@@ -251,7 +253,10 @@ def named_limbs(project: Project, limbs: Limbs, marker_set: str, monitor: Monito
 
 
 def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
-    """Return the names that corrections of a project give its limbs; parameters and errors as `named_limbs`.
+    """Return the names that corrections of a project give its limbs; errors as `named_limbs`.
+
+    The limb that is named last has the name alone; limbs of two bodies may be called alike, and the one that is named
+    later has the name of its body before it.
 
     Parameters
     ----------
@@ -261,9 +266,13 @@ def stated_names(project: Project, limbs: Limbs) -> dict[int, str]:
         What is named.
     """
     stated: dict[int, str] = {}
+    body_of = {int(limb): body for body, members in enumerate(limbs.bodies) for limb in members}
+    called = names_of_bodies(limbs.bodies, limbs.names)
     for correction in (one for one in project.corrections if one.kind == "name"):
-        limb = limb_of(project, limbs, correction)
-        stated = {other: name for other, name in stated.items() if name != correction.value} | {limb: correction.value}
+        limb, name = limb_of(project, limbs, correction), correction.value
+        if any(one == name and body_of[other] != body_of[limb] for other, one in stated.items()):
+            name = f"{called[body_of[limb]]}{BODY_END}{name}"
+        stated = {other: one for other, one in stated.items() if one != name} | {limb: name}
     return stated
 
 

@@ -43,7 +43,7 @@ from skelgen.stages.subject import (
 
 @with_checked_arguments
 def apply_subject(
-    take: Take,
+    take: Take | Project,
     subject: Project | Path | str | Sequence[Project | Path | str],
     parameters: ParameterValues = None,
     monitor: Monitor | None = None,
@@ -52,8 +52,8 @@ def apply_subject(
 
     Parameters
     ----------
-    take : PointCloud, Trajectories or Poses
-        The new take.
+    take : PointCloud, Trajectories, Poses or Project
+        The new take; corrections that a project holds are applied.
     subject : Project, Path or str, or a sequence of them
         The calibrated take with its skeleton, or the file that holds it; one for each body that the take shows.
     parameters : mapping, Path or str, optional
@@ -82,7 +82,7 @@ def apply_subject(
     """
     subjects = [subject] if isinstance(subject, Project | Path | str) else list(subject)
     return run_with_subject(
-        Project(take.take if isinstance(take, Project) else take),
+        take if isinstance(take, Project) else Project(take),
         joined_subjects(subjects),
         settings=Settings(parameters),
         monitor=monitor or SILENT,

@@ -9,6 +9,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError, SkelgenError
 from skelgen.model.arrays import Floats, check_whole, set_fields
+from skelgen.model.limbs import body_and_limb
 from skelgen.progress import listed
 
 SAME_PLACE = 1e-3
@@ -228,9 +229,10 @@ def named_marker(correction: Correction, which: int, names: Sequence[str], posit
             return int(off.argmin())
     if correction.names[which] in names:
         return list(names).index(correction.names[which])
+    of_bodies = [name for name in names if body_and_limb(name)[1] == correction.names[which]]
     raise InputError(
         f"the correction '{correction.sentence}' names {correction.names[which]!r}, which the labels do not have; take "
-        f"it back, or name one of {', '.join(names)}"
+        f"it back, or name one of {', '.join(of_bodies or names)}"
     )
 
 

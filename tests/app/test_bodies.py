@@ -164,6 +164,24 @@ def test_of_two_bodies_that_are_alike_one_is_labelled_whole_and_the_other_is_sai
     assert any(notice.startswith("not all of anna and ben are there; ben is taken as absent") for notice in told)
 
 
+def test_limbs_and_joints_of_two_bodies_are_named_each_and_errors_name_what_there_is(two):
+    first, second = (two.trajectories.names[int(body.markers[0])] for body in two.bodies)
+    named = skelgen.correct(skelgen.correct(two, "name", [first], "hips"), "name", [second], "hips")
+    assert {"hips", "body2: hips"} <= set(named.limbs.names)
+    assert all("hips" in body.skeleton.limb_names for body in skelgen.split_bodies(named))
+    with pytest.raises(InputError, match=f"no joint between the limbs of {first} and {second}: .* is joined to"):
+        skelgen.correct(two, "name-joint", [first, second], "waist")
+    markers = ["anna: tip", "ben: tip", *two.trajectories.names[2:]]
+    with pytest.raises(InputError, match=r"or name one of anna: tip, ben: tip$"):
+        skelgen.correct(two.renamed(markers), "name", ["tip"], "hips")
+
+
+def test_corrections_of_a_project_stay_when_skeletons_are_applied_to_it(two):
+    named = skelgen.correct(two, "name", [two.trajectories.names[0]], "hips")
+    again = skelgen.apply_subject(named, two)
+    assert "hips" in again.limbs.names
+
+
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):
     rom = skelgen.reconstruct(replace(simulate("rods", seed=1, n_frames=80).take, name="rom.c3d"))
     files = [skelgen.write(rom, tmp_path / f"{name}.skelgen")[0] for name in ("anna", "ben")]

@@ -218,8 +218,8 @@ def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
         yield (
             f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-            "stays near one of another, they are never seen together, the names of markers say so, or the joints between "
-            "them fit worst"
+            "stays near one of another, they are never seen together, the names of markers say so, or the joints "
+            "between them fit worst"
         )
 
 
