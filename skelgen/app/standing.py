@@ -5,10 +5,16 @@ Neumann's ratio (Annals of Mathematical Statistics 12, 1941). A body that holds 
 ratio is lower.
 """
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 
+from skelgen.app.constraints import corrected_marker
+from skelgen.errors import InputError
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.corrections import names_after
 from skelgen.model.questions import LEFT_OUT_SHARE, Question, by_worth, questions_on
 
 STILL_SECONDS = 2.0
@@ -41,7 +47,7 @@ def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:
     Returns
     -------
     tuple of (int, int)
-        Marker, and the frame from which on it stands still.
+        Marker, and the frame from which on it stands still; not of markers that the user has confirmed.
     """
     markers = project.trajectories
     found = [(marker, _rest_begins(markers, marker)) for marker in range(markers.n_markers)]
@@ -51,7 +57,9 @@ def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:
     limbs = project.limbs.limb_of_marker if project.has("limbs") else np.zeros(markers.n_markers, dtype=np.intp)
     counts = np.bincount(limbs[[marker for marker, _ in still]] + 1, minlength=1)
     counts[0] = 0 if project.has("limbs") else counts[0]  # on no limb
-    return tuple((marker, first) for marker, first in still if counts[limbs[marker] + 1] < _OF_A_LIMB)
+    single = [(marker, first) for marker, first in still if counts[limbs[marker] + 1] < _OF_A_LIMB]
+    confirmed = _confirmed(project) if single else set()
+    return tuple((marker, first) for marker, first in single if marker not in confirmed)
 
 
 def open_questions(project: Project) -> tuple[Question, ...]:
@@ -67,15 +75,24 @@ def open_questions(project: Project) -> tuple[Question, ...]:
     """
     if not project.has_labelling:
         return ()
-    seen, names = project.trajectories.seen, project.trajectories.names
-    confirmed = {name for one in project.corrections if one.kind == "confirm" for name in one.names}
+    seen = project.trajectories.seen
     found = list(questions_on(project.labelling))
     for marker, first in standing_markers(project):
         frames = np.flatnonzero(seen[first:, marker]) + first
         last, settles = int(frames[-1]), LEFT_OUT_SHARE * len(frames)
-        if names[marker] not in confirmed:
-            found.append(Question("still", (marker,), first, last, settles, spans=((first, last),)))
+        found.append(Question("still", (marker,), first, last, settles, spans=((first, last),)))
     return by_worth(found)
+
+
+def _confirmed(project: Project) -> set[int]:
+    """Markers that the user has confirmed, whatever they were called then: by their places, or by later names."""
+    found: set[int] = set()
+    for one, called in zip(project.corrections, names_after(project.corrections), strict=True):
+        for which, name in enumerate(called if one.kind == "confirm" else ()):
+            now = replace(one, names=(name,), places=one.places[which : which + 1])
+            with suppress(InputError):  # it is no more
+                found.add(corrected_marker(project.trajectories, now, 0))
+    return found
 
 
 def _rest_begins(markers: Trajectories, marker: int) -> int | None:

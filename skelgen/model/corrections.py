@@ -236,6 +236,37 @@ def named_marker(correction: Correction, which: int, names: Sequence[str], posit
     )
 
 
+def names_after(corrections: Sequence[Correction]) -> tuple[tuple[str, ...], ...]:
+    """Return what the markers that each correction names are called after all corrections.
+
+    Parameters
+    ----------
+    corrections : sequence of Correction
+        In the order in which they were made.
+
+    Returns
+    -------
+    tuple of tuple of str
+        For each correction its names, and that of the marker that it splits off, as later corrections rename and merge
+        them.
+
+    Examples
+    --------
+    >>> names_after([Correction("confirm", ("M001",)), Correction("rename", ("M001",), value="LKNE")])
+    (('LKNE',), ('LKNE',))
+    """
+    called: dict[str, str] = {}
+    found = []
+    for one in reversed(corrections):
+        own = (*one.names, one.value) if one.kind == "split" else one.names
+        if one.kind == "rename":
+            called[one.names[0]] = called.pop(one.value, one.value)
+        elif one.kind == "merge":
+            called |= dict.fromkeys(one.names[1:], called.get(one.names[0], one.names[0]))
+        found.append(tuple(called.get(name, name) for name in own))
+    return tuple(found[::-1])
+
+
 @dataclass(frozen=True)
 class Identity:
     """One statement: a point in a frame is a marker.

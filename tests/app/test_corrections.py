@@ -14,6 +14,7 @@ from skelgen.errors import InputError
 from skelgen.model import Project, Trajectories
 from skelgen.model.corrections import RULES, Correction
 from skelgen.simulation import simulate
+from skelgen.stages.labels import stated_positions
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,18 @@ def test_what_is_confirmed_is_certain_and_keeps_every_result(human):
     assert np.nanmin(sure.labelling.confidence[10:20, marker]) > 0.99
     assert sure.skeleton is human.skeleton
     np.testing.assert_array_equal(sure.trajectories.positions, human.trajectories.positions)
+
+
+def test_what_is_confirmed_stays_certain_when_the_marker_is_renamed(human):
+    confidence = np.where(human.trajectories.seen, 0.4, np.nan)
+    doubtful = dataclasses.replace(human, _labelling=dataclasses.replace(human.labelling, confidence=confidence))
+    sure = with_correction(doubtful, Correction("confirm", ("head 1",), 10, 19))
+    renamed = with_correction(sure, Correction("rename", ("head 1",), value="LFHD"))
+    other = with_correction(renamed, Correction("delete", ("left foot 1",), 0, 3))
+    marker = other.trajectories.names.index("LFHD")
+    stated = stated_positions(other.trajectories, other.corrections)
+    assert stated[10:20, marker].all()
+    assert stated.sum() == 10
 
 
 def test_a_smoothed_marker_loses_what_is_faster_than_the_cutoff():

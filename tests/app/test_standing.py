@@ -60,7 +60,9 @@ def test_it_is_asked_whether_a_reflection_that_stays_is_a_marker_and_answered_on
     name = project.trajectories.names[ghost]
     assert question.kind == "still"
     assert question.sentence(project.trajectories.names).startswith(f"is {name}, which stands still in frames 0 to 399")
-    assert open_questions(skelgen.correct(project, "confirm", [name])) == ()
+    confirmed = skelgen.correct(project, "confirm", [name])
+    assert open_questions(confirmed) == standing_markers(confirmed) == ()
+    assert open_questions(skelgen.correct(confirmed, "rename", [name], "glove")) == ()
     without = skelgen.correct(project, "delete", [name])
     for answered in (without, skelgen.reconstruct(without, until="limbs")):
         assert name not in answered.trajectories.names

@@ -1,7 +1,7 @@
 """Corrections that the user makes to labels: markers merged, split, renamed, deleted and exchanged."""
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.frame_rate import smoothed
 from skelgen.model import Labelling, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.corrections import Correction, named_marker
+from skelgen.model.corrections import Correction, named_marker, names_after
 from skelgen.model.labelling import Doubt, Tracklets
 from skelgen.progress import counted
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
@@ -111,20 +111,20 @@ def corrected_quality(
     )
 
 
-def stated_positions(trajectories: Trajectories, corrections: Iterable[Correction]) -> Bools:
+def stated_positions(trajectories: Trajectories, corrections: Sequence[Correction]) -> Bools:
     """Return where corrections that are applied already state the marker, shape (n_frames, n_markers).
 
     Parameters
     ----------
     trajectories : Trajectories
         The labels after these corrections.
-    corrections : iterable of Correction
+    corrections : sequence of Correction
         Those whose markers are there no more are passed over.
     """
     stated = np.zeros(trajectories.seen.shape, dtype=np.bool_)
-    for correction in corrections:
+    for correction, called in zip(corrections, names_after(corrections), strict=True):
         if correction.kind in _STATING:
-            names = {*correction.names, correction.value} & {*trajectories.names}
+            names = {*called} & {*trajectories.names}
             frames = _frames(correction) if correction.kind in {"swap", "confirm"} else slice(None)
             stated[frames, [trajectories.names.index(name) for name in names]] = True
     return stated & trajectories.seen
