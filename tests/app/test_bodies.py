@@ -137,6 +137,8 @@ def test_people_too_near_each_other_for_distances_are_parted_by_joints_where_the
     assert sorted(body.markers.tolist() for body in project.bodies) == [list(range(41)), list(range(41, 82))]
     assert all(0.5 < body.probability < 0.9 for body in project.bodies)
     assert any(notice.startswith("2 bodies, as stated") for notice in project.reports["limbs"].notices)
+    told = " ".join(project.reports["skeleton"].notices)
+    assert all(f"the limbs of {body.name} are those of a person" in told for body in project.bodies)
 
 
 def test_a_body_that_is_not_there_is_named_once_and_names_without_that_of_the_body_are_no_others():

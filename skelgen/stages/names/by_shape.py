@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -88,14 +88,18 @@ def names_by_shape(
     """
     if motion not in _FOUND:
         worn = find_worn()
-        notices = [f"the markers have {'the' if one.is_whole else 'nearly the'} shape of {one.title}" for one in worn]
+        notices = [
+            f"the markers{_of_body(skeleton, one.called)} have {'the' if one.is_whole else 'nearly the'} shape of "
+            f"{one.title}"
+            for one in worn
+        ]
         _FOUND[motion] = notices, _shapes(moving_trees(skeleton, motion), worn)
     named: dict[int, tuple[float, str]] = {}
     sentences, shapes = [*_FOUND[motion][0]], _FOUND[motion][1]
     for tree, what, shape in shapes:
         evidence = _stated_evidence(shape, stated) or shape.evidence
         named |= {limb: (float(tree.markers[limb].shape[1]), _name(shape, limb, evidence)) for limb in shape.segments}
-        sentences.append(_sentence(what, shape, evidence))
+        sentences.append(_sentence(_of_body(skeleton, shape.segments), what, shape, evidence))
     return ShapeNames(unique_names(named, skeleton.bodies), tuple(sentences))
 
 
@@ -205,8 +209,15 @@ def _name(shape: BodyPlan, limb: int, evidence: float) -> str:
     return f"{SIDES[side if evidence > 0 else 1 - side]} {segment}"
 
 
-def _sentence(what: str, shape: BodyPlan, evidence: float) -> str:
-    sentence = f"by shape and motion the limbs are those of {what}"
+def _of_body(skeleton: Skeleton, limbs: Iterable[int]) -> str:
+    """Which body some limbs are of, in words; empty if there is only one, or they are of several."""
+    own = set(limbs)
+    numbers = [number for number, body in enumerate(skeleton.bodies, start=1) if own & set(body.tolist())]
+    return f" of body{numbers[0]}" if len(skeleton.bodies) > 1 and len(numbers) == 1 else ""
+
+
+def _sentence(whose: str, what: str, shape: BodyPlan, evidence: float) -> str:
+    sentence = f"by shape and motion the limbs{whose} are those of {what}"
     if not shape.sides:
         return sentence
     if abs(evidence) >= _STATED:
