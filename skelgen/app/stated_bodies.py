@@ -13,6 +13,7 @@ import numpy as np
 
 from skelgen.app.configuration import Settings
 from skelgen.model import Limbs, Project
+from skelgen.model.arrays import Bools
 from skelgen.progress import Monitor, listed
 
 if TYPE_CHECKING:
@@ -43,8 +44,8 @@ def bodies_by_joints(
     Returns
     -------
     LimbConstraints or None
-        None where distances are sure, bodies are stated, or a limb goes across the bodies that distances tell, as the
-        feet of several people who stand still: its joints say nothing of bodies.
+        None where distances are sure, bodies are stated, or joints say nothing: a limb that stands still goes across
+        the bodies that distances tell, as the feet of several people who never step.
     """
     from skelgen.stages.joints import JointSearch  # noqa: PLC0415 - loads the stage
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - loads the stage
@@ -54,14 +55,11 @@ def bodies_by_joints(
         return None
     trajectories = project.trajectories
     as_one = find_limbs(trajectories, replace(settings.limbs, n_bodies=1), constraints=stated, seed=project.seed)
-    on_both = (limbs.limb_of_marker >= 0) & (as_one.limb_of_marker >= 0)
-    pairs = np.stack([as_one.limb_of_marker, limbs.body_of_limb[limbs.limb_of_marker]], axis=1)[on_both]
-    if len(np.unique(pairs, axis=0)) > len(np.unique(pairs[:, 0])):
+    search = JointSearch(trajectories, as_one, settings.joints, project.seed)
+    parted = search.parted(n_bodies)
+    if parted is None or (search.is_still & _across(as_one, limbs) & (parted.body_of_limb >= 0)).any():
         return None
-    parted = JointSearch(trajectories, as_one, settings.joints, project.seed).parted(n_bodies)
-    if parted is None:
-        return None
-    body_of_marker = np.where(as_one.limb_of_marker >= 0, parted.body_of_limb[as_one.limb_of_marker], -1)
+    body_of_marker = parted.of_markers(trajectories.positions, as_one.limb_of_marker)
     names = np.array(trajectories.names)
     bodies = tuple(tuple(names[body_of_marker == body].tolist()) for body in range(n_bodies))
     monitor.notice(
@@ -70,3 +68,12 @@ def bodies_by_joints(
         f"{parted.gap_ratio:.1f} times the gap of any other joint"
     )
     return replace(stated, bodies=bodies, body_probability=parted.probability)
+
+
+def _across(as_one: Limbs, limbs: Limbs) -> Bools:
+    """Which limbs of `as_one` have markers on several bodies of `limbs`, shape (n_limbs,)."""
+    on_both = (limbs.limb_of_marker >= 0) & (as_one.limb_of_marker >= 0)
+    bodies = limbs.body_of_limb[limbs.limb_of_marker]
+    return np.array(
+        [len(np.unique(bodies[on_both & (as_one.limb_of_marker == limb)])) > 1 for limb in range(as_one.n_limbs)]
+    )

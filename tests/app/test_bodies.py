@@ -129,16 +129,30 @@ def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
     assert without_correction(renamed, 0).limbs.names == project.limbs.names
 
 
-def test_people_too_near_each_other_for_distances_are_parted_by_joints_where_their_number_is_stated():
-    options = {"marker_set": "animation-41", "motion": "squat", "n_frames": 250, "noise": 0.3, "apart": 500.0}
+@pytest.mark.parametrize("motion", ["squat", "reach"])
+def test_people_too_near_each_other_for_distances_are_parted_by_joints_where_their_number_is_stated(motion):
+    options = {"marker_set": "animation-41", "motion": motion, "n_frames": 400, "noise": 0.3, "apart": 500.0}
     take = simulate("human", subjects=2, seed=1, **options).take
     bare = replace(take, names=tuple(f"m{marker}" for marker in range(take.n_markers)))
     project = skelgen.reconstruct(bare, parameters={"limbs": {"n_bodies": 2}})
     assert sorted(body.markers.tolist() for body in project.bodies) == [list(range(41)), list(range(41, 82))]
     assert all(0.5 < body.probability < 0.9 for body in project.bodies)
     assert any(notice.startswith("2 bodies, as stated") for notice in project.reports["limbs"].notices)
+
+
+def test_what_bodies_look_like_is_told_of_each(two_people):
+    bare = replace(
+        two_people.trajectories, names=tuple(f"m{marker}" for marker in range(len(two_people.trajectories.names)))
+    )
+    project = skelgen.reconstruct(bare)
     told = " ".join(project.reports["skeleton"].notices)
     assert all(f"the limbs of {body.name} are those of a person" in told for body in project.bodies)
+
+
+def test_a_tool_beside_rods_is_the_second_body_where_two_are_stated():
+    take = simulate("rods", hold="tool", seed=1, n_frames=400, noise=0.3).take
+    project = skelgen.reconstruct(take, parameters={"limbs": {"n_bodies": 2}})
+    assert [body.markers.tolist() for body in project.bodies] == [list(range(9)), [9, 10, 11]]
 
 
 def test_a_body_that_is_not_there_is_named_once_and_names_without_that_of_the_body_are_no_others():

@@ -6,22 +6,22 @@ tried on sampled frames; the cheapest joints span the tree; those that are kept 
 
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Topology, Trajectories
-from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import joint_children, limbs_of_bodies
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.costs import comparable_costs, with_certainty
+from skelgen.stages.joints.costs import JointCosts, comparable_costs, with_certainty
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
+from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
-from skelgen.stages.joints.still_limbs import still_limb_notices
+from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import (
     Parting,
     Tree,
@@ -71,22 +71,6 @@ def find_joints(
         If no marker belongs to a limb, or the constraints cannot be met.
     """
     return JointSearch(trajectories, limbs, parameters, seed).find(constraints, monitor)
-
-
-LEAST_MARKERS = 3
-"""Markers of a body that is parted by joints: fewer have no pose."""
-
-
-class PartedBodies(NamedTuple):
-    """Body of each limb, and how many times the gap of all other joints those have that part the bodies."""
-
-    body_of_limb: Ints
-    gap_ratio: float
-
-    @property
-    def probability(self) -> float:
-        """That these are the bodies: one half if other joints fit as badly, and nearly 1 if none does by far."""
-        return 1.0 - 1.0 / (1.0 + self.gap_ratio)
 
 
 class JointSearch:
@@ -180,6 +164,11 @@ class JointSearch:
             monitor.notice(notice)
         return topology
 
+    @cached_property
+    def is_still(self) -> Bools:
+        """Which limbs stand still in the room, shape (n_limbs,)."""
+        return still_limbs([segment.markers for segment in self._segments[0]])
+
     def parted(self, n_bodies: int) -> PartedBodies | None:
         """Part limbs into a stated number of bodies, where the joints of the tree fit worst; None if that fails.
 
@@ -188,30 +177,24 @@ class JointSearch:
         n_bodies : int
             How many bodies there are; each has at least `LEAST_MARKERS` markers.
         """
-        n_limbs, limb_of_marker = self._limbs.n_limbs, self._limbs.limb_of_marker
+        n_limbs, sizes = self._limbs.n_limbs, [segment.n_markers for segment in self._segments[0]]
         odds, _, search = self._pairs(np.zeros(n_limbs, dtype=np.intp), SILENT)
         costs = comparable_costs(search.guesses(), n_limbs, self._parameters.alpha, odds)
-        sizes = np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=n_limbs)
-        parents = find_tree(costs, search.guesses(), sizes.tolist(), JointConstraints(), None).parents
-        cost_of = costs.comparable[np.arange(n_limbs), parents]  # meaningless for roots
-        parted = parents.copy()
-        cut: list[int] = []
-        for child in sorted(np.flatnonzero(parents >= 0).tolist(), key=lambda limb: -cost_of[limb]):
-            if len(limbs_of_bodies(parted)) == n_bodies:
-                break
-            tried = parted.copy()
-            tried[child] = -1
-            if min(sizes[limbs].sum() for limbs in limbs_of_bodies(tried)) >= LEAST_MARKERS:
-                parted, cut = tried, [*cut, child]
-        bodies = limbs_of_bodies(parted)
-        if len(bodies) != n_bodies:
-            return None
-        kept = cost_of[parted >= 0].max(initial=0.0)
-        ratio = float(np.sqrt(cost_of[cut].min(initial=np.inf) / kept)) if kept > 0 else np.inf
-        body_of_limb = np.zeros(n_limbs, dtype=np.intp)
-        for body, limbs in enumerate(bodies):
-            body_of_limb[limbs] = body
-        return PartedBodies(body_of_limb, ratio)
+        parents = find_tree(costs, search.guesses(), sizes, JointConstraints(), None).parents
+        if self._n_moving_parts(parents, costs) == n_bodies:
+            left_out = self.is_still
+            order = np.where(left_out | left_out[:, np.newaxis], np.inf, costs.order)
+            parents = find_tree(replace(costs, order=order), search.guesses(), sizes, JointConstraints(), None).parents
+        else:
+            left_out = np.zeros(n_limbs, dtype=np.bool_)
+        return parted_tree(parents, costs.comparable, np.where(left_out, 0, sizes), n_bodies)
+
+    def _n_moving_parts(self, parents: Ints, costs: JointCosts) -> int:
+        """Into how many parts moving limbs fall without those that stand still, by the tree and its loops."""
+        markers = [segment.markers for segment in self._segments[0]]
+        children = np.flatnonzero(parents >= 0)
+        loops = np.reshape(loop_joints(parents, costs, [limb.shape[1] for limb in markers]), (-1, 2)).astype(np.intp)
+        return n_moving_parts(markers, np.concatenate([np.stack([parents[children], children], axis=1), loops]))
 
 
 def _with_joints(tree: Tree, joints: list[JointGuess], raw: Floats, parameters: JointParameters) -> Topology:

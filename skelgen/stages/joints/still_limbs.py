@@ -28,7 +28,7 @@ def still_limb_notices(markers: Sequence[Floats], edges: Ints) -> Iterator[str]:
     edges : ndarray of intp, shape (n_edges, 2)
         Limbs that are joined, by the tree and by loops.
     """
-    is_still, sizes = _still(markers), np.array([limb.shape[1] for limb in markers])
+    is_still, sizes = still_limbs(markers), np.array([limb.shape[1] for limb in markers])
     if not is_still.any():
         return
     n_limbs = len(markers)
@@ -49,18 +49,31 @@ def still_limb_notices(markers: Sequence[Floats], edges: Ints) -> Iterator[str]:
             )
 
 
-def _of_parts(part: Ints, moving: Ints, least: int) -> list[int]:
-    """Of each part of a tree with so many moving markers, the limb that has most of them."""
-    found = np.flatnonzero(np.bincount(part, moving) >= least)
-    return [int(np.where(part == one, moving, 0).argmax()) for one in found.tolist()]
-
-
-def _still(markers: Sequence[Floats]) -> Bools:
-    """Which limbs stand still in the room, shape (n_limbs,)."""
+def still_limbs(markers: Sequence[Floats]) -> Bools:
+    """Return which limbs stand still in the room, shape (n_limbs,); `markers` as for `still_limb_notices`."""
     shown = [limb[:, ~np.isnan(limb[:, :, 0]).all(axis=0)] for limb in markers]
     moved = np.array([np.nanvar(limb, axis=0).sum(axis=1).mean() if limb.shape[1] else np.inf for limb in shown])
     usual = np.median(moved[np.isfinite(moved)]) if np.isfinite(moved).any() else 0.0
     return np.asarray(moved < STILL**2 * usual)
+
+
+def n_moving_parts(markers: Sequence[Floats], edges: Ints) -> int:
+    """Return into how many parts with `LEAST_MARKERS` markers the moving limbs fall without those that stand still.
+
+    Parameters
+    ----------
+    markers, edges
+        As for `still_limb_notices`.
+    """
+    is_still, sizes = still_limbs(markers), np.array([limb.shape[1] for limb in markers])
+    part = _connected(edges[~is_still[edges].any(axis=1)], len(markers))
+    return len(_of_parts(part, np.where(is_still, 0, sizes), LEAST_MARKERS))
+
+
+def _of_parts(part: Ints, moving: Ints, least: int) -> list[int]:
+    """Of each part of a tree with so many moving markers, the limb that has most of them."""
+    found = np.flatnonzero(np.bincount(part, moving) >= least)
+    return [int(np.where(part == one, moving, 0).argmax()) for one in found.tolist()]
 
 
 def _connected(edges: Ints, n_limbs: int) -> Ints:
