@@ -41,16 +41,17 @@ class PartedBodies(NamedTuple):
             -1 for markers on no limb, which are on no body either.
         """
         body = np.where(limb_of_marker >= 0, self.body_of_limb[limb_of_marker], -1)
-        left = np.flatnonzero((limb_of_marker >= 0) & (body < 0)).tolist()
+        left = np.flatnonzero((limb_of_marker >= 0) & (body < 0))
         first, second = np.triu_indices(len(limb_of_marker), 1)
         pairs = pair_distances(positions, first, second)
         far = np.full((len(body), len(body)), np.inf)
         far[first, second] = far[second, first] = np.where(pairs.is_known, pairs.largest, np.inf)
-        while left:  # the one that is nearest to what has a body already
+        while len(left):  # the one that is nearest to what has a body already
             known = np.flatnonzero(body >= 0)
             nearest = far[np.ix_(left, known)]
             row, column = np.unravel_index(int(nearest.argmin()), nearest.shape)
-            body[left.pop(int(row))] = body[known[int(column)]]
+            body[left[row]] = body[known[column]]
+            left = np.delete(left, row)
         return body
 
 
