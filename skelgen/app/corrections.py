@@ -187,7 +187,7 @@ def with_stated_limb_names(project: Project) -> Project:
 
 def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Project:
     """The project with limbs as its corrections call them; those of a calibrated skeleton keep their names else."""
-    if not (project.has_labelling and project.labelling.subject and project.has("skeleton")):
+    if not _is_of_subject(project):
         return renamed_limbs(project)
     names = list(project.limbs.names)
     if taken_back is not None:
@@ -212,7 +212,10 @@ def _with_named_joint(project: Project, correction: Correction) -> Project:
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:
-    """The project with corrected labels; results after them are kept if a marker is renamed or confirmed."""
+    """The project with corrected labels; results after them are kept if a marker is renamed or confirmed.
+
+    A calibrated skeleton stays in any case, and is posed anew.
+    """
     from skelgen.stages.labels import (  # noqa: PLC0415 - loads scipy
         apply_corrections,
         corrected_quality,
@@ -222,6 +225,8 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
     edits = apply_corrections(project.trajectories, (correction,))
     if correction.kind == "rename":
         return project.renamed(edits.trajectories.names)
+    if by_subject := _is_of_subject(project):
+        edits = apply_corrections(project.trajectories, (correction,), by_subject=True)
     labelling = project.labelling if project.has_labelling else None
     if labelling is not None:
         stated = stated_positions(edits.trajectories, project.corrections)
@@ -229,8 +234,28 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
     if correction.kind == "confirm":
         return replace(project, _labelling=labelling)
     report = project.reports["labels"]
-    notices = tuple(dict.fromkeys((*report.notices, correction.sentence, *edits.notices)))
-    return project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)
+    sentences = edits.notices if by_subject else (correction.sentence, *edits.notices)
+    notices = tuple(dict.fromkeys((*report.notices, *sentences)))
+    edited = project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)
+    return _reposed(project, edited) if by_subject else edited
+
+
+def _is_of_subject(project: Project) -> bool:
+    """Whether a calibrated skeleton labelled the take and is there."""
+    return project.has_labelling and bool(project.labelling.subject) and project.has("skeleton")
+
+
+def _reposed(before: Project, edited: Project) -> Project:
+    """A project with corrected markers, and with the calibrated skeleton that it had, posed by them."""
+    from skelgen.stages.subject import reposed_subject  # noqa: PLC0415 - loads scipy
+
+    skeleton, motion = reposed_subject(before.skeleton, edited.trajectories)
+    limbs, reports, n_markers = before.limbs, before.reports, len(skeleton.limb_of_marker)
+    if n_markers != limbs.n_markers:
+        unknown = np.full((n_markers, n_markers), np.nan)
+        limbs = replace(limbs, limb_of_marker=skeleton.limb_of_marker, distance_deviation=unknown, membership=None)
+    posed = edited.with_limbs(limbs, reports["limbs"]).with_topology(before.topology, reports["joints"])
+    return posed.with_skeleton(skeleton, motion, reports["skeleton"])
 
 
 def _with_whole_limb(project: Project, correction: Correction) -> Correction:

@@ -231,8 +231,11 @@ def test_markers_that_the_user_corrected_stay_so_when_the_skeleton_labels_the_ta
     stated = skelgen.correct(project, "swap", [first, second], frames=(50, 80))
     stated = skelgen.correct(stated, "delete", [third], frames=(100, 120))
     stated = skelgen.correct(stated, "split", [second], "glove", frames=(150, None))
+    assert stated.skeleton.lengths == known.skeleton.lengths
+    assert not stated.motion.residuals[100:121, 2].any() or np.isnan(stated.motion.residuals[100:121, 2]).all()
     again = run_with_subject(stated, known)
     assert again.trajectories.names == stated.trajectories.names
+    np.testing.assert_allclose(again.motion.world_from_limb, stated.motion.world_from_limb, atol=1e-6)
     np.testing.assert_array_equal(again.trajectories.positions, stated.trajectories.positions)
     assert again.labelling.confidence[60, :2].min() > 0.99
     assert again.limbs.limb_of_marker[-1] == -1

@@ -6,7 +6,7 @@ finds sensors that moved on their limbs.
 """
 
 from skelgen.stages.subject.changes import with_joints_as_fitted
-from skelgen.stages.subject.fit import SubjectFit, fit_subject
+from skelgen.stages.subject.fit import SubjectFit, fit_subject, reposed_subject
 from skelgen.stages.subject.posing import pose_subject, subject_motion
 from skelgen.stages.subject.sensors import SensorShift, find_moved_sensors
 
@@ -16,6 +16,7 @@ __all__ = [
     "find_moved_sensors",
     "fit_subject",
     "pose_subject",
+    "reposed_subject",
     "subject_motion",
     "with_joints_as_fitted",
 ]

@@ -143,6 +143,22 @@ def fit_subject(
     )
 
 
+def reposed_subject(skeleton: Skeleton, trajectories: Trajectories) -> tuple[Skeleton, Motion]:
+    """Pose the skeleton of a take of a subject anew, after the user corrected the take's markers.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        As it was fitted to the take.
+    trajectories : Trajectories
+        The skeleton's markers, then those that the user split off: the skeleton does not know where they sit.
+    """
+    positions, n_known = trajectories.positions, len(skeleton.limb_of_marker)
+    skeleton = _with_new(skeleton, tuple(_of_no_limb(name) for name in trajectories.names[n_known:]))
+    poses = pose_subject(skeleton, positions)
+    return _with_deviations(skeleton, poses, positions), subject_motion(skeleton, poses, positions, trajectories.rate)
+
+
 @dataclass(frozen=True, eq=False)
 class _Changes:
     """How a take differs from the calibrated one; see `SubjectFit`."""
