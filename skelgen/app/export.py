@@ -68,7 +68,8 @@ class Preview:
     files : tuple of Planned
         What will be written.
     contents : str
-        What of the project will be in them, with its counts, e.g. ``45 markers in 2000 frames (20 s)``.
+        What of the project will be in them, with its counts, e.g. ``45 markers in 2000 frames (20 s)``; of several
+        bodies in files of their own for each file.
     remarks : tuple of str
         Sentences on what the format cannot hold, and on what becomes of the rest.
     obstacle : str
@@ -145,7 +146,10 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     except SkelgenError as error:
         return Preview(obstacle=str(error))
     files = tuple(Planned(file, file.exists()) for _, target in parts for file in entry.files(target, chosen))
-    return Preview(files, _contents(project, entry, chosen.rate), remarks_on_parts(parts, entry, chosen))
+    contents = [_contents(part, entry, chosen.rate) for part, _ in parts]
+    if len(parts) > 1:
+        contents = [f"{name.name}: {one}" for (_, name), one in zip(parts, contents, strict=True)]
+    return Preview(files, "; ".join(contents), remarks_on_parts(parts, entry, chosen))
 
 
 def turn_upright(entry: Format, up: str) -> str:
