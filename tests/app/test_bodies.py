@@ -14,7 +14,7 @@ from skelgen.app.corrections import without_correction
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
 from skelgen.app.subject import joined_subjects
 from skelgen.errors import InputError, WriteError
-from skelgen.model import Project
+from skelgen.model import PointCloud, Project
 from skelgen.simulation import simulate
 
 
@@ -196,6 +196,21 @@ def test_corrections_of_a_project_stay_when_skeletons_are_applied_to_it(two):
     named = skelgen.correct(two, "name", [two.trajectories.names[0]], "hips")
     again = skelgen.apply_subject(named, two)
     assert "hips" in again.limbs.names
+
+
+def test_of_two_bodies_that_are_alike_the_one_that_comes_later_shares_no_points_with_the_other():
+    options = {"marker_set": "animation-41", "noise": 0.3, "seed": 1}
+    known = skelgen.reconstruct(simulate("human", motion="walk", n_frames=240, **options).take)
+    one, other = (simulate("human", motion=motion, n_frames=300, **options).take for motion in ("reach", "walk"))
+    later = np.where(
+        np.arange(300)[:, np.newaxis, np.newaxis] < 180, np.nan, other.positions + np.array([0.0, 1200.0, 0.0])
+    )
+    both = np.concatenate([one.positions, later], axis=1)
+    seen = ~np.isnan(both[:, :, 0])
+    cloud = PointCloud(both[seen], np.append(0, np.cumsum(seen.sum(axis=1))), one.times)
+    alike = [replace(known, take=replace(known.take, name=name)) for name in ("anna", "ben")]
+    found = skelgen.apply_subject(cloud, alike).trajectories.seen
+    assert abs(found[:, :41].sum() - 41 * 300) + abs(found[:, 41:82].sum() - 41 * 120) < 41
 
 
 def test_skeletons_of_takes_that_are_called_alike_are_called_by_their_files(tmp_path):

@@ -113,11 +113,11 @@ def label_by_subject(
     points = tracked_points(take, parameters, monitor)
     gates = GATE * PoseFilter(skeleton).deviation
 
-    def labelled(sought: Skeleton) -> BodyLabels:
-        proposed, by_name = _proposed(points, sought, names, gates, monitor)
-        return BodyLabels(sought, points, *_reassigned_and_posed(points, proposed, sought, gates, monitor), by_name)
+    def labelled(sought: Skeleton, some: FollowedPoints) -> BodyLabels:
+        proposed, by_name = _proposed(some, sought, names, gates, monitor)
+        return BodyLabels(sought, some, *_reassigned_and_posed(some, proposed, sought, gates, monitor), by_name)
 
-    present, sentence = label_present_bodies(skeleton, labelled)
+    present, sentence = label_present_bodies(points, skeleton, labelled)
     skeleton, placed, poses = present.skeleton, present.marker_of_point, present.poses
     # Part of what could be explained, frame by frame the fewer of points and markers, that is explained
     possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
