@@ -7,7 +7,7 @@ split, for as long as one of these is clearly better. What is not clear stays as
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.stages.limbs.distances import Deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
@@ -155,7 +155,13 @@ def wears_set(by_motion: Floats, whole: Floats) -> bool:
     return nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED
 
 
-def revised(groups: Ints, by_motion: Floats, constraints: MarkerConstraints, whole: Floats | None = None) -> Ints:
+def revised(
+    groups: Ints,
+    by_motion: Floats,
+    constraints: MarkerConstraints,
+    deviation: Floats,
+    whole: Floats | None = None,
+) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
     Parameters
@@ -166,10 +172,14 @@ def revised(groups: Ints, by_motion: Floats, constraints: MarkerConstraints, who
         From `pair_odds`.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Of all distances; NaN for markers that are not seen together.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
         All frames: the shape of a marker set that people wear adds to what pairs say. Without them pairs speak alone.
     """
-    odds = by_motion + (worn_odds(whole, by_motion) if whole is not None else 0.0)
+    worn = worn_odds(whole, by_motion) if whole is not None else np.zeros_like(by_motion)
+    rigid = _rigid_pairs(deviation) & (worn >= 0) & ~constraints.apart
+    odds = by_motion + worn
     odds[constraints.apart] = -STATED
     free = np.zeros(len(odds), dtype=np.bool_)
     for block in constraints.blocks:
@@ -180,13 +190,19 @@ def revised(groups: Ints, by_motion: Floats, constraints: MarkerConstraints, who
         groups = np.unique(groups, return_inverse=True)[1]
         changed = _merged(groups, odds)
         if changed is None:
-            changed = _moved(groups, odds, free)
+            changed = _moved(groups, odds, free, rigid)
         if changed is None:
-            changed = _split(groups, odds)
+            changed = _split(groups, odds, rigid)
         if changed is None:
             break
         groups = changed
     return groups
+
+
+def _rigid_pairs(deviation: Floats) -> Bools:
+    """Return which distances vary no more than the steadiest ones of half of the markers do."""
+    steadiest = np.nan_to_num(deviation, nan=np.inf) + np.diag(np.full(len(deviation), np.inf))
+    return np.asarray(deviation <= np.median(steadiest.min(axis=1)))
 
 
 def _merged(groups: Ints, odds: Floats) -> Ints | None:
@@ -199,8 +215,8 @@ def _merged(groups: Ints, odds: Floats) -> Ints | None:
     return np.where(groups == second, first, groups) if mean[first, second] > MERGED else None
 
 
-def _moved(groups: Ints, odds: Floats, free: np.ndarray) -> Ints | None:
-    """Move the marker that suits another limb most better than its own."""
+def _moved(groups: Ints, odds: Floats, free: Bools, rigid: Bools) -> Ints | None:
+    """Move the marker that suits another limb most better than its own, unless it is rigid with all of its own."""
     members = np.eye(groups.max() + 1)[groups]
     sizes, every = members.sum(axis=0), np.arange(len(groups))
     total = odds @ members
@@ -208,7 +224,8 @@ def _moved(groups: Ints, odds: Floats, free: np.ndarray) -> Ints | None:
     others = total / sizes
     others[every, groups] = -np.inf
     best = others.max(axis=1)
-    gain = np.where(free & (sizes[groups] > 1) & (best > 0), best - own, -np.inf)
+    is_held = (~rigid @ members)[every, groups] == 0
+    gain = np.where(free & ~is_held & (sizes[groups] > 1) & (best > 0), best - own, -np.inf)
     marker = int(gain.argmax())
     if not gain[marker] > MOVED:
         return None
@@ -217,8 +234,11 @@ def _moved(groups: Ints, odds: Floats, free: np.ndarray) -> Ints | None:
     return groups
 
 
-def _split(groups: Ints, odds: Floats) -> Ints | None:
-    """Split the limb whose two parts are most likely two limbs."""
+def _split(groups: Ints, odds: Floats, rigid: Bools) -> Ints | None:
+    """Split the limb whose two parts are most likely two limbs.
+
+    A marker that is rigid with all others of its limb stays there, however small limb and distances are.
+    """
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
     from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
 
@@ -231,7 +251,7 @@ def _split(groups: Ints, odds: Floats) -> Ints | None:
             continue  # no two markers of it are likely of two limbs, hence no two parts
         is_second = fcluster(linkage(squareform(distances, checks=False), "average"), 2, "maxclust") == 2
         one, other = members[~is_second], members[is_second]
-        if not len(other):
+        if not len(other) or (min(len(one), len(other)) == 1 and rigid[np.ix_(one, other)].all()):
             continue
         below = float(odds[np.ix_(one, other)].mean()) - (SPLIT_ONE if min(len(one), len(other)) == 1 else SPLIT)
         if below < least:

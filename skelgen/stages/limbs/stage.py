@@ -302,7 +302,7 @@ class _Grouping:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
             if unlike or (whole is not None and wears_set(by_motion, whole)):
-                groups = revised(groups, by_motion, self._constraints, whole)
+                groups = revised(groups, by_motion, self._constraints, deviations.steady, whole)
             else:
                 whole = None
         return _numbered_by_first(groups), whole is not None

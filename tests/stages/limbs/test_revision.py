@@ -11,7 +11,7 @@ from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import LimbConstraints, find_limbs
 from skelgen.stages.limbs.distances import distance_deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.revision import are_plates, deformation
+from skelgen.stages.limbs.revision import are_plates, deformation, revised
 
 PEOPLE = {
     "landing.trc": 0.8,
@@ -146,3 +146,14 @@ def test_rigid_limbs_with_poses_are_plates_and_others_are_not() -> None:
     positions[::2, 0] = positions[1::2, 1] = np.nan  # never together, and the white noise of neighbours in time unknown
     assert are_plates(positions, limb)
     assert not are_plates(positions, np.full(len(limb), -1))
+
+
+@pytest.mark.parametrize(("deviation", "n_limbs"), [(0.5, 2), (2.0, 3)])
+def test_a_marker_that_is_rigid_with_its_limb_stays_there_though_pairs_doubt_it(deviation, n_limbs) -> None:
+    groups = np.repeat([0, 1], 3)
+    same = groups[:, np.newaxis] == groups
+    steady = np.where(same, np.where(groups == 0, deviation, 1.0), 20.0)  # mm
+    odds = np.where(same, 3.0, -5.0)
+    odds[0, 1:3] = odds[1:3, 0] = -0.9
+    free = LimbConstraints().of_markers(tuple("abcdef"))
+    assert len(np.unique(revised(groups, odds, free, steady))) == n_limbs
