@@ -206,6 +206,9 @@ class _Merger:
         self._verdicts: dict[tuple[Group, Group], float] = {}
         self._noise = distances.noise
         self._noise = max(self._noise, self._median_noise(clusters))
+        self._white = movements.white_noise(members)
+        seen = movements.bendings((cluster for cluster in clusters if len(cluster) > 1), self._white)
+        self._usual_bend = float(np.median(seen or np.inf))
         self._groups = PairSums(distances.variance, distances.weight, members)
 
     def joined(self, n_limbs: int | None) -> Ints:
@@ -270,14 +273,12 @@ class _Merger:
         return float(misfit(motion.ratios(variances))) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
 
     def _bend(self, *groups: Group) -> float:
-        """Deformation that a limb of these groups may show, as a part of its size: less if a group is a rigid plate."""
-        inner = [self._movements.inner(group) for group in groups if len(group) > 2]
-        seen = [
-            np.sqrt(np.trace(spread.covariance) / len(spread.covariance)) / spread.radius
-            for spread in inner
-            if spread is not None and spread.radius > 0
-        ]
-        return float(min(self._parameters.flexibility, BEND * max(seen, default=np.inf)))
+        """Deformation that a limb of these groups may show, as a part of its size: less if a group is a rigid plate.
+
+        Pairs of markers near each other on soft tissue are rigid, too; for them what is usual in the take counts.
+        """
+        seen = self._movements.bendings((group for group in groups if len(group) > 2), self._white)
+        return float(min(self._parameters.flexibility, BEND * max(seen, default=self._usual_bend)))
 
     def _group_noise(self, group: Group) -> float:
         """Noise variance [mm^2] of a group's markers, steadied by that of the take."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from skelgen._kernels import relative_motion as kernels
 from skelgen.geometry.orientation import fit_transform
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 TEST_FRAMES = 150
 """Frames from which one motion is estimated: soft tissue and joints are slow, more frames would repeat each other."""
@@ -45,6 +45,15 @@ RANK_TOLERANCE = 0.05
 
 AT_ONCE = 1_000_000
 """Coordinates of markers that are measured at once: many small groups take one pass, and memory stays small."""
+
+LOOKED_AT = 200
+"""Frames from which white noise is told, each with the two that follow it."""
+
+STEPS = (1.0, -2.0, 1.0)
+"""Weights of three frames in a second difference."""
+
+MEDIAN_OF_SQUARE = 0.455
+"""Of a normal variable, beside its variance."""
 
 Group = tuple[int, ...]
 """Indices of markers, rising."""
@@ -96,6 +105,32 @@ class _Asked(NamedTuple):
 
     markers: Group
     n_first: int = 0
+
+
+def white_noise(groups: Ints, whole: Floats) -> float:
+    """Variance [mm^2] of a coordinate by second differences of distances within limbs, of which soft tissue has few.
+
+    Parameters
+    ----------
+    groups : ndarray of intp, shape (n_markers,)
+        Rigid group of each marker; -1 for those in none.
+    whole : ndarray, shape (n_take_frames, n_markers, 3), mm
+        All frames; NaN where unseen.
+    """
+    if len(whole) < len(STEPS):
+        return 0.0
+    first, second = pairs_within(groups)
+    frames = spread_frames(len(whole) - 2, LOOKED_AT)
+    shown = [whole[frames + step] for step in range(len(STEPS))]
+    gaps = (np.linalg.norm(one[:, first] - one[:, second], axis=2) for one in shown)
+    squares = sum(step * gap for step, gap in zip(STEPS, gaps, strict=True)) ** 2 / np.dot(STEPS, STEPS)
+    return float(np.nanmedian(squares)) / MEDIAN_OF_SQUARE / 2 if np.isfinite(squares).any() else 0.0
+
+
+def pairs_within(groups: Ints) -> tuple[Ints, Ints]:
+    """Both markers of each pair in one group; markers in none (-1) are in no pair."""
+    first, second = np.nonzero(np.triu((groups[:, np.newaxis] == groups) & (groups >= 0), 1))
+    return first, second
 
 
 def _of_pair(one: Group, other: Group) -> _Asked:
@@ -163,6 +198,25 @@ class Movements:
         both = list(pairs)
         self._find([_of_pair(*pair) for pair in both])
         self._find([_Asked(group) for pair in both for group in pair if len(group) > 1])
+
+    def bendings(self, groups: Iterable[Group], noise: float) -> list[float]:
+        """Return how much groups bend beyond white noise, each as a part of its radius.
+
+        Parameters
+        ----------
+        groups : iterable of Group
+            Of two markers or more; those that too few frames show have none.
+        noise : float, mm^2
+            Variance of the white noise of a coordinate.
+        """
+        shown = (self.inner(group) for group in groups)
+        spreads = [spread for spread in shown if spread is not None and spread.radius > 0]
+        variances = [float(np.trace(spread.covariance)) / len(spread.covariance) - noise for spread in spreads]
+        return [float(np.sqrt(max(one, 0.0)) / spread.radius) for one, spread in zip(variances, spreads, strict=True)]
+
+    def white_noise(self, groups: Ints) -> float:
+        """Return the variance [mm^2] of a coordinate by white noise, as the function `white_noise` does."""
+        return white_noise(groups, self._all)
 
     def distance(self, marker: int, others: Group) -> float:
         """Return the usual distance [mm] of a marker from the nearest of some others; infinite if none is seen with it.

@@ -11,6 +11,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.stages.limbs.distances import Deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
+from skelgen.stages.limbs.relative_motion import LOOKED_AT, STEPS, pairs_within, white_noise
 from skelgen.stages.limbs.worn_places import worn_odds
 from skelgen.stages.limbs.worn_sets import belief_in_set, nearest_set
 
@@ -30,17 +31,8 @@ ENOUGH_LIMBS = 6
 BELIEVED = 0.5
 """Belief in a marker set from which its wearer's skin moves, however alike limbs bend."""
 
-LOOKED_AT = 200
-"""Frames from which white noise is told, each with the two that follow it."""
-
-STEPS = (1.0, -2.0, 1.0)
-"""Weights of three frames in a second difference."""
-
 POSED, RIGID = 3, 2.0
 """Markers that give a limb a pose, and how much larger than white noise the variance of distances on plates may be."""
-
-MEDIAN_OF_SQUARE = 0.455
-"""Of a normal variable, beside its variance."""
 
 SUREST = 6.0
 """Largest log odds of one pair: more would let it speak for all others."""
@@ -85,7 +77,7 @@ def deformation(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bo
         return False, False
     variance = np.diag(sums.sums)[several] / np.diag(sums.weights)[several]
     unlike = float(np.std(np.log(np.maximum(variance, TINY)) / 2))
-    beyond_noise = float(np.median(variance)) - _white_noise(groups, whole)
+    beyond_noise = float(np.median(variance)) - white_noise(groups, whole)
     return beyond_noise > SOFT**2 * sums.neighbour_motion(), unlike > ALIKE
 
 
@@ -103,31 +95,13 @@ def are_plates(positions: Floats, limb_of_marker: Ints) -> bool:
     if not len(sizes) or sizes.min() < POSED:
         return False
     shown = positions[spread_frames(len(positions), LOOKED_AT)]
-    first, second = _pairs_within(limb_of_marker)
+    first, second = pairs_within(limb_of_marker)
     gaps = np.linalg.norm(shown[:, first] - shown[:, second], axis=2)
     gaps = gaps[:, np.isfinite(gaps).sum(axis=0) >= len(STEPS)]
     if not gaps.size:
         return False
     variance = float(np.median(np.nanvar(gaps, axis=0))) / 2
-    return variance <= RIGID * _white_noise(limb_of_marker, positions) + TINY
-
-
-def _white_noise(groups: Ints, whole: Floats) -> float:
-    """Variance [mm^2] of a coordinate by second differences of distances within limbs, of which soft tissue has few."""
-    if len(whole) < len(STEPS):
-        return 0.0
-    first, second = _pairs_within(groups)
-    frames = spread_frames(len(whole) - 2, LOOKED_AT)
-    shown = [whole[frames + step] for step in range(len(STEPS))]
-    gaps = (np.linalg.norm(one[:, first] - one[:, second], axis=2) for one in shown)
-    squares = sum(step * gap for step, gap in zip(STEPS, gaps, strict=True)) ** 2 / np.dot(STEPS, STEPS)
-    return float(np.nanmedian(squares)) / MEDIAN_OF_SQUARE / 2 if np.isfinite(squares).any() else 0.0
-
-
-def _pairs_within(groups: Ints) -> tuple[Ints, Ints]:
-    """Both markers of each pair in one group; markers in none (-1) are in no pair."""
-    first, second = np.nonzero(np.triu((groups[:, np.newaxis] == groups) & (groups >= 0), 1))
-    return first, second
+    return variance <= RIGID * white_noise(limb_of_marker, positions) + TINY
 
 
 def pair_odds(positions: Floats) -> Floats:

@@ -6,8 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skelgen.errors import InputError
+from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.structures import find_structure
@@ -225,3 +227,16 @@ def test_marker_beside_the_axis_of_a_hinge_stays_on_its_limb(simulated, same_par
 def test_markers_that_slide_by_their_limbs_motion_stay_on_them(simulated, same_partition, name, seed):
     case = simulated(name, seed, n_frames=1000, noise=0.5, soft_tissue=2.5 if name == "quadruped" else 3.0)
     assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)
+
+
+def test_small_plates_far_apart_on_parallel_hinges_are_limbs_of_their_own() -> None:
+    rng, frames = np.random.default_rng(0), np.arange(400)
+    plate = np.array([[-20.0, 40.0, -20.0], [25.0, 30.0, 25.0], [10.0, 60.0, -5.0]])
+    trunk = np.array([[0.0, 0.0, 0.0], [150.0, -80.0, 20.0], [-150.0, -60.0, 50.0], [20.0, -100.0, -40.0]])
+    turns = (Rotation.from_rotvec(np.outer(0.1 * np.sin(frames * pace), [1, 0, 0])) for pace in (0.037, 0.061))
+    hips = [np.stack([turn.apply(one) for one in plate], axis=1) for turn in turns]
+    still = np.broadcast_to(trunk, (400, 4, 3))
+    positions = np.concatenate([still, hips[0] + [190.0, 0, 0], hips[1] - [190.0, 0, 0]], axis=1)
+    positions += rng.normal(0.0, 0.2, positions.shape)
+    limb = find_limbs(Trajectories.from_array(positions, 100.0)).limb_of_marker
+    np.testing.assert_array_equal(limb, np.repeat([0, 1, 2], [4, 3, 3]))
