@@ -14,7 +14,8 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.costs import JointCosts, comparable_costs, with_certainty
+from skelgen.stages.joints.costs import comparable_costs, with_certainty
+from skelgen.stages.joints.loops import closing_loops, loop_joints
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
@@ -26,7 +27,6 @@ from skelgen.stages.joints.tree import (
     Parting,
     Tree,
     find_tree,
-    loop_joints,
     median_radius,
     stuck_joint_notices,
     tree_notices,
@@ -150,7 +150,9 @@ class JointSearch:
         if n_frames < trajectories.n_frames:
             raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
         topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)
-        loops = loop_joints(tree.parents, costs, n_markers)
+        seeming = loop_joints(tree.parents, costs, n_markers)
+        posed = [segment.at(frames) for segment in placed]
+        loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
         topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
         notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
         notices += undetermined_limb_notices(placed)

@@ -1,4 +1,4 @@
-"""The tree of limbs: which joints span it, which of its edges are no joints, which loops it leaves open.
+"""The tree of limbs: which joints span it, which of its edges are no joints.
 
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
 that have nothing to do with each other; or it is much dearer than joints of this take are, lies far from all markers,
@@ -15,7 +15,7 @@ from skelgen.errors import InputError
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import branches, cheapest_rivals, spanning_forest
-from skelgen.stages.joints.costs import CHANCE, JointCosts
+from skelgen.stages.joints.costs import JointCosts
 from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
@@ -45,15 +45,6 @@ KEPT = -1.0
 
 ENOUGH_JOINTS = 3
 """Fewer joints say nothing of what is usual."""
-
-LOOP_COST = 1.5
-"""Times the median cost of the tree's joints up to which another joint closes a loop (O'Brien 2000, section 5)."""
-
-LOOP_TURN = 0.5
-"""Of the median turn of the tree's joints: limbs that turn less need no joint to stay together."""
-
-ENOUGH_TURN = 0.2
-"""rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
 
 STUCK = 10.0
 """Times the usual variance of the distances to a joint, and times noise: conjugate gradients have not found it."""
@@ -250,36 +241,6 @@ def median_radius(segments: Sequence[Segment], frames: Ints) -> float:
 
 def _exceeds(values: Floats, times: float) -> Bools:
     return np.asarray(values > times * np.median(values))
-
-
-def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> tuple[Pair, ...]:
-    """Return pairs of limbs that seem joined although the tree does not join them: they close loops.
-
-    How a limb with one marker turns is not seen, so that nothing tells what it is joined to beside its parent.
-
-    Parameters
-    ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        The tree.
-    costs : JointCosts
-        Costs of all joints.
-    n_markers : sequence of int, length n_limbs
-        Of each limb.
-    """
-    children = np.flatnonzero(parents >= 0)
-    if len(children) < 2:
-        return ()
-    above = parents[children]
-    median = float(np.median(costs.comparable[children, above]))
-    turns = costs.turns[children, above]
-    turn = float(np.median(turns[~np.isnan(turns)])) if not np.isnan(turns).all() else 0.0
-    with np.errstate(invalid="ignore"):
-        closes = (costs.comparable <= LOOP_COST * median) & (costs.squares <= CHANCE * costs.expected)
-        closes &= costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
-    closes[children, above] = closes[above, children] = False
-    alone = np.flatnonzero(np.asarray(n_markers) < 2)
-    closes[alone] = closes[:, alone] = False
-    return tuple((int(first), int(second)) for first, second in np.argwhere(np.triu(closes, 1)))
 
 
 def tree_notices(

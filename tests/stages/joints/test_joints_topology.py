@@ -13,7 +13,7 @@ from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.stages.joints import JointConstraints, JointParameters, JointSearch, find_joints
 from skelgen.stages.joints.costs import JointCosts
-from skelgen.stages.joints.tree import loop_joints
+from skelgen.stages.joints.loops import loop_joints
 
 TISSUE = {"noise": 0.5, "soft_tissue": 3.0}
 PLATE = np.array([[60.0, 0.0, 0.0], [-30.0, 50.0, 0.0], [-30.0, -50.0, 10.0], [0.0, 0.0, 60.0]])  # mm
@@ -117,6 +117,22 @@ def test_closed_chain_of_four_limbs_is_a_tree_and_a_loop(notices):
     assert edges(topology) < ring
     assert edges(topology) | {frozenset(pair) for pair in topology.loops} == ring
     assert "form a loop" in " ".join(notices.sentences)
+
+
+@pytest.mark.parametrize("n_seen", [900, 120])
+def test_hinges_whose_axes_meet_close_no_loop(notices, n_seen):
+    """A base, a link that turns about z on it, and one that turns about x on that link: all share the origin."""
+    n_frames = 900
+    angles = [0.7 * np.sin(pace * np.arange(n_frames)) for pace in (0.05, 0.031)]
+    about_z = matrix_from_vector(np.outer(angles[0], [0.0, 0.0, 1.0]))
+    about_x = matrix_from_vector(np.outer(angles[1], [1.0, 0.0, 0.0]))
+    ground, nowhere = np.tile(np.eye(4), (n_frames, 1, 1)), np.zeros((n_frames, 3))
+    bodies = [ground, transform_from(about_z, nowhere), transform_from(about_z @ about_x, nowhere)]
+    markers = [rigid(poses, seed=seed) for seed, poses in enumerate(bodies)]
+    markers[0][n_seen:] = np.nan
+    topology = find_joints(*as_take(markers), monitor=notices)
+    assert topology.loops == ()
+    assert "loop" not in " ".join(notices.sentences)
 
 
 @pytest.mark.parametrize("seed", range(2))
