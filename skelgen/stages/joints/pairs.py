@@ -214,7 +214,7 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
     weights = _weights(first, second, fit, typical)
     fit = fit_fixed_point(*poses, *near, weights) or fit
     shares = first.noise.shares(weights), second.noise.shares(weights)
-    levels = _noise(first, typical), _noise(second, typical)
+    levels = pose_noise(first, typical), pose_noise(second, typical)
     shaking = levels[0] * first.noise.of_rotation(shares[0]) + levels[1] * second.noise.of_rotation(shares[1])
     across = levels[0] * first.noise.of_rotation_across(fit.axis_in_first, shares[0])
     across += levels[1] * second.noise.of_rotation_across(fit.axis_in_second, shares[1])
@@ -248,14 +248,34 @@ def _weights(first: Segment, second: Segment, fit: FixedPoint, typical: float) -
 
 def _expected_gaps(first: Segment, second: Segment, fit: FixedPoint, typical: float) -> Floats:
     """Variance of a coordinate of the gap in every frame [mm^2]."""
-    return _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
+    return expected_error(first, fit.in_first, typical) + expected_error(second, fit.in_second, typical)
 
 
-def _expected(segment: Segment, point: Floats, typical: float) -> Floats:
-    return _noise(segment, typical) * segment.noise.of_point(point)
+def expected_error(segment: Segment, point: Floats, typical: float) -> Floats:
+    """Return the variance of a coordinate of a point of a limb by errors of its poses [mm^2], shape (n_frames,).
+
+    Parameters
+    ----------
+    segment : Segment
+        The limb.
+    point : ndarray, shape (3,), mm
+        In its frame.
+    typical : float, mm^2
+        Variance of a marker's coordinate, if the limb's own is not known.
+    """
+    return pose_noise(segment, typical) * segment.noise.of_point(point)
 
 
-def _noise(segment: Segment, typical: float) -> float:
+def pose_noise(segment: Segment, typical: float) -> float:
+    """Return the variance of a coordinate of a limb's markers about their places [mm^2].
+
+    Parameters
+    ----------
+    segment : Segment
+        The limb.
+    typical : float, mm^2
+        The same of the take, where the limb's own is not known.
+    """
     return max(typical if np.isnan(segment.noise.variance) else segment.noise.variance, LEAST_VARIANCE)
 
 
@@ -267,7 +287,7 @@ def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | 
     fit = fit_sphere(body.shape.world_from_limb, points, body.centre) if points.shape[1] else None
     if fit is None:
         return None
-    of_body = _expected(body, fit.centre, typical)
+    of_body = expected_error(body, fit.centre, typical)
     used = ~np.isnan(of_body) & ~np.isnan(points[:, :, 0]).all(axis=1)
     n_values = int(counts[counts >= MIN_COMMON].sum())
     freedom = n_values / max(n_values - points.shape[1] - 3, 0.5)

@@ -4,6 +4,7 @@ A joint is a point that keeps its distance to the markers of two limbs (Schönau
 tried on sampled frames; the cheapest joints span the tree; those that are kept are placed in all frames.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -18,11 +19,11 @@ from skelgen.stages.joints.costs import comparable_costs, with_certainty
 from skelgen.stages.joints.loops import closing_loops, loop_joints
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
-from skelgen.stages.joints.parameters import JointConstraints, JointParameters
-from skelgen.stages.joints.parted import PartedBodies, parted_tree
+from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
-from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
+from skelgen.stages.joints.sliding import sliding_limbs
+from skelgen.stages.joints.still_limbs import still_limb_notices
 from skelgen.stages.joints.tree import (
     Parting,
     Tree,
@@ -122,6 +123,12 @@ class JointSearch:
             odds[np.ix_(limbs, limbs)] = worn_neighbours(positions[:, markers], own)
         return odds
 
+    def _parting(self, guesses: Mapping[Pair, JointGuess], odds: Floats, worn: Floats) -> Parting:
+        """What is known of bodies before the tree is parted, given what `_pairs` returns."""
+        segments, frames = self._segments
+        slides = sliding_limbs([segment.at(frames) for segment in segments], guesses, odds)
+        return Parting(median_radius(segments, frames), np.abs(worn) >= ONE_PERSON, slides)
+
     def find(self, constraints: JointConstraints | None = None, monitor: Monitor = SILENT) -> Topology:
         """Find joints and topology.
 
@@ -141,7 +148,7 @@ class JointSearch:
         guesses = search.guesses_with(stated.edges(limbs.n_limbs))
         costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
         stated = stated.seen(costs.order, monitor)
-        parting = Parting(median_radius(segments, frames), np.abs(worn) >= ONE_PERSON) if parameters.separate else None
+        parting = self._parting(guesses, odds, worn) if parameters.separate else None
         n_markers = [segment.n_markers for segment in segments]
         tree = find_tree(costs, guesses, n_markers, stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
@@ -154,7 +161,7 @@ class JointSearch:
         posed = [segment.at(frames) for segment in placed]
         loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
         topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
-        notices = [*tree_notices(topology, costs, guesses, (tree.cut, len(np.unique(body_of_limb))))]
+        notices = [*tree_notices(topology, costs, guesses, tree, len(np.unique(body_of_limb)))]
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
             [segment.markers for segment in segments],

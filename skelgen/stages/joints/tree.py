@@ -7,7 +7,7 @@ cut, and bodies are separate trees.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from skelgen.stages.joints.costs import JointCosts
 from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
+from skelgen.stages.joints.sliding import is_no_joint
 
 LOOSE = 2.0
 """Of the usual radius of a limb: a joint whose two images are usually so far apart holds nothing together."""
@@ -62,11 +63,14 @@ class Tree:
         Comparable joint costs; NaN where two limbs cannot or may not be joined.
     cut : list of pairs of int
         Edges (parent, child) that were taken out, because they are no joints.
+    slides : dict of pair to float
+        Of these, those whose two parts slide along each other: the limbs that do, and how far [mm].
     """
 
     parents: Ints
     costs: Floats
     cut: list[Pair]
+    slides: dict[Pair, tuple[Pair, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +83,13 @@ class Parting:
         Usual radius of a limb, NaN if unknown.
     of_one : ndarray of bool, shape (n_limbs, n_limbs)
         Limbs that are known to be on one body, as segments of a person are: no edge is cut that parts these.
+    slides : mapping of pair to float
+        Limbs that slide along each other, and how far [mm], the nearest first.
     """
 
     radius: float
     of_one: Bools
+    slides: Mapping[Pair, float] = field(default_factory=dict)
 
 
 def find_tree(
@@ -131,7 +138,15 @@ def find_tree(
         parent = int(parents[child])
         if (parent, child) not in cut:
             kept[child, parent] = kept[parent, child] = allowed[child, parent]
-    return Tree(spanning_forest(kept, markers, constraints.roots), known, cut)
+    slides = {} if parting is None else {edge: one for edge in cut if (one := _slide(edge, parents, parting.slides))}
+    return Tree(spanning_forest(kept, markers, constraints.roots), known, cut, slides)
+
+
+def _slide(edge: Pair, parents: Ints, slides: Mapping[Pair, float]) -> tuple[Pair, float] | None:
+    """The limbs that slide along each other where a tree is cut, and how far [mm]; None if none do."""
+    borne = branches(parents)[edge[1]]
+    across = (pair for pair in slides if borne[pair[0]] != borne[pair[1]] and not {*pair}.isdisjoint(edge))
+    return next(((pair, slides[pair]) for pair in across), None)
 
 
 def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:
@@ -209,9 +224,12 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
     false &= squares > costs.expected[children, above]
+    edges = list(zip(above.tolist(), children.tolist(), strict=True))
+    slid = [_slide(edge, parents, parting.slides) is not None for edge in edges]
+    false |= np.array(slid) & [is_no_joint(guesses[pair]) for pair in pairs]
     borne = branches(parents)
     false &= np.array([not parting.of_one[np.ix_(borne[child], ~borne[child])].any() for child in children])
-    return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
+    return [edge for edge, is_false in zip(edges, false.tolist(), strict=True) if is_false]
 
 
 def median_radius(segments: Sequence[Segment], frames: Ints) -> float:
@@ -244,7 +262,7 @@ def _exceeds(values: Floats, times: float) -> Bools:
 
 
 def tree_notices(
-    topology: Topology, costs: JointCosts, guesses: Mapping[Pair, JointGuess], apart: tuple[list[Pair], int]
+    topology: Topology, costs: JointCosts, guesses: Mapping[Pair, JointGuess], tree: Tree, n_bodies: int
 ) -> Iterator[str]:
     """Say what is doubtful about a tree.
 
@@ -256,18 +274,24 @@ def tree_notices(
         Its costs.
     guesses : mapping of pair to JointGuess
         The joint between each two limbs.
-    apart : tuple of list of pairs of int and int
-        Edges that were taken out, because they are no joints; number of bodies between which none was sought.
+    tree : Tree
+        With the edges that were taken out, because they are no joints.
+    n_bodies : int
+        Number of bodies between which no joint was sought.
     """
-    cut, n_bodies = apart
-    for parent, child in cut:
+    for (first, second), far in tree.slides.values():
+        yield (
+            f"limb {first} and limb {second} slide along each other, by {far:.0f} mm: skelgen knows no joint "
+            "that does so, and takes them for separate bodies"
+        )
+    for parent, child in [edge for edge in tree.cut if edge not in tree.slides]:
         gap = float(np.sqrt(3 * costs.squares[parent, child]))
         yield (
             f"nothing holds limb {parent} and limb {child} together: the best joint between them lies "
             f"{guesses[min(parent, child), max(parent, child)].distance:.0f} mm from the markers and wobbles by "
             f"{gap:.0f} mm; they are separate bodies"
         )
-    n_never = len(topology.roots) - n_bodies - len(cut)
+    n_never = len(topology.roots) - n_bodies - len(tree.cut)
     if n_never > 0:
         yield (
             f"{n_never + 1} limbs or groups of limbs are never seen together, or may not be joined: they are separate "

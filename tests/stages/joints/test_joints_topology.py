@@ -135,6 +135,21 @@ def test_hinges_whose_axes_meet_close_no_loop(notices, n_seen):
     assert "loop" not in " ".join(notices.sentences)
 
 
+@pytest.mark.parametrize("spins", [False, True])
+def test_limb_that_slides_along_another_is_a_body_of_its_own_and_is_told(notices, spins):
+    """An arm that turns about z on the ground, and a rod that slides along the arm by 100 mm either way."""
+    n_frames = 300
+    angle, shift = 0.7 * np.sin(0.05 * np.arange(n_frames)), 100 * np.sin(0.031 * np.arange(n_frames))
+    arm = matrix_from_vector(np.outer(angle, [0.0, 0.0, 1.0]))
+    spin = matrix_from_vector(np.outer(angle[::-1] * spins, [1.0, 0.0, 0.0]))
+    along = np.stack([400 + shift, 0 * shift, 0 * shift], axis=1)
+    ground, nowhere = np.tile(np.eye(4), (n_frames, 1, 1)), np.zeros((n_frames, 3))
+    bodies = [ground, transform_from(arm, nowhere), transform_from(arm @ spin, np.einsum("fij,fj->fi", arm, along))]
+    topology = find_joints(*as_take([rigid(poses, seed=seed) for seed, poses in enumerate(bodies)]), monitor=notices)
+    assert edges(topology) == {frozenset((0, 1))}
+    assert "limb 1 and limb 2 slide along each other" in " ".join(notices.sentences)
+
+
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("names", [("human", "human"), ("rods", "rods"), ("human", "tree:8")])
 def test_two_bodies_seen_together_are_two_trees(simulated, names, seed):
