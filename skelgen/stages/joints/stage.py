@@ -15,15 +15,16 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.costs import comparable_costs, with_certainty
+from skelgen.stages.joints.costs import JointCosts, comparable_costs, with_certainty
 from skelgen.stages.joints.loops import closing_loops, loop_joints
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, Pair
+from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.sliding import sliding_limbs
-from skelgen.stages.joints.still_limbs import still_limb_notices
+from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import (
     Parting,
     Tree,
