@@ -302,7 +302,9 @@ def names_by_markers(project: Project) -> tuple[str, ...]:
 
 
 def joints_of_person(names: Sequence[str], limbs: Limbs) -> dict[tuple[int, int], bool]:
-    """Return the joints between the segments of each person; a segment that is missing is passed over.
+    """Return the joints between the segments of each person.
+
+    A segment that is missing is passed over, unless a limb of the body has no name, which may be that segment.
 
     Parameters
     ----------
@@ -315,12 +317,13 @@ def joints_of_person(names: Sequence[str], limbs: Limbs) -> dict[tuple[int, int]
 
     bodies = limbs.body_of_limb.tolist()
     limb_of = {(bodies[limb], body_and_limb(name)[1]): limb for limb, name in enumerate(names)}
+    has_unknown = {bodies[limb] for limb, name in enumerate(names) if body_and_limb(name)[1] == f"limb{limb}"}
     joints = {}
     for (body, name), limb in limb_of.items():
         parent = PARENTS.get(name, "")
-        while parent and (body, parent) not in limb_of:
+        while parent and (body, parent) not in limb_of and body not in has_unknown:
             parent = PARENTS.get(parent, "")
-        if parent:
+        if (body, parent) in limb_of:
             pair = limb, limb_of[body, parent]
             joints[min(pair), max(pair)] = True
     return joints

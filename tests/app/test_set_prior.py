@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.constraints import joints_of_person
 from skelgen.app.limb_names import read_limb_names
+from skelgen.model import Limbs
 from skelgen.stages.limbs.bodies import with_stated_bodies
 from skelgen.stages.names import PARENTS
 
@@ -112,6 +114,12 @@ def test_a_hand_hangs_on_the_forearm_without_names_where_motion_is_not_surer():
     true_of_limb = dict(zip(project.limbs.limb_of_marker.tolist(), case.truth.limb_of_marker.tolist(), strict=True))
     edges = [[true_of_limb[limb] for limb in edge] for edge in project.topology.edges.tolist()]
     assert {frozenset(edge) for edge in edges} == {frozenset(edge) for edge in case.truth.edges.tolist()}
+
+
+def test_a_missing_segment_is_passed_over_unless_a_limb_without_a_name_may_be_it():
+    limbs = Limbs(np.arange(4), np.zeros((4, 4)))
+    assert set(joints_of_person(["left thigh", "pelvis", "left foot", "chest"], limbs)) == {(0, 1), (0, 2), (1, 3)}
+    assert set(joints_of_person(["left thigh", "pelvis", "left foot", "limb3"], limbs)) == {(0, 1)}
 
 
 def test_set_among_many_other_markers_is_left_to_the_user_with_a_note(walking):
