@@ -55,10 +55,12 @@ MOST_SPREAD = 1.0
 """Largest mean deviation of the logarithms of the ratios of gaps to expected gaps: that of people."""
 
 UNKNOWN_SPREAD, LEAST_RATIOS = 0.4, 3
-"""Spread that is assumed if fewer than `LEAST_RATIOS` joints have an expected gap, as most come from descents."""
+"""Spread that is assumed if fewer than `LEAST_RATIOS` joints have an expected gap, as most come from descents, or if
+half of the gaps are so small that their ratios are unknown."""
 
 LEAST_RATIO = 0.1
-"""Least ratio of a gap to the expected one; in exact takes, rounding alone would decide between smaller ones."""
+"""Least ratio of a gap to the expected one; in exact takes, rounding alone would decide between smaller ones, and
+where limbs carry two markers, more noise is expected than there is."""
 
 HINGE_PART = 0.8
 """Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
@@ -154,7 +156,7 @@ def _chance(ratios: Floats) -> float:
 
 def _spread(ratios: Floats) -> float:
     """Mean deviation of the logarithms, estimated from their median deviation: some ratios may be wrong (Laplace)."""
-    if len(ratios) < LEAST_RATIOS:
+    if len(ratios) < LEAST_RATIOS or np.median(ratios) <= LEAST_RATIO:
         return UNKNOWN_SPREAD
     logarithms = np.log(np.maximum(ratios, LEAST_RATIO))
     return min(float(np.median(np.abs(logarithms - np.median(logarithms))) / np.log(2)), MOST_SPREAD)

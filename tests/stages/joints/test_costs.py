@@ -49,6 +49,13 @@ def test_gaps_count_as_far_as_they_are_measured(ratios, parent):
     assert tree.parents[-1] == parent
 
 
+def test_nearness_decides_where_gaps_are_far_smaller_than_noise_makes_them():
+    """Such gaps say that noise is overestimated, as of limbs of two markers, not that gaps are exact."""
+    guesses, costs = row_of_limbs((0.02, 0.05, 0.03, 0.04, 0.06, 0.03), wrong=1.5 * NOISE)
+    tree = find_tree(costs, guesses, [3] * N_LIMBS, JointConstraints(roots=(0,)), None)
+    assert tree.parents[-1] == 0
+
+
 def test_a_dear_joint_whose_gap_noise_explains_is_not_cut():
     guesses, _ = row_of_limbs((1.0,) * (N_LIMBS - 1), wrong=4e4)
     for limb in range(N_LIMBS - 1):  # the last limb is far from all others, and hardly turns
