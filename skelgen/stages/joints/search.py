@@ -66,7 +66,7 @@ class PairSearch:
         self._segments, self._frames, self._odds = list(segments), frames, odds
         self._sampled = [segment.at(frames) for segment in segments]
         self._how, self._parameters, self._monitor = how, how.parameters, monitor
-        self._typical = typical_variance(segments)
+        self._typical, self._reach = typical_variance(segments), _extent(segments, frames)
         self._guesses: dict[Pair, JointGuess] = {}
         self._postponed: set[Pair] = set()
 
@@ -134,7 +134,11 @@ class PairSearch:
         self._guess([pair for pair in pairs if pair not in self._postponed])
 
     def _guess(self, pairs: list[Pair]) -> None:
-        """Guess the joints of some pairs, in several processes where that pays."""
+        """Guess the joints of some pairs, in several processes where that pays.
+
+        Likely neighbours whose joint comes out far from all markers, as points that hardly turn about it lie on a
+        sphere of any size, get one that is drawn towards them.
+        """
         work = [self._common_frames(pair) for pair in pairs]
         given = self._how, self._typical, self._parameters.alpha
         by_descent = self._parameters.solver == "conjugate-gradient"
@@ -146,7 +150,9 @@ class PairSearch:
             with deaf_children():
                 found = Parallel(return_as="generator")(delayed(_guess_for_parent)(*pair, *given) for pair in work)
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
-            self._guesses[pair] = one
+            is_far = np.isfinite(one.square) and one.distance > self._reach and self._rank(pair) < NEAREST
+            first, second = work[index - 1]
+            self._guesses[pair] = drawn_joint(first, second, *given) if is_far else one
             self._monitor.advance(index, len(work))
 
     def _common_frames(self, pair: Pair) -> tuple[Segment, Segment]:

@@ -12,9 +12,12 @@ from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.evaluation.joints import joint_distances
 from skelgen.model import Limbs, Project, StageReport, Trajectories
+from skelgen.progress import SILENT
 from skelgen.stages.classic.joint_solver import joint_cost
 from skelgen.stages.joints import JointConstraints, JointParameters, find_joints
-from skelgen.stages.joints.segments import sample_frames
+from skelgen.stages.joints.pairs import Guessing
+from skelgen.stages.joints.search import PairSearch
+from skelgen.stages.joints.segments import make_segments, sample_frames
 
 STRUCTURES = ("rods", "human", "quadruped", "tree:8", "classic-human")
 FAULTS = {"noise": 0.5, "dropouts": 0.05}
@@ -234,3 +237,13 @@ def test_sampled_frames_exist_whatever_the_length() -> None:
     for n_frames in range(1, 400):
         for samples in (30, 50, 100):
             assert sample_frames(n_frames, JointParameters(samples=samples))[-1] < n_frames
+
+
+def test_a_joint_about_which_markers_hardly_turn_is_guessed_near_them():
+    """Markers that move in a plane lie on a sphere without bounds about the body that they move against."""
+    random, frames = np.random.default_rng(0), np.arange(100)
+    body = np.array([[0.0, 0.0, 0.0], [200.0, 0.0, 0.0], [0.0, 150.0, 80.0]])
+    other = np.array([300.0, 0.0, 0.0]) + random.normal(size=(100, 1, 3)) * [40.0, 40.0, 0.0]
+    markers = [np.repeat(body[np.newaxis], 100, axis=0), other]
+    search = PairSearch(make_segments(markers, frames), frames, Guessing(JointParameters(), 0), SILENT)
+    assert search.guesses()[0, 1].distance < np.linalg.norm([300.0, 150.0, 80.0])
