@@ -12,7 +12,7 @@ from skelgen.stages.limbs.distances import Deviations
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
 from skelgen.stages.limbs.relative_motion import LOOKED_AT, STEPS, pairs_within, white_noise
-from skelgen.stages.limbs.worn_places import worn_odds
+from skelgen.stages.limbs.worn_places import PLACES_BEYOND_DOUBT, believed_places, worn_odds
 from skelgen.stages.limbs.worn_sets import belief_in_set, nearest_set
 
 SOFT = 0.025
@@ -127,6 +127,18 @@ def wears_set(by_motion: Floats, whole: Floats) -> bool:
     """
     nearest = nearest_set(whole)
     return nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED
+
+
+def is_at_places(by_motion: Floats, whole: Floats) -> bool:
+    """Whether markers are beyond doubt at places where people wear them, and what pairs do bears it out.
+
+    Parameters
+    ----------
+    by_motion, whole
+        As for `wears_set`.
+    """
+    places = believed_places(whole, by_motion)
+    return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT and places.belief > BELIEVED
 
 
 def revised(

@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import deformation, pair_odds, revised, wears_set
+from skelgen.stages.limbs.revision import deformation, is_at_places, pair_odds, revised, wears_set
 from skelgen.stages.limbs.rigid_clusters import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
@@ -281,7 +281,9 @@ class _Grouping:
         return self._constrained(majority(votes), deviations.steady)
 
     def revised(self, groups: Ints, frames: Ints, deviations: pair_distances.Deviations) -> tuple[Ints, bool]:
-        """Revise limbs that bend by what all pairs say, if they do so unlike or a marker set is worn.
+        """Revise limbs by what all pairs say: those that bend unlike each other, or are of somebody in a marker set.
+
+        Where most limbs carry plates, which do not bend, others may bend all the more: what is worn knows these.
 
         Also return whether what is worn had a say.
 
@@ -298,7 +300,7 @@ class _Grouping:
         is_open = may_bend and self._n_limbs is None
         bend, unlike = deformation(groups, deviations, self._positions) if is_open else (False, False)
         whole = None
-        if bend:
+        if bend or unlike:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
             if unlike or (whole is not None and wears_set(by_motion, whole)):
@@ -341,6 +343,11 @@ class _Grouping:
                 f"share a limb or must not there are {n_found}; ask for less of both"
             )
         return groups
+
+
+def _is_worn(by_motion: Floats, whole: Floats, bend: bool) -> bool:
+    """Whether a person wears the markers, who may be told by usual places, too, where most limbs do not bend."""
+    return wears_set(by_motion, whole) or (not bend and is_at_places(by_motion, whole))
 
 
 def _count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:

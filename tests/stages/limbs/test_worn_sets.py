@@ -1,5 +1,6 @@
 """Marker sets, and places of markers where no known set is worn, are told by the distances of markers alone."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,6 +50,20 @@ def test_the_lower_half_of_a_set_is_worn_as_well() -> None:
     odds = worn_odds(positions, log_odds(positions))
     pairs = np.triu_indices(len(limb), 1)
     assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
+
+
+def test_limbs_of_trunk_and_feet_are_whole_where_legs_wear_plates(
+    same_partition: Callable[[np.ndarray, np.ndarray], bool],
+) -> None:
+    """Most limbs do not bend then; chest and pelvis do."""
+    case = simulate(
+        "human", seed=11, motion="walk", marker_set="cast", n_frames=200, soft_tissue="realistic", noise=0.3
+    )
+    limb = np.asarray(case.truth.limb_of_marker)
+    kept = np.array(["arm" not in case.truth.limb_names[one] for one in limb])
+    names = [f"M{marker}" for marker in range(kept.sum())]
+    take = Trajectories(np.asarray(case.take.positions)[:, kept], names, case.take.rate)
+    assert same_partition(find_limbs(take).limb_of_marker, limb[kept])
 
 
 def test_a_few_markers_are_no_half_of_a_set() -> None:
