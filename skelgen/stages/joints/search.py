@@ -27,6 +27,10 @@ from skelgen.stages.joints.segments import (
 NEAREST = 4
 """Limbs without a pose that are tried as neighbours of one without: each pair takes a descent."""
 
+IN_CHAIN = 2
+"""Likeliest neighbours of a limb whose joint is drawn towards the markers if it comes out far from them: as many as a
+limb within a chain has."""
+
 AGAIN = 30
 """Likeliest neighbours of a limb whose joints are guessed again when its first joint gives it poses."""
 
@@ -150,7 +154,7 @@ class PairSearch:
             with deaf_children():
                 found = Parallel(return_as="generator")(delayed(_guess_for_parent)(*pair, *given) for pair in work)
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
-            is_far = np.isfinite(one.square) and one.distance > self._reach and self._rank(pair) < NEAREST
+            is_far = np.isfinite(one.square) and one.distance > self._reach and self._rank(pair) < IN_CHAIN
             first, second = work[index - 1]
             self._guesses[pair] = drawn_joint(first, second, *given) if is_far else one
             self._monitor.advance(index, len(work))
