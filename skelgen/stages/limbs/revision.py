@@ -5,6 +5,8 @@ hardly move, pairs say more: by the mean of their log odds (`pair_evidence`) lim
 split, for as long as one of these is clearly better. What is not clear stays as it is, so that rigid plates do.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
@@ -60,7 +62,7 @@ MOST_CHANGES = 100
 
 
 def deformation(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bool, bool]:
-    """Return whether there are enough limbs that bend, and whether they do so unlike each other.
+    """Return whether there are enough limbs and most of them bend, and whether some do so, unlike the others.
 
     Parameters
     ----------
@@ -77,8 +79,8 @@ def deformation(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[bo
         return False, False
     variance = np.diag(sums.sums)[several] / np.diag(sums.weights)[several]
     unlike = float(np.std(np.log(np.maximum(variance, TINY)) / 2))
-    beyond_noise = float(np.median(variance)) - white_noise(groups, whole)
-    return beyond_noise > SOFT**2 * sums.neighbour_motion(), unlike > ALIKE
+    stiff = SOFT**2 * sums.neighbour_motion() + white_noise(groups, whole)
+    return float(np.median(variance)) > stiff, unlike > ALIKE and float(variance.max()) > stiff
 
 
 def are_plates(positions: Floats, limb_of_marker: Ints) -> bool:
@@ -141,12 +143,27 @@ def is_at_places(by_motion: Floats, whole: Floats) -> bool:
     return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT and places.belief > BELIEVED
 
 
+def plates(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[Ints, ...]:
+    """Return the markers of each limb that has a pose and is rigid as far as white noise can tell.
+
+    Parameters
+    ----------
+    groups, deviations, whole
+        As for `deformation`.
+    """
+    sums, limit = deviations.between(groups), RIGID * white_noise(groups, whole) + TINY
+    variance = np.diag(sums.sums) / np.maximum(np.diag(sums.weights), TINY)
+    members = (np.flatnonzero(groups == limb) for limb in np.flatnonzero(variance <= limit).tolist())
+    return tuple(markers for markers in members if len(markers) >= POSED)
+
+
 def revised(
     groups: Ints,
     by_motion: Floats,
     constraints: MarkerConstraints,
     deviation: Floats,
     whole: Floats | None = None,
+    held: Sequence[Ints] = (),
 ) -> Ints:
     """Return limbs that suit what all pairs of markers say.
 
@@ -162,6 +179,8 @@ def revised(
         Of all distances; NaN for markers that are not seen together.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
         All frames: the shape of a marker set that people wear adds to what pairs say. Without them pairs speak alone.
+    held : sequence of ndarray of intp, optional
+        Markers of plates, which stay together.
     """
     worn = worn_odds(whole, by_motion) if whole is not None else np.zeros_like(by_motion)
     rigid = _rigid_pairs(deviation) & (worn >= 0) & ~constraints.apart
@@ -171,6 +190,9 @@ def revised(
     for block in constraints.blocks:
         odds[np.ix_(block, block)] = STATED
         free[list(block)] = len(block) == 1
+    for plate in held:
+        odds[np.ix_(plate, plate)] = STATED
+        free[plate] = False
     np.fill_diagonal(odds, 0.0)
     for _ in range(MOST_CHANGES):
         groups = np.unique(groups, return_inverse=True)[1]

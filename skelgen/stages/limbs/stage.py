@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import deformation, is_at_places, pair_odds, revised, wears_set
+from skelgen.stages.limbs.revision import deformation, is_at_places, pair_odds, plates, revised, wears_set
 from skelgen.stages.limbs.rigid_clusters import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
@@ -303,8 +303,9 @@ class _Grouping:
         if bend or unlike:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
-            if unlike or (whole is not None and wears_set(by_motion, whole)):
-                groups = revised(groups, by_motion, self._constraints, deviations.steady, whole)
+            if (bend and unlike) or (whole is not None and _is_worn(by_motion, whole, bend)):
+                held = () if bend else plates(groups, deviations, self._positions)
+                groups = revised(groups, by_motion, self._constraints, deviations.steady, whole, held)
             else:
                 whole = None
         return _numbered_by_first(groups), whole is not None
