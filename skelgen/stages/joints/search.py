@@ -154,10 +154,14 @@ class PairSearch:
             with deaf_children():
                 found = Parallel(return_as="generator")(delayed(_guess_for_parent)(*pair, *given) for pair in work)
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
-            is_far = np.isfinite(one.square) and one.distance > self._reach and self._rank(pair) < IN_CHAIN
+            is_far = np.isfinite(one.square) and one.distance > self._reach and self._is_in_chain(pair)
             first, second = work[index - 1]
             self._guesses[pair] = drawn_joint(first, second, *given) if is_far else one
             self._monitor.advance(index, len(work))
+
+    def _is_in_chain(self, pair: Pair) -> bool:
+        """Whether limbs are likely neighbours; where only the nearest are tried, limbs are drafts and may be wrong."""
+        return not self._parameters.n_nearest and self._rank(pair) < IN_CHAIN
 
     def _common_frames(self, pair: Pair) -> tuple[Segment, Segment]:
         """Both limbs in the sampled frames, or, where these hardly show both, in others that do."""
