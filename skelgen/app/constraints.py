@@ -302,9 +302,7 @@ def names_by_markers(project: Project) -> tuple[str, ...]:
 
 
 def joints_of_person(names: Sequence[str], limbs: Limbs) -> dict[tuple[int, int], bool]:
-    """Return the joints between the segments of each person.
-
-    A segment that is missing is passed over, unless a limb of the body has no name, which may be that segment.
+    """Return the joints of each person; a missing segment is passed over unless a limb without a name may be it.
 
     Parameters
     ----------

@@ -117,8 +117,8 @@ def pair_odds(positions: Floats) -> Floats:
     return np.clip(log_odds(positions), -SUREST, SUREST)
 
 
-def wears_set(by_motion: Floats, whole: Floats) -> bool:
-    """Whether markers have the shape of a set that people wear, and what pairs do bears it out.
+def is_worn(by_motion: Floats, whole: Floats, bend: bool) -> bool:
+    """Return whether a person wears the markers.
 
     Parameters
     ----------
@@ -126,20 +126,13 @@ def wears_set(by_motion: Floats, whole: Floats) -> bool:
         From `pair_odds`.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm
         All frames.
+    bend : bool
+        Whether most limbs bend. If not, usual places tell a person, too, that are beyond doubt and borne out by motion.
     """
     nearest = nearest_set(whole)
-    return nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED
-
-
-def is_at_places(by_motion: Floats, whole: Floats) -> bool:
-    """Whether markers are beyond doubt at places where people wear them, and what pairs do bears it out.
-
-    Parameters
-    ----------
-    by_motion, whole
-        As for `wears_set`.
-    """
-    places = believed_places(whole, by_motion)
+    if nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED:
+        return True
+    places = None if bend else believed_places(whole, by_motion)
     return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT and places.belief > BELIEVED
 
 

@@ -24,7 +24,7 @@ from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.revision import deformation, is_at_places, pair_odds, plates, revised, wears_set
+from skelgen.stages.limbs.revision import deformation, is_worn, pair_odds, plates, revised
 from skelgen.stages.limbs.rigid_clusters import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
@@ -303,7 +303,7 @@ class _Grouping:
         if bend or unlike:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
-            if (bend and unlike) or (whole is not None and _is_worn(by_motion, whole, bend)):
+            if (bend and unlike) or (whole is not None and is_worn(by_motion, whole, bend)):
                 held = () if bend else plates(groups, deviations, self._positions)
                 groups = revised(groups, by_motion, self._constraints, deviations.steady, whole, held)
             else:
@@ -344,11 +344,6 @@ class _Grouping:
                 f"share a limb or must not there are {n_found}; ask for less of both"
             )
         return groups
-
-
-def _is_worn(by_motion: Floats, whole: Floats, bend: bool) -> bool:
-    """Whether a person wears the markers, who may be told by usual places, too, where most limbs do not bend."""
-    return wears_set(by_motion, whole) or (not bend and is_at_places(by_motion, whole))
 
 
 def _count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
