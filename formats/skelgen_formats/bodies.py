@@ -20,6 +20,7 @@ from skelgen_formats.options import ROTATION_VECTOR
 from skelgen_formats.titles import AXES
 
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
+_LARGEST_ANGLE = 1e6  # rad; nothing turns so often
 _MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
 
 
@@ -93,7 +94,7 @@ def quaternions_from_angles(angles: Floats, order: str) -> Floats:
     Parameters
     ----------
     angles : ndarray, shape (n_frames, n_bodies, 3), rad
-        About x, y and z, whatever the order; NaN where a body is unseen.
+        About x, y and z, whatever the order; NaN where a body is unseen, as it is where they are no angles.
     order : str
         Such as ``zyx``, R = Rz Ry Rx: about the body's own axes, z first; or `ROTATION_VECTOR`.
 
@@ -101,7 +102,7 @@ def quaternions_from_angles(angles: Floats, order: str) -> Floats:
     -------
     ndarray, shape (n_frames, n_bodies, 4)
     """
-    seen: Bools = np.asarray(np.isfinite(angles).all(axis=2))
+    seen: Bools = np.asarray((np.abs(angles) < _LARGEST_ANGLE).all(axis=2))
     quaternions = np.full((*angles.shape[:2], 4), np.nan)
     turned = angles[seen]
     if order == ROTATION_VECTOR:

@@ -98,6 +98,8 @@ def _records(path: Path, lines: Lines) -> tuple[list[float], _Records, _Records]
                     bodies[-1][int(head[0])] = place[:_PLACE] + matrix
         elif kind == _MARKERS and markers:
             for at, (_, place) in enumerate(_items(path, number, rest, 2)):
+                if len(place) < _PLACE:
+                    raise FormatError(path, number, f"a marker has {len(place)} numbers where three belong")
                 markers[-1][at] = place[:_PLACE]
     return times, bodies, markers
 

@@ -108,10 +108,17 @@ _TEXTS = (
     "classic-xml",
     "tidy-csv",
     "emt",
+    "dtrack",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 
-MORE_SEEDS = {"c3d": ("c3d-integers.c3d", "c3d-dec.c3d"), "numpy": ("numpy.npz",), "qualisys-mat": ("packed.mat",)}
+MORE_SEEDS = {
+    "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
+    "nexus": ("tracker.csv",),
+    "numpy": ("numpy.npz",),
+    "qualisys-mat": ("packed.mat",),
+    "wide-csv": ("angles.csv",),
+}
 """Further sound files of a format."""
 
 READERS = (
@@ -245,6 +252,9 @@ _TEXT_SEEDS = {
     "Frequency:    \t100 Hz\nFrames:       \t2\nStart time:   \t0.000\n\n"
     " Frame\t  Time\tc7.X\tc7.Y\tc7.Z\tknee.X\tknee.Y\tknee.Z\t\n"
     "     0\t   0.000\t 0.1\t 0.2\t 0.3\t 0.4\t 0.5\t 0.6\t\n     1\t   0.010\t 0.1\t 0.2\t 0.3\t   \t   \t   \t\n",
+    "dtrack.dtrack.txt": "fr 7\nts 39596.02\n6d 1 [0 1.000][10 20 30 0 0 90][0 1 0 -1 0 0 0 0 1]\n"
+    "3d 1 [79 1.000][1 2 3]\nfr 8\nts 39596.04\n6di 1 [2 2 0.1][11 20 30][0 1 0 -1 0 0 0 0 1]\n"
+    "3d 2 [79 1.000][1 2 4] [83 1.000][5 6 7]\n",
     "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
     "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
     "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",
@@ -262,6 +272,10 @@ _TEXT_SEEDS = {
     '\n<frames><frame type="identity"><orientation>1 0 0 0 1 0 0 0</orientation></frame>\n<frame type="normal">'
     "<orientation>1 0 0 0 0.6 0.8 0 0</orientation>\n<position>0 0 0.9 0.1 0.2 1.0</position></frame></frames>\n"
     "</subject></mvnx>\n",
+    "tracker.csv": "Objects\n100\n,,Wand:Wand,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,deg,deg,deg,mm,mm,mm\n"
+    "1,0,10,20,30,1.5,2.5,3.5\n2,0,11,21,31,1.6,2.6,3.6\n3,0,,,,,,\n",
+    "angles.csv": "t,a_x,a_y,a_z,a_roll,a_pitch,a_yaw,b_x,b_y,b_z,b_roll,b_pitch,b_yaw\n"
+    "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"

@@ -50,6 +50,7 @@ def test_single_markers_are_a_cloud(put):
         (BOTH[:-30], "the file may be cut off"),
         (BOTH.replace("10 20", "10 x"), "a word is no number"),
         (BOTH.replace(f"[{STILL}]", "[1 0 0]"), "where position, angles and a matrix belong"),
+        ("3d 1 [79 1.000][211 -90]", "a marker has 2 numbers where three belong"),
         ("6d 0", "lists no body (6d) and no single marker (3d)"),
     ],
 )
