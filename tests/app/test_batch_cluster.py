@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -37,12 +38,10 @@ class Cluster:
         self._file = folder / "scheduler.json"
         self._log = (folder / "dask.log").open("w")
         self._start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self._file))
-        self._wait(self._file.exists)
+        self._wait(self._is_written)
 
     @property
     def address(self):
-        import json
-
         return json.loads(self._file.read_text())["address"]
 
     def add_worker(self, *options):
@@ -60,6 +59,10 @@ class Cluster:
             process.kill()
             process.wait()
         self._log.close()
+
+    def _is_written(self):
+        """Whether the scheduler has written its whole file."""
+        return self._file.exists() and self._file.read_text().rstrip().endswith("}")
 
     def _start(self, module, *arguments):
         command = [sys.executable, "-m", f"distributed.cli.{module}", "--no-dashboard", *arguments]
