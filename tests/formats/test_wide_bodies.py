@@ -1,0 +1,116 @@
+"""Tables of bodies: points with quaternions or angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from skelgen_formats.registry import read_take
+
+
+def two_rows(titles: str, cells: str) -> str:
+    """A table of a thigh and a shank at 100 Hz, with the same cells twice."""
+    names = ",".join(titles.format(n=name) for name in ("thigh", "shank"))
+    return f"time,{names}\n" + "".join(f"{t},{cells}\n" for t in (0, 0.01))
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "{n}_x,{n}_y,{n}_z,{n}_qx,{n}_qy,{n}_qz,{n}_qw",
+        "{n}.pose.position.x,{n}.pose.position.y,{n}.pose.position.z,"
+        "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
+        "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
+        "{n}-px,{n}-py,{n}-pz,{n}-qx,{n}-qy,{n}-qz,{n}-qw",
+    ],
+)
+def test_points_with_quaternions_are_bodies(put, titles):
+    take = read_take(put("bodies.csv", two_rows(titles, "0.1,0.2,0.3,0,0,0,1,0.4,0.5,0.6,0,0,0.6,0.8")))
+    assert (take.rate, [name.partition(".")[0] for name in take.names]) == (100.0, ["thigh", "shank"])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [400, 500, 600])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+def test_body_that_a_tracker_lost_is_unseen(put):
+    """NatNet gives place 0, 0, 0 and no rotation; a body that never leaves the origin is there."""
+    titles = ",".join(f"{name}_{axis}" for name in ("base", "hand") for axis in ("x", "y", "z", "qx", "qy", "qz", "qw"))
+    row = "0,0,0,0,0,0,1,{0},{0},{0},0,0,0,1\n"
+    take = read_take(put("lost.csv", f"{titles}\n{row.format(1)}{row.format(0)}"))
+    assert np.isnan(take.world_from_body[:, :, 0, 0]).tolist() == [[False, False], [False, True]]
+
+
+def test_tools_of_ndi_are_bodies_beside_their_markers(put):
+    tool = "Frame#,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error,Marker0.Status,Tx,Ty,Tz,Marker1.Status,Tx,Ty,Tz"
+    row = "7,1,0,0,0,10,20,300,0.1,OK,11,21,301,OK,12,20,302"
+    path = put("tools.csv", f"Tools,{tool},{tool}\n" + f"2,{row},{row}\n" * 2)
+    assert read_take(path).n_markers == 4
+    assert read_take(path, bodies=True).names == ("body", "body_2")
+
+
+ROLL = "{n}_x,{n}_y,{n}_z,{n}_roll (deg),{n}_pitch (deg),{n}_yaw (deg)"
+NAVIGATED = [[0, -1, 0], [0.5, 0, 0.75**0.5], [-(0.75**0.5), 0, 0.5]]  # by hand: R = Rz(90) Ry(60) Rx(0), below
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ROLL,
+        "{n}_x,{n}_y,{n}_z,{n}_roll,{n}_pitch,{n}_yaw",
+        "{n} X [m],{n} Y [m],{n} Z [m],{n} Roll,{n} Pitch,{n} Yaw",
+    ],
+)
+def test_roll_pitch_and_yaw_turn_bodies(put, titles):
+    take = read_take(put("bodies.csv", two_rows(titles, "0.1,0.2,0.3,10,20,30,0.4,0.5,0.6,0,60,90")))
+    assert (take.rate, take.names) == (100.0, ("thigh", "shank"))
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, :3], NAVIGATED, atol=1e-12)
+    assert any("R = Rz Ry Rx" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("order", ["auto", "vector", "zyx"])
+@pytest.mark.parametrize(
+    "titles", ["{n}_tx,{n}_ty,{n}_tz,{n}_rx,{n}_ry,{n}_rz", "{n}PosX,{n}PosY,{n}PosZ,{n}RotX,{n}RotY,{n}RotZ"]
+)
+def test_angles_about_axes_turn_bodies_in_the_stated_order(put, titles, order):
+    text = ",".join(titles.format(n=name) for name in ("thigh", "shank")) + "\n" + "1,2,3,1.5,0,0.5,4,5,6,0,0,0\n" * 2
+    take = read_take(put("bodies.csv", text), angle_order=order)
+    expected = {
+        "auto": Rotation.from_euler("XYZ", [1.5, 0, 0.5]),
+        "zyx": Rotation.from_euler("ZYX", [0.5, 0, 1.5]),
+        "vector": Rotation.from_rotvec([1.5, 0, 0.5]),
+    }
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], expected[order].as_matrix(), atol=1e-12)
+
+
+def test_bodies_without_names_have_the_angles_beside_their_places(put):
+    text = "Frame,Tx,Ty,Tz,Rx,Ry,Rz,Tx,Ty,Tz,Rx,Ry,Rz\n" + "1,1,2,3,0,0,0,4,5,6,0,0,90\n" * 2
+    take = read_take(put("bodies.csv", text))
+    np.testing.assert_allclose(take.world_from_body[0, :, 0, 0], [1, 0], atol=1e-12)
+
+
+def test_order_of_the_columns_is_that_of_the_axes(put):
+    """NDI writes the angles of a tool before its place, z first, and the tool's markers behind it."""
+    tool = "Frame,Rz,Ry,Rx,Tx,Ty,Tz,Error,Marker1 Status,Tx,Ty,Tz"
+    row = "1,90,60,0,1,2,3,0.1,OK,4,5,6"
+    take = read_take(put("tools.csv", f"{tool},{tool}\n" + f"{row},{row}\n" * 2), bodies=True)
+    np.testing.assert_allclose(take.world_from_body[0, :, :3, :3], [NAVIGATED] * 2, atol=1e-12)
+    np.testing.assert_array_equal(take.world_from_body[0, :, :3, 3], [[1000, 2000, 3000]] * 2)
+
+
+def test_names_may_stand_over_places_and_angles(put):
+    text = ",thigh,,,,,,shank\nFrame,X,Y,Z,RX,RY,RZ,X,Y,Z,RX,RY,RZ\n" + "1,1,2,3,0,0,0,4,5,6,0,0,90\n" * 2
+    take = read_take(put("bodies.csv", text))
+    assert take.names == ("thigh", "shank")
+    np.testing.assert_allclose(take.world_from_body[0, :, 0, 0], [1, 0], atol=1e-12)
+
+
+def test_angles_are_left_out_where_points_are_asked_for(put):
+    titles = ",".join(f"{name}_pos_{axis},{name}_rot_{axis}" for name in ("thigh", "shank") for axis in "xyz")
+    path = put("euler.csv", f"{titles}\n" + "1,90,2,90,3,90,4,90,5,90,6,90\n" * 2)
+    take = read_take(path, points="markers")
+    assert take.names == ("thigh", "shank")
+    assert "rotations other than unit quaternions are left out: thigh, shank" in take.notices
+
+
+def test_angles_beside_places_are_no_points(put):
+    text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
+    assert read_take(put("angles.csv", text)).names == ("a", "b")
