@@ -5,10 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph, tree_path
+from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph
 from skelgen.app.drawing.measures import tidy_places
 from skelgen.app.drawing.poses import find_views, left_side, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, whole_percent
+from skelgen.kinematics.hierarchy import tree_path
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import listed

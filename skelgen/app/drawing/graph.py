@@ -123,31 +123,6 @@ def _strengths(costs: Floats) -> Floats:
     return np.asarray((logs.max() - logs) / (logs.max() - logs.min()))
 
 
-def tree_path(parents: Ints, first: int, second: int) -> list[int]:
-    """Return the limbs from one to another along the tree, both included; none between separate bodies.
-
-    Parameters
-    ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        Parent of each limb, -1 for a root.
-    first, second : int
-        Limbs.
-    """
-    to_root = [_path_to_root(parents, limb) for limb in (first, second)]
-    shared = next((limb for limb in to_root[0] if limb in to_root[1]), None)
-    if shared is None:
-        return []
-    there, back = (path[: path.index(shared)] for path in to_root)
-    return [*there, shared, *reversed(back)]
-
-
-def _path_to_root(parents: Ints, limb: int) -> list[int]:
-    path = [limb]
-    while parents[path[-1]] >= 0:
-        path.append(int(parents[path[-1]]))
-    return path
-
-
 class Disc(NamedTuple):
     """A disc of a radius, or a ring around a hole."""
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from skelgen.kinematics.hierarchy import tree_path
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import Guessing, guess_joint
@@ -82,38 +83,10 @@ def closing_loops(
     for first, second in pairs:
         joint = guess_joint(segments[first], segments[second], how, typical, how.parameters.alpha)
         chance = CHANCE * (float(expected[first, second]) + typical)
-        between = limbs_between(parents, first, second)
+        between = tree_path(parents, first, second)[1:-1]
         if not between or any(_moves(joint.positions, segments[limb].markers, chance) for limb in between):
             kept.append((first, second))
     return tuple(kept)
-
-
-def limbs_between(parents: Ints, first: int, second: int) -> list[int]:
-    """Return the limbs of the tree on the way between two others; none if no way connects them.
-
-    Parameters
-    ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        The tree, -1 for roots.
-    first, second : int
-        The others.
-
-    Examples
-    --------
-    >>> limbs_between(np.array([-1, 0, 1, 0]), 2, 3)
-    [1, 0]
-    """
-    ways: list[list[int]] = []
-    for limb in (first, second):
-        way = [limb]
-        while parents[way[-1]] >= 0:
-            way.append(int(parents[way[-1]]))
-        ways.append(way)
-    shared = [limb for limb in ways[0] if limb in ways[1]]
-    if not shared:
-        return []
-    up, down = (way[: way.index(shared[0])] for way in ways)
-    return [limb for limb in [*up, shared[0], *reversed(down)] if limb not in {first, second}]
 
 
 def _moves(place: Floats, markers: Floats, chance: float) -> bool:

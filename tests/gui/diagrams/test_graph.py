@@ -23,7 +23,8 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import colour_of_limb, doubt_colour, theme_palette
 
-from skelgen.app.drawing.graph import find_cost_graph, tree_path
+from skelgen.app.drawing.graph import find_cost_graph
+from skelgen.kinematics.hierarchy import tree_path
 from skelgen.model import Project, Topology
 
 
