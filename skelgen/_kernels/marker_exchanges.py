@@ -147,7 +147,7 @@ def weigh_exchanges(pairs: Ints, distances: MarkerDistances, pauses: Pauses, sid
 @kernel
 def _write_explained(sums: Floats, spacing: float, gain: Floats) -> None:
     for pair in range(len(gain)):
-        gain[pair] = _explained(sums[0, pair], sums[1, pair], sums[2, pair], spacing)
+        gain[pair] = distance_evidence(sums[0, pair], sums[1, pair], sums[2, pair], spacing)
 
 
 @kernel
@@ -181,7 +181,16 @@ def _weigh(
 
 
 @kernel_part
-def _explained(count: float, total: float, squares: float, spacing: float) -> float:
+def distance_evidence(count: float, total: float, squares: float, spacing: float) -> float:
+    """Return how well distances are explained by two markers that keep them [nats].
+
+    Parameters
+    ----------
+    count, total, squares : float
+        Number, sum [mm] and sum of squares [mm^2] of the distances.
+    spacing : float, mm
+        How far apart markers are.
+    """
     if total <= 0.0:
         return 0.0
     scatter = max(squares - total * total / max(count, 1.0), 0.0)
@@ -324,7 +333,7 @@ def _explained_if_exchanged(
         return gain
     total = own[1, -1] - (own[1, end] - own[1, first]) + (others[1, end] - others[1, first])
     squares = own[2, -1] - (own[2, end] - own[2, first]) + (others[2, end] - others[2, first])
-    return _explained(own[0, -1] - left + come, total, squares, distances.spacing)
+    return distance_evidence(own[0, -1] - left + come, total, squares, distances.spacing)
 
 
 @kernel_part

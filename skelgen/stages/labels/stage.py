@@ -7,6 +7,7 @@ over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 """
 
 from dataclasses import replace
+from hashlib import blake2b
 
 import numpy as np
 
@@ -289,8 +290,8 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
     pieces = _pieces(task) if start.max(initial=-1) >= at_once else None
     if pieces:
         by_limbs = _on_limbs(take, pieces, np.full(take.cloud.n_points, -1))
-        is_better = take.evidence(by_limbs)[0] > take.evidence(start)[0]
-        start = by_limbs if is_better and by_limbs.max() <= start.max() else start
+        if by_limbs.max() <= start.max() and take.evidence(by_limbs)[0] > take.evidence(start)[0]:
+            start = by_limbs
     found = _searched(task, start, pieces, at_once, monitor)
     if found.max(initial=-1) >= at_once and not take.is_very_long:
         heard = replace(take, exchanges_over_gaps=True)
@@ -305,13 +306,13 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
 
 def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: int, monitor: Monitor) -> Ints:
     """Marker of each point when a skeleton has labelled all, and pieces were merged by its limbs while that helps."""
-    take, found = task.take, _improved(task, start, monitor)
+    take, right = task.take, dict[bytes, Ints]()
+    found = _improved(task, start, right, monitor)
     evidence, chance = take.evidence(found)
     while found.max(initial=-1) >= at_once and _is_doubtful(take, found):
-        pieces = pieces or _pieces(task)
-        if pieces is None:
+        if (pieces := pieces or _pieces(task)) is None:
             break
-        other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), monitor)
+        other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), right, monitor)
         more, _ = take.evidence(other)
         if more <= evidence + chance:
             break
@@ -326,9 +327,8 @@ def _is_doubtful(take: FollowedCloud, found: Ints) -> bool:
     """
     tracks = take.track_of_point
     left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
-    if left.max() >= PIECE_SECONDS * take.rate:
-        return True
-    return not bool(seen_at_once(take.cloud, found, int(found.max(initial=-1)) + 1).all())
+    is_left = bool(left.max() >= PIECE_SECONDS * take.rate)
+    return is_left or not bool(seen_at_once(take.cloud, found, int(found.max(initial=-1)) + 1).all())
 
 
 def _on_limbs(take: FollowedCloud, pieces: PairTables, found: Ints) -> Ints:
@@ -349,15 +349,17 @@ def _grouped(take: FollowedCloud, tracklets: TrackletPoints, group: Ints) -> Int
     return _most_seen(found, MOST_KEPT * points_beside(take.cloud))
 
 
-def _improved(task: LabelTask, start: Ints, monitor: Monitor) -> Ints:
+def _improved(task: LabelTask, start: Ints, right: dict[bytes, Ints], monitor: Monitor) -> Ints:
     """Marker of each point by the skeleton that a first labelling implies, put right where the whole take says so.
 
-    In a take of few seconds, distances at few moments may say that two are one marker where the whole take does not.
-    Both are tried then. What joins less must explain more than by chance.
+    Other beginnings often lead to the same labels: what was put `right` is kept. In a take of few seconds, distances at
+    few moments may say that two are one marker where the whole take does not: both are tried. What joins less must
+    explain more than by chance.
     """
     take, refined = task.take, refine_labels(task, start, monitor)
     completed = _completed(task, start, refined)
-    found = put_right(take, completed)
+    key = blake2b(completed.tobytes()).digest()
+    found = right[key] = right[key] if key in right else put_right(take, completed)
     if not take.has_few_moments:
         return found
     sparing = replace(task, take=replace(take, joins_sparingly=True))
@@ -394,6 +396,5 @@ def _pieces(task: LabelTask) -> PairTables | None:
 def _most_seen(found: Ints, n_markers: int) -> Ints:
     """The `n_markers` that are seen in the most frames."""
     counts = np.bincount(found[found >= 0], minlength=1)
-    keep = np.zeros(len(counts), dtype=bool)
-    keep[np.argsort(-counts, kind="stable")[:n_markers]] = True
-    return point_labels.renumbered(found, keep & (counts > 0))
+    rank = np.argsort(np.argsort(-counts, kind="stable"))
+    return point_labels.renumbered(found, (rank < n_markers) & (counts > 0))

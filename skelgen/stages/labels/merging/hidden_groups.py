@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelgen._kernels.group_matching import Choices, Gains, Side, best_matching, gains_of_goals
 from skelgen._kernels.marker_exchanges import EXISTENCE, LEAST_GAIN, explained
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -200,13 +201,13 @@ class _Cuts:
 def _matching(group: _Group, n_markers: int, spacing: float) -> Ints | None:
     """The goal of each member by which distances are explained best, -1 for none; None if that is what they have."""
     members, goals = group.members, group.goals
-    alone, pairs = _tables(group, n_markers, spacing)
+    gains = _gains(group, n_markers, spacing)
     kept = np.searchsorted(goals, members)
     kept = np.where(goals[np.minimum(kept, len(goals) - 1)] == members, kept, -1)
-    order = _order(group, n_markers, spacing)
     clash = group.inside[0][np.ix_(members, members)] > 0
-    best, score = _beam(alone, pairs, clash, np.where(kept >= 0, -UNMATCHED, 0.0), order)
-    if (best == kept).all() or score < _score(kept, alone, pairs) + LEAST_SCORE:
+    choices = Choices(clash, np.where(kept >= 0, -UNMATCHED, 0.0), _order(group, n_markers, spacing))
+    best, score = best_matching(gains, choices, BEAM)
+    if (best == kept).all() or score < _score(kept, gains) + LEAST_SCORE:
         return None
     stays = np.where(kept >= 0, -1, members)
     return np.where(best >= 0, goals[best], stays)
@@ -230,33 +231,17 @@ def _order(group: _Group, n_markers: int, spacing: float) -> Ints:
     return np.array(order)
 
 
-def _tables(group: _Group, n_markers: int, spacing: float) -> tuple[Floats, Floats]:
-    """What members gain as goals by distances to what is not hidden, (n, m), and by those of two, (n, m, n, m) [nats].
-
-    What has no marker yet explains nothing by itself.
-    """
+def _gains(group: _Group, n_markers: int, spacing: float) -> Gains:
+    """What members gain as goals; what has no marker yet explains nothing by itself."""
     members, goals, inside, outside = group
     told_in, told_out = explained(inside, spacing), explained(outside, spacing)
     steady_in, steady_out = _steadiest(told_in), _steadiest(told_out)
     told_in[n_markers:] = told_in[:, n_markers:] = 0.0
-
-    def gained(*ends: Ints) -> Floats:
-        first, second, one, other = np.broadcast_arrays(*ends)
-        counts = (inside[0, first, second] > 0.0) & (steady_in[first, second] | steady_out[one, other])
-        here, there = (first[counts], second[counts]), (one[counts], other[counts])
-        together = inside[:, here[0], here[1]] + outside[:, there[0], there[1]]
-        gain = np.zeros(counts.shape)
-        gain[counts] = explained(together, spacing) - told_in[here] - told_out[there]
-        return gain
-
     others = np.setdiff1d(np.arange(n_markers), np.union1d(members, goals))
-    alone = gained(members[:, np.newaxis, np.newaxis], others, goals[:, np.newaxis], others).sum(axis=2)
-    alone += np.where(members < n_markers, EXISTENCE, 0.0)[:, np.newaxis]
-    one, other = np.nonzero(np.triu(inside[0][np.ix_(members, members)], 1))
-    table = gained(*(members[end][:, np.newaxis, np.newaxis] for end in (one, other)), goals[:, np.newaxis], goals)
-    pairs = np.zeros((len(members), len(goals), len(members), len(goals)))
-    pairs[one, :, other], pairs[other, :, one] = table, table.transpose(0, 2, 1)
-    return alone, pairs
+    sides = Side(members, inside, told_in, steady_in), Side(goals, outside, told_out, steady_out)
+    gains = gains_of_goals(*sides, others, spacing)
+    gains.alone[members < n_markers] += EXISTENCE
+    return gains
 
 
 def _steadiest(told: Floats) -> Bools:
@@ -268,30 +253,9 @@ def _steadiest(told: Floats) -> Bools:
     return np.asarray(counts | counts.T)
 
 
-def _score(goal: Ints, alone: Floats, pairs: Floats) -> float:
+def _score(goal: Ints, gains: Gains) -> float:
     """What a matching gains [nats]; -1 stands for no goal."""
     members = np.flatnonzero(goal >= 0)
     goal = goal[members]
-    both = pairs[members[:, np.newaxis], goal[:, np.newaxis], members, goal]
-    return float(alone[members, goal].sum() + np.triu(both, 1).sum())
-
-
-def _beam(alone: Floats, pairs: Floats, clash: Bools, unmatched: Floats, order: Ints) -> tuple[Ints, float]:
-    """The best matching that is found, -1 for no goal, and what it gains; members that clash have different goals."""
-    n_members, n_goals = alone.shape
-    padded = np.concatenate([pairs, np.zeros((n_members, n_goals, n_members, 1))], axis=3)  # -1 gains nothing
-    goal = np.full((1, n_members), -1, dtype=np.intp)
-    score = np.zeros(1)
-    for place, member in enumerate(order):
-        done = order[:place]
-        options = np.empty((len(score), n_goals + 1))
-        options[:, :n_goals] = alone[member] + padded[member][:, done, goal[:, done]].sum(axis=2).T
-        rows, others = np.nonzero((goal[:, done] >= 0) & clash[member, done])
-        options[rows, goal[rows, done[others]]] = -np.inf
-        options[:, n_goals] = unmatched[member]
-        totals = (options + score[:, np.newaxis]).ravel()
-        best = np.argsort(-totals, kind="stable")[:BEAM]
-        best = best[np.isfinite(totals[best])]
-        goal, score = goal[best // (n_goals + 1)], totals[best]
-        goal[:, member] = np.where(best % (n_goals + 1) < n_goals, best % (n_goals + 1), -1)
-    return goal[0], float(score[0])
+    both = gains.pairs[members[:, np.newaxis], goal[:, np.newaxis], members, goal]
+    return float(gains.alone[members, goal].sum() + np.triu(both, 1).sum())

@@ -27,15 +27,12 @@ import itertools
 import numpy as np
 
 from skelgen._kernels.marker_exchanges import LEAST_DEVIATION
-from skelgen._kernels.tracklet_evidence import WITNESSES
+from skelgen._kernels.piece_evidence import distances_to_markers, evidence_of_means
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, LEAST_WITNESSES, SEEN_ENOUGH
 from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
-
-FREEDOM = 4.0
-"""Of Student's distribution: a distance may be in a pose that was never seen."""
 
 MOST_PASSES = 4
 """Over what is left at the end: what has got its marker is a witness of others."""
@@ -215,8 +212,8 @@ def distances_beside(take: FollowedCloud, marker_of_point: Ints, points: Ints, n
     cloud = take.cloud
     frames = np.searchsorted(cloud.frame_starts, points, side="right") - 1
     used, row = np.unique(frames, return_inverse=True)
-    beside = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)[row]
-    return np.linalg.norm(beside - cloud.points[points][:, np.newaxis], axis=2), row
+    places = point_labels.sampled_positions(cloud, marker_of_point, used, n_markers)
+    return distances_to_markers(cloud.points[points], places, row), row
 
 
 def _seen_beside(distance: Floats, starts: Ints) -> Bools:
@@ -241,21 +238,9 @@ def evidence_of_pieces(distance: Floats, starts: Ints, laws: tuple[Floats, Float
         Typical distance of neighbouring markers.
     """
     known = ~np.isnan(distance)
-    count = np.add.reduceat(known.astype(np.float64), starts, axis=0)
-    distance = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0) / np.maximum(count, 1.0)
-    evidence = np.full(count.shape, -np.inf)
-    for marker, (mean, variance) in enumerate(zip(*laws, strict=True)):
-        near = np.argsort(variance, kind="stable")
-        near = near[variance[near] < spacing**2]
-        valid = count[:, near] > 0
-        valid &= valid.cumsum(axis=1) <= WITNESSES
-        squares, narrow = (distance[:, near] - mean[near]) ** 2 / FREEDOM, variance[near]
-        wide = narrow + spacing**2
-        gain = 0.5 * np.log(wide / narrow)
-        gain = gain + (FREEDOM + 1.0) / 2 * (np.log1p(squares / wide) - np.log1p(squares / narrow))
-        enough = valid.sum(axis=1) >= LEAST_WITNESSES
-        evidence[enough, marker] = np.where(valid, gain, 0.0).sum(axis=1)[enough]
-    return evidence
+    counts = np.add.reduceat(known.astype(np.float64), starts, axis=0)
+    totals = np.add.reduceat(np.where(known, distance, 0.0), starts, axis=0)
+    return evidence_of_means((counts, totals), laws, spacing, LEAST_WITNESSES)
 
 
 MOVED = 6.0
