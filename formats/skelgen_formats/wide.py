@@ -30,6 +30,7 @@ from skelgen.progress import counted
 from skelgen_formats.bodies import (
     angles_in_rad,
     blank_unseen,
+    notice_jumps,
     quaternions_from_angles,
     take_from_bodies,
     transforms_of,
@@ -196,6 +197,8 @@ def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, n
     )
     notices.append(f"angles of bodies are taken as {turned}{stated}")
     angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
+    if options.angle_order == AUTO:
+        notice_jumps(angles, order, notices)
     return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
 
 

@@ -114,3 +114,15 @@ def test_angles_are_left_out_where_points_are_asked_for(put):
 def test_angles_beside_places_are_no_points(put):
     text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
     assert read_take(put("angles.csv", text)).names == ("a", "b")
+
+
+def test_orders_in_which_bodies_do_not_jump_are_named(put):
+    """A body turns through gimbal lock of z-x-y, which its angles are about, though their columns are x, y, z."""
+    times = np.linspace(0, 10, 1000)[:, np.newaxis]
+    turned = Rotation.from_rotvec(3.0 * np.sin(times * [0.7, 1.4, 2.1] + [0, 1, 2]))
+    angles = turned.as_euler("ZXY")[:, [1, 2, 0]].tolist()
+    titles = ",".join(f"{name}_{axis}" for name in ("thigh", "shank") for axis in ("x", "y", "z", "rx", "ry", "rz"))
+    rows = [",".join(["1,2,3", *map(str, angle), "4,5,6,0,0,0"]) for angle in angles]
+    path = put("jump.csv", f"{titles}\n" + "\n".join(rows))
+    assert any(notice.endswith("smoothly with `--angle-order zxy`") for notice in read_take(path).notices)
+    assert not any("smoothly" in notice for notice in read_take(path, angle_order="zxy").notices)
