@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, without_trailing_empty
+from skelgen_formats.text import is_number, unquoted, without_trailing_empty
 from skelgen_formats.titles import AXES, Body, angle_alone, axis_alone, bodies_of, component_alone, seconds_per_unit
 
 HEAD_LINES = 24
@@ -111,7 +111,7 @@ def _stand_over_rows(head: Head, every: Sequence[Sequence[str]]) -> bool:
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
     text = line.lstrip(_COMMENT + " ") if line.startswith(tuple(_COMMENT)) else line
-    return [cell.strip().strip('"') for cell in text.split(delimiter)] or [""]
+    return [cell.strip().strip('"') for cell in unquoted(text, delimiter).split(delimiter)] or [""]
 
 
 def _read_preamble(head: Head, before: list[list[str]]) -> None:

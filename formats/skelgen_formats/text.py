@@ -16,6 +16,7 @@ from skelgen.progress import counted
 
 _UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a"})
 _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
+_QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -39,6 +40,19 @@ def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]
     except csv.Error as error:
         raise FormatError(path, number, f"the line cannot be split into cells: {error}") from error
     return [cell.strip() for cell in rows[0]] if rows else []
+
+
+def unquoted(line: str, delimiter: str | None) -> str:
+    """Return a line without the quotes around its cells, and blanks for what parts cells within them.
+
+    Parameters
+    ----------
+    line : str
+        Of a table.
+    delimiter : str or None
+        What separates cells, None for blanks.
+    """
+    return _QUOTED.sub(lambda cell: cell[1].replace(delimiter or " ", " "), line) if '"' in line else line
 
 
 def defused(text: str) -> str:

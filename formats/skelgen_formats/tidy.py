@@ -21,7 +21,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import number_in
+from skelgen_formats.text import number_in, unquoted
 from skelgen_formats.titles import (
     AXES,
     COMPONENTS,
@@ -32,7 +32,7 @@ from skelgen_formats.titles import (
     order_of,
     seconds_per_unit,
 )
-from skelgen_formats.wide import QUOTED, since_first, take_from_table, with_quaternions
+from skelgen_formats.wide import since_first, take_from_table, with_quaternions
 
 _FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
 _THINGS = (
@@ -133,8 +133,7 @@ def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
     for number, line in lines.numbered(1):
-        text = QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
-        cells = text.split(delimiter)
+        cells = unquoted(line, delimiter).split(delimiter)
         if len(cells) <= max(at.values()):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
             raise FormatError(path, number, what)
@@ -150,7 +149,7 @@ def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows
 
 
 def _titles(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(delimiter)]
+    return [cell.strip().strip('"') for cell in unquoted(line, delimiter).split(delimiter)]
 
 
 def _columns(line: str, delimiter: str) -> dict[str, int]:

@@ -31,7 +31,7 @@ _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
-_TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
+_TURN_WORD = rf"(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){_BETWEEN}?"
 _QUATERNION = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN})??(?:q{_BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){_BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){_BETWEEN}?(.{{1,200}})", re.IGNORECASE)
@@ -43,7 +43,7 @@ _ABOUT_AXIS = re.compile(
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _TIME = re.compile(
-    r"(?:%|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
+    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
     r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
     re.IGNORECASE,
 )

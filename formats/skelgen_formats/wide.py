@@ -11,7 +11,6 @@ both. Columns of forces, accelerations, angles and the like are no points and ar
 coordinates are the same number several times, as -9999 is, are unseen there.
 """
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -58,14 +57,11 @@ from skelgen_formats.options import (
     Options,
 )
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.text import is_number, parse_rows, rate_in
+from skelgen_formats.text import is_number, parse_rows, rate_in, unquoted
 from skelgen_formats.titles import AXES, Body
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
-
-QUOTED = re.compile(r'"([^"]*)"')
-"""A cell in quotes, which may hold what parts cells."""
 
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
@@ -309,7 +305,7 @@ def _unquoted(lines: Iterable[tuple[int, str]], delimiter: str | None, least: in
     parting = delimiter or " "
     for number, line in lines:
         if line.strip(parting + " ") or 0 < least <= len(line):
-            yield number, QUOTED.sub(lambda cell: cell[1].replace(parting, " "), line) if '"' in line else line
+            yield number, unquoted(line, delimiter)
 
 
 def _is_wide(head: bytes, path: Path) -> bool:
