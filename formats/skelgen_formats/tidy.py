@@ -10,7 +10,7 @@ those of a wide table.
 import re
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Ints
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -34,7 +35,7 @@ from skelgen_formats.titles import (
 )
 from skelgen_formats.wide import since_first, take_from_table, with_quaternions
 
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
+_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
     *(
@@ -49,6 +50,13 @@ _THINGS = (
         "device",
         "tracker",
         "asset",
+        "limb",
+        "bone",
+        "link",
+        "rb",
+        "tag",
+        "agent",
+        "part",
     ),
 )
 _NAMES = (
@@ -58,6 +66,7 @@ _NAMES = (
 )
 _GROUPS = ("model", "individual", "person", "subject", "track", "person_id")
 _DELIMITERS = ",;\t"
+_COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -88,13 +97,13 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         If the titles name no frames and coordinates, or a row is not as long as they are.
     """
     lines = read_lines(path)
-    delimiter = next((one for one in _DELIMITERS if _columns(lines[0], one)), "")
+    first, delimiter = _first_line(lines)
     if not delimiter:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at, titles = _columns(lines[0], delimiter), _titles(lines[0], delimiter)
+    at, titles = _columns(lines[first], delimiter), _titles(lines[first], delimiter)
     at = at if options.points == AUTO else {what: column for what, column in at.items() if what[0] != "r"}
-    rows = _rows(path, lines, at, delimiter)
+    rows = _rows(path, lines, first + 1, at, delimiter)
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
     if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
@@ -102,9 +111,10 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             f"{n_names} points in {len(every)} frames, but only {len(rows.frames)} positions, or some without a frame"
         )
         raise FormatError(path, "", what)
-    if "name" not in at and n_names == 1:
-        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
     width = len(_numbered(at))
+    if "name" not in at and n_names == 1 and width == len(AXES):
+        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
+    notices = _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
     numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
     stamps = None
@@ -112,12 +122,13 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
         stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
     _, unit = axis_alone(titles[at["x"]]) or ("", "")
-    notices: list[str] = []
     if width == len(AXES) * 2:
         _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
         order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
         numbers = with_quaternions(numbers, order, angle_unit, options, notices)
-    take = take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
+    bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
+    names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
+    take = take_from_table(path, numbers, names, stamps, options, unit)
     return replace(take, notices=(*notices, *take.notices))
 
 
@@ -129,10 +140,22 @@ def _numbered(at: dict[str, int]) -> list[int]:
     return [*(at[axis] for axis in AXES), *next(whole, [])]
 
 
-def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows:
+def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) -> list[str]:
+    """Say which rows are of one point in one frame; refuse bodies that nothing tells apart where some are missing."""
+    n_points = np.bincount(places)
+    if not are_named and width > len(AXES) and len(set(n_points.tolist())) > 1:
+        what = f"{n_points.min()} to {n_points.max()} bodies per frame, and no column says which; name them in one"
+        raise FormatError(path, 1, what)
+    pairs = places * len(rows.names) + np.frombuffer(rows.points, dtype=np.int64)
+    twice = len(pairs) - len(np.unique(pairs))
+    repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
+    return [repeated] if twice else []
+
+
+def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: str) -> _Rows:
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
-    for number, line in lines.numbered(1):
+    for number, line in lines.numbered(first):
         cells = unquoted(line, delimiter).split(delimiter)
         if len(cells) <= max(at.values()):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
@@ -148,8 +171,19 @@ def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows
     return rows
 
 
+def _first_line(lines: Iterable[str]) -> tuple[int, str]:
+    """Return the index of the line of titles, which comments may precede, and what parts its cells; empty if none."""
+    for index, line in enumerate(lines):
+        for delimiter in _DELIMITERS:
+            if _columns(line, delimiter):
+                return index, delimiter
+        if line.strip() and not line.startswith(_COMMENTS):
+            break
+    return 0, ""
+
+
 def _titles(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in unquoted(line, delimiter).split(delimiter)]
+    return [cell.strip().strip('"') for cell in unquoted(line.lstrip("#% "), delimiter).split(delimiter)]
 
 
 def _columns(line: str, delimiter: str) -> dict[str, int]:
@@ -191,7 +225,7 @@ FORMAT = Format(
     title="Tidy table of points, CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: any(_columns((decoded_head(head).splitlines() or [""])[0], one) for one in _DELIMITERS),
+    sniff=lambda head, path: bool(_first_line(decoded_head(head).splitlines())[1]),
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"
