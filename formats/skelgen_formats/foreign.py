@@ -22,6 +22,9 @@ _FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _MARKERS = "export the markers as C3D or TRC"
 
 _OPENSIM = "coordinates, forces or results of OpenSim, no measured markers; give the .trc that they come from"
+_ORIENTATIONS = (
+    "orientations of sensors, of OpenSim, without positions; joints need where bodies are: give markers or poses"
+)
 
 _INSTEAD = (
     (b"version https://git-lfs", "a pointer of Git LFS, not the file; fetch it with `git lfs pull`"),
@@ -142,7 +145,7 @@ def is_foreign(head: bytes, path: Path) -> str:
             f"an ASCII export of Visual3D without targets; export those of the folder ORIGINAL with it, or {_MARKERS}"
         )
     elif any(line.strip(",; ") == "endheader" for line in lines):
-        by_text = _OPENSIM
+        by_text = _ORIENTATIONS if any("quaternion" in line.lower() for line in lines[:_TITLE_LINES]) else _OPENSIM
     by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
     by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
     words = [word for word in _PARTING.split(lines[0]) if word] if lines else []

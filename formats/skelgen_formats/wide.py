@@ -84,7 +84,19 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | P
     FormatError
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
     """
-    lines = read_lines(path, options.sample)
+    return read_table(path, read_lines(path, options.sample), options)
+
+
+def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table from its lines; errors as of `read_wide_csv`.
+
+    Parameters
+    ----------
+    path, options
+        As there.
+    lines : Lines
+        Of the table.
+    """
     head = find_head([line for _, line in islice(lines.numbered(), HEAD_LINES)])
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"

@@ -104,6 +104,7 @@ _TEXTS = (
     "nexus",
     "mvnx",
     "wide-csv",
+    "vector-csv",
     "poses-csv",
     "classic-xml",
     "tidy-csv",
@@ -118,6 +119,7 @@ MORE_SEEDS = {
     "numpy": ("numpy.npz",),
     "qualisys-mat": ("packed.mat",),
     "wide-csv": ("angles.csv",),
+    "vector-csv": ("vectors.sto",),
 }
 """Further sound files of a format."""
 
@@ -276,6 +278,10 @@ _TEXT_SEEDS = {
     "1,0,10,20,30,1.5,2.5,3.5\n2,0,11,21,31,1.6,2.6,3.6\n3,0,,,,,,\n",
     "angles.csv": "t,a_x,a_y,a_z,a_roll,a_pitch,a_yaw,b_x,b_y,b_z,b_roll,b_pitch,b_yaw\n"
     "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
+    "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
+    '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
+    "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
+    "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"

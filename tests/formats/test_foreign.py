@@ -17,6 +17,7 @@ import pytest
         ("walk.mat", b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "TSV or C3D from Track Manager"),
         ("walk.csv", b"comment,NaturalPoint Tracking Tools CSV\ninfo,version,1.1\n", "open the recording in Motive"),
         ("ik.csv", b"Coordinates,,\nversion=1,,\nendheader,,\ntime,a_tx,a_ty,a_tz,b_tx,b_ty,b_tz\n", "of OpenSim"),
+        ("imu.sto", b"DataType=Quaternion\nendheader\ntime\ta\n0\t1,0,0,0\n", "orientations of sensors, of OpenSim"),
         ("keypoints.json", b'{"people": []}', "JSON; write the points as TRC"),
         ("points.txt", b"0.0\t1.5\t-2.5e-3\n", "numbers without titles"),
         ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
