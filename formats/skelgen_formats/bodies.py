@@ -16,8 +16,8 @@ from skelgen.geometry.rotations import (
 from skelgen.model import Poses
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.markers import FARTHEST, distinct_names, noted
-from skelgen_formats.options import ANGLE_ORDER, AUTO, ROTATION_VECTOR
-from skelgen_formats.titles import AXES
+from skelgen_formats.options import ANGLE_ORDER, AUTO, ROTATION_VECTOR, Options
+from skelgen_formats.turn_titles import AXES
 
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
 _LARGEST_ANGLE = 1e6  # rad; nothing turns so often
@@ -113,6 +113,51 @@ def quaternions_from_angles(angles: Floats, order: str) -> Floats:
         matrices = matrix_from_euler(order.upper(), turned[:, [AXES.index(axis) for axis in order]])
     quaternions[seen] = quaternion_from_matrix(matrices)
     return quaternions
+
+
+def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles; says what is assumed.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n_frames, n_bodies, 6)
+        Places, and angles about x, y and z.
+    usual : str
+        How such angles turn a body where the user does not state another order.
+    unit : str
+        Of the angles, empty if the file names none.
+    options : Options
+        `angle_order` counts.
+    notices : list of str
+        Gets sentences.
+    """
+    order = usual if options.angle_order == AUTO else options.angle_order
+    turned = "rotation vectors" if order == ROTATION_VECTOR else "R = " + " ".join(f"R{axis}" for axis in order)
+    stated = (
+        "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
+    )
+    notices.append(f"angles of bodies are taken as {turned}{stated}")
+    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
+    if options.angle_order == AUTO:
+        notice_jumps(angles, order, notices)
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
+
+
+def with_quaternions_of_matrices(path: Path, numbers: Floats) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with matrices.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    numbers : ndarray, shape (n_frames, n_bodies, 12)
+        Places, and world from body, row by row; a body is unseen where this is zero, or anything NaN.
+    """
+    numbers = np.array(numbers)
+    numbers[(numbers[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
+    blank_unseen(numbers)
+    turns = numbers[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_matrices(path, turns)], axis=2)
 
 
 def notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:

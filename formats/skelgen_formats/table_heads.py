@@ -12,11 +12,12 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import groupby, product
 
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import AXES, Body, angle_alone, axis_alone, bodies_of, component_alone, seconds_per_unit
+from skelgen_formats.titles import Body, axis_alone, bodies_of, seconds_per_unit
+from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
 
 HEAD_LINES = 24
 """Lines that are looked through for titles."""
@@ -35,6 +36,11 @@ _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
 _APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
+_OWNER = re.compile(
+    r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track)"
+    r"[ _]?(?:id|index|no|number|name)?",
+    re.IGNORECASE,
+)
 _NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
@@ -60,6 +66,8 @@ class Head:
         Unit of length and frame rate as stated, empty if they are not.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
+    mixed : str
+        Title of a column that says whose row it is, where rows of several take turns.
     notices : list of str
         What is left out.
     """
@@ -72,6 +80,7 @@ class Head:
     rate: str = ""
     n_cells: int = 0
     n_lines: int = 1
+    mixed: str = ""
     notices: list[str] = field(default_factory=list)
 
 
@@ -95,6 +104,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _read_preamble(head, every[:first])
                 _pass_further_titles(head, every)
                 _read_names(head, every)
+                _read_rows(head, every)
                 if _stand_over_rows(head, every):
                     return _without_no_places(_without_quaternions(head, every[head.n_lines :]))
     return None
@@ -150,6 +160,18 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
         columns = [titles[title] for word in _NAME_WORDS if (title := body.name.lower() + word) in titles]
         named = [row[column] for column in columns if column < len(row) and row[column]]
         body.name = named[0] if named else body.name
+
+
+def _read_rows(head: Head, every: list[list[str]]) -> None:
+    """Find out whether rows of several people take turns, and leave out flags that hold no 0 or 1."""
+    rows = every[head.n_lines :]
+    for body in head.bodies:
+        if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
+            body.flag = None
+    for column, title in enumerate(every[head.n_lines - 1]):
+        if _OWNER.fullmatch(title):
+            owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
+            head.mixed = title if len(set(owners)) < len(owners) else head.mixed
 
 
 def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:

@@ -20,20 +20,21 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import counted
+from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in, unquoted
-from skelgen_formats.titles import (
+from skelgen_formats.titles import axis_alone, bodies_of, seconds_per_unit
+from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
     angle_alone,
-    axis_alone,
-    bodies_of,
+    cell_alone,
+    cells_of,
     component_alone,
     order_of,
-    seconds_per_unit,
 )
-from skelgen_formats.wide import since_first, take_from_table, with_quaternions
+from skelgen_formats.wide import since_first, take_from_table
 
 _FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _THINGS = (
@@ -65,6 +66,8 @@ _NAMES = (
     *("id", "target", "track_id"),
 )
 _GROUPS = ("model", "individual", "person", "subject", "track", "person_id")
+_FLAGS = tuple(f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked"))
+_UNSEEN_FLAGS = ("0", "false", "0.0")
 _DELIMITERS = ",;\t"
 _COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
@@ -126,6 +129,8 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
         order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
         numbers = with_quaternions(numbers, order, angle_unit, options, notices)
+    elif width == len(AXES) * 4:
+        numbers = with_quaternions_of_matrices(path, numbers)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     take = take_from_table(path, numbers, names, stamps, options, unit)
@@ -133,10 +138,11 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
 
 
 def _numbered(at: dict[str, int]) -> list[int]:
-    """Return the columns of x, y, z, and of the quaternion or the three angles if these are whole."""
+    """Return the columns of x, y, z, and of the quaternion, the matrix or the three angles if these are whole."""
     turn = [at[f"q{component}"] for component in COMPONENTS if f"q{component}" in at]
     angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
-    whole = (part for part, n in ((turn, len(COMPONENTS)), (angles, len(AXES))) if len(part) == n)
+    matrix = cells_of({what[1:]: column for what, column in at.items() if what[0] == "m"})
+    whole = (part for part, n in ((turn, len(COMPONENTS)), (matrix, 9), (angles, len(AXES))) if len(part) == n)
     return [*(at[axis] for axis in AXES), *next(whole, [])]
 
 
@@ -167,7 +173,9 @@ def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: s
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
         if "time" in at and frame not in rows.times:
             rows.times[frame] = _number(path, number, cells[at["time"]], "the time")
-        rows.numbers.extend(_number(path, number, cells[column], "a coordinate") for column in columns)
+        is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
+        rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)
     return rows
 
 
@@ -190,13 +198,15 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
     titles = _titles(line, delimiter)
     plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS}
+    known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
     found["frame"] = [at for at, title in enumerate(plain) if _FRAME.fullmatch(title)] + found["time"]
     for at, title in enumerate(titles):
         if angle := angle_alone(title):
             found.setdefault(f"r{angle[0]}", []).append(at)
+        if cell := cell_alone(title):
+            found.setdefault(f"m{cell}", []).append(at)
         if component := component_alone(title):
             found.setdefault(f"q{component}", []).append(at)
         elif axis := axis_alone(title):

@@ -16,7 +16,7 @@ from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.table_heads import HEAD_LINES
 from skelgen_formats.text import is_number, unquoted
-from skelgen_formats.titles import AXES
+from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import read_table
 
 _END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", re.IGNORECASE)

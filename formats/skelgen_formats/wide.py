@@ -27,12 +27,11 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen.progress import counted
 from skelgen_formats.bodies import (
-    angles_in_rad,
     blank_unseen,
-    notice_jumps,
-    quaternions_from_angles,
     take_from_bodies,
     transforms_of,
+    with_quaternions,
+    with_quaternions_of_matrices,
 )
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
@@ -52,13 +51,13 @@ from skelgen_formats.options import (
     POINTS,
     RECORDED_RATE,
     RECORDED_UNIT,
-    ROTATION_VECTOR,
     Format,
     Options,
 )
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
 from skelgen_formats.text import is_number, parse_rows, rate_in, unquoted
-from skelgen_formats.titles import AXES, Body
+from skelgen_formats.titles import Body
+from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
@@ -101,13 +100,18 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
+    if head.mixed:
+        what = f"rows of several people take turns, by the column {head.mixed}; write a file for each of them"
+        raise FormatError(path, head.n_lines, what)
     if not head.bodies and head.notices:
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
     chosen, are_bodies = _chosen(head, options)
     wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-    rows, stamps = _numbers_of(path, lines, head, wanted, options)
+    flags = [body.flag for body in chosen if body.flag is not None]
+    rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options)
+    rows = _seen(rows, chosen, head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
     return _take(path, rows, chosen, head, stamps, options)
@@ -122,6 +126,8 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
     elif angled:
         names = ", ".join(body.name for body in angled[:8])
         head.notices.append(f"rotations other than unit quaternions are left out: {names}")
+    kinds = [len(body.columns(turned=True)) for body in turned]
+    turned = [body for body, kind in zip(turned, kinds, strict=True) if kind == kinds[0]]
     points = [body for body in head.bodies if body not in turned]
     are_bodies = bool(turned) and (options.bodies or not points)
     if are_bodies and points:
@@ -170,6 +176,21 @@ def since_first(times: Floats, second: float) -> Floats:
         return (times - times[:1]) * (second or 1.0)
 
 
+def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
+    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, is 0."""
+    flagged = np.array([body.flag is not None for body in chosen])
+    numbers, flags = np.split(rows, [rows.shape[1] - int(flagged.sum())], axis=1)
+    unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
+    unseen[:, flagged] = flags == 0.0
+    if not unseen.any() or not np.isin(flags[np.isfinite(flags)], (0.0, 1.0)).all():
+        return numbers
+    points = numbers.reshape(len(rows), len(chosen), -1).copy()
+    points[unseen] = np.nan
+    positions = counted(int(unseen.sum()), "position is", "positions are")
+    notices.append(f"{positions} unseen, as the columns of flags say")
+    return points.reshape(numbers.shape)
+
+
 def _take(
     path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Floats | None, options: Options
 ) -> Trajectories | PointCloud | Poses:
@@ -178,36 +199,10 @@ def _take(
     if numbers.shape[2] == len(AXES) * 2:
         first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
+    elif numbers.shape[2] == len(AXES) * 4:
+        numbers = with_quaternions_of_matrices(path, numbers)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     return replace(take, notices=(*head.notices, *take.notices))
-
-
-def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
-    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles; says what is assumed.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (n_frames, n_bodies, 6)
-        Places, and angles about x, y and z.
-    usual : str
-        How such angles turn a body where the user does not state another order.
-    unit : str
-        Of the angles, empty if the file names none.
-    options : Options
-        `angle_order` counts.
-    notices : list of str
-        Gets sentences.
-    """
-    order = usual if options.angle_order == AUTO else options.angle_order
-    turned = "rotation vectors" if order == ROTATION_VECTOR else "R = " + " ".join(f"R{axis}" for axis in order)
-    stated = (
-        "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
-    )
-    notices.append(f"angles of bodies are taken as {turned}{stated}")
-    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
-    if options.angle_order == AUTO:
-        notice_jumps(angles, order, notices)
-    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
 
 
 def take_from_table(

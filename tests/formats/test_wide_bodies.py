@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from skelgen_formats.registry import read_take
+from skelgen_formats.registry import read_take, write_file
 
 
 def two_rows(titles: str, cells: str) -> str:
@@ -126,3 +126,23 @@ def test_orders_in_which_bodies_do_not_jump_are_named(put):
     path = put("jump.csv", f"{titles}\n" + "\n".join(rows))
     assert any(notice.endswith("smoothly with `--angle-order zxy`") for notice in read_take(path).notices)
     assert not any("smoothly" in notice for notice in read_take(path, angle_order="zxy").notices)
+
+
+@pytest.mark.parametrize("cell", ["_r{0}{1}", "_R[{0}][{1}]", "_rot_{0}_{1}", " mat({0},{1})"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_matrices_in_columns_turn_bodies(put, cell, first):
+    cells = [cell.format(row, column) for row in range(first, first + 3) for column in range(first, first + 3)]
+    titles = ",".join(f'"{name}{end}"' for name in ("thigh", "shank") for end in ("_x", "_y", "_z", *cells))
+    row = "1,2,3,0,-1,0,1,0,0,0,0,1,4,5,6,0,0,0,0,0,0,0,0,0\n"
+    take = read_take(put("matrices.csv", f"{titles}\n{row}{row.replace('0,0,0,0,0,0,0,0,0', '1,0,0,0,1,0,0,0,1')}"))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
+    assert np.isnan(take.world_from_body[:, 1, 0, 0]).tolist() == [True, False]
+
+
+def test_poses_of_limbs_that_skelgen_wrote_as_a_table_come_back(make_project, tmp_path):
+    project = make_project(n_frames=5)
+    paths = write_file(project, tmp_path / "walk.table.csv")
+    take = read_take(next(path for path in paths if ".limbs." in path.name))
+    assert set(take.names) == {*project.skeleton.limb_names}
+    order = [take.names.index(name) for name in project.skeleton.limb_names]
+    np.testing.assert_allclose(take.world_from_body[:, order], project.motion.world_from_limb, atol=1e-6)
