@@ -127,7 +127,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | OpenSim .sto, Unity, pandas | a vector in each cell | layout of their writers |
 | tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors | layout; a simulated person |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
-| NumPy .npy, .npz | format 1.0 | written by NumPy |
+| NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses 4 by 4 | by NumPy |
+| MATLAB .mat | level 5: structs with a field per marker, MoCap Toolbox, arrays | written by scipy |
 
 Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
 sensors alone, Motive with local coordinates, skeletons of Qualisys, orientations alone. The error says what to export

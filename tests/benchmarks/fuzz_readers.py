@@ -116,8 +116,8 @@ _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 MORE_SEEDS = {
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
-    "numpy": ("numpy.npz",),
-    "qualisys-mat": ("packed.mat",),
+    "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
+    "qualisys-mat": ("packed.mat", "struct.mat"),
     "wide-csv": ("angles.csv",),
     "vector-csv": ("vectors.sto",),
 }
@@ -194,7 +194,13 @@ def _tables(folder: Path, take: Trajectories) -> None:
     held = {"Frames": take.n_frames, "FrameRate": take.rate, "Trajectories": {"Labeled": labeled}}
     savemat(folder / "qualisys-mat.mat", {"walk": held})
     savemat(folder / "packed.mat", {"walk": held}, do_compression=True)
-    for name in ("qualisys-mat.mat", "packed.mat"):  # the header holds the time
+    points = dict(zip(take.names, take.positions.swapaxes(0, 1), strict=True))
+    savemat(
+        folder / "struct.mat", {"markers": points, "info": {"freq": 100.0, "who": np.array(["a", "b"], dtype=object)}}
+    )
+    np.savez(folder / "turned.npz", points=take.positions.transpose(2, 1, 0), labels=take.names, rate=take.rate)
+    np.savez(folder / "poses.npz", poses=np.tile(np.eye(4), (N_FRAMES, 3, 1, 1)))
+    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat"):  # the header holds the time
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
