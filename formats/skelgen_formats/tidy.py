@@ -23,7 +23,7 @@ from skelgen.progress import counted
 from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import number_in, unquoted
+from skelgen_formats.text import number_in, seconds_of, unquoted
 from skelgen_formats.titles import axis_alone, bodies_of, seconds_per_unit
 from skelgen_formats.turn_titles import (
     AXES,
@@ -58,6 +58,8 @@ _THINGS = (
         "tag",
         "agent",
         "part",
+        "actor",
+        "entity",
     ),
 )
 _NAMES = (
@@ -65,8 +67,24 @@ _NAMES = (
     *(f"{thing}{end}" for end in ("_name", "_label", "_id", "_index", "id") for thing in _THINGS),
     *("id", "target", "track_id"),
 )
-_GROUPS = ("model", "individual", "person", "subject", "track", "person_id")
-_FLAGS = tuple(f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked"))
+_GROUPS = (
+    *(
+        "model",
+        "individual",
+        "person",
+        "subject",
+        "track",
+        "person_id",
+        "skeleton_id",
+        "subject_id",
+        "user_id",
+        "actor_id",
+    ),
+    *("body_id", "id"),
+)
+_FLAGS = tuple(
+    f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
+)
 _UNSEEN_FLAGS = ("0", "false", "0.0")
 _DELIMITERS = ",;\t"
 _COMMENTS = ("#", "%")
@@ -166,13 +184,13 @@ def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: s
         if len(cells) <= max(at.values()):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
             raise FormatError(path, number, what)
-        frame = _number(path, number, cells[at["frame"]], "the frame")
+        frame = _number(path, number, seconds_of(cells[at["frame"]]), "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
         if "time" in at and frame not in rows.times:
-            rows.times[frame] = _number(path, number, cells[at["time"]], "the time")
+            rows.times[frame] = _number(path, number, seconds_of(cells[at["time"]]), "the time")
         is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
         seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
         rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)

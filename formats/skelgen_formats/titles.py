@@ -32,6 +32,7 @@ _PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|c
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
+_AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
@@ -114,14 +115,32 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
+    titles = _undoubled(titles)
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
-    for parsed, fourth in ((_axis_last, "w"), (_axis_first, "w"), (numbered, str(first + len(AXES)))):
+    styles = ((_axis_last, "w"), (_axis_first, "w"), (_axis_and_number, "w"), (numbered, str(first + len(AXES))))
+    for parsed, fourth in styles:
         found = _joined(_gathered(titles, parsed))
+        if parsed is _axis_and_number:
+            _drop_numbers(found)
         if found and (parsed is not numbered or len(found) >= _FEWEST):
             return _with_fourths(found, titles, fourth)
     return []
+
+
+def _undoubled(titles: Sequence[str]) -> list[str]:
+    """Return titles with ``X.0`` for X where ``X.1`` stands behind it: pandas numbers titles that stand twice."""
+    doubled = {axis for axis in AXES.upper() + AXES if axis in titles and f"{axis}.1" in titles}
+    return [f"{title}.0" if title in doubled else title for title in titles]
+
+
+def _drop_numbers(bodies: Sequence[Body]) -> None:
+    """Take the numbers off names that differ without them, too: columns of TRC are knee_X1, toe_X2."""
+    plain = [body.name.rpartition(" ")[0] for body in bodies]
+    if len(set(plain)) == len(plain):
+        for body, name in zip(bodies, plain, strict=True):
+            body.name = name
 
 
 def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[Body]:
@@ -235,7 +254,8 @@ def _joined(bodies: list[Body]) -> list[Body]:
     """
     for body in bodies:
         if not body.name and body.is_turned and not body.place:
-            behind = [one for one in bodies if one.is_placed and min(one.place.values()) > min(body.turn.values())]
+            first = min([*body.turn.values(), *body.matrix.values()])
+            behind = [one for one in bodies if one.is_placed and min(one.place.values()) > first]
             near = [one for one in [*behind, *bodies] if one.is_placed and not one.turn and not one.matrix]
             other = next((one for one in near if one.name.lower() in _TRANSLATIONS), body)
             other.turn, other.matrix, other.name = body.turn, body.matrix, ""
@@ -295,6 +315,11 @@ def _axis_last(title: str) -> tuple[str, str, str] | None:
 def _axis_first(title: str) -> tuple[str, str, str] | None:
     match = _AXIS_FIRST.fullmatch(title.strip())
     return (match[2], match[1].lower(), (match[3] or match[4] or "").lower()) if match else None
+
+
+def _axis_and_number(title: str) -> tuple[str, str, str] | None:
+    match = _AXIS_AND_NUMBER.fullmatch(title.strip())
+    return (f"{match[1]} {match[3]}", match[2].lower(), "") if match else None
 
 
 def _numbered(title: str, first: int) -> tuple[str, str, str] | None:

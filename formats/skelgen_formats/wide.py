@@ -11,7 +11,7 @@ both. Columns of forces, accelerations, angles and the like are no points and ar
 coordinates are the same number several times, as -9999 is, are unseen there.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -55,7 +55,8 @@ from skelgen_formats.options import (
     Options,
 )
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.text import is_number, parse_rows, rate_in, unquoted
+from skelgen_formats.table_rows import padded_rows, unquoted_rows, until_other_table, with_seconds
+from skelgen_formats.text import parse_rows, rate_in
 from skelgen_formats.titles import Body
 from skelgen_formats.turn_titles import AXES
 
@@ -147,17 +148,16 @@ def _numbers_of(
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
-    numbers = _unquoted(_until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = _padded(numbers, len(lines), head)
+    numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
+    whole = with_seconds(padded_rows(numbers, len(lines), head), head)
     rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
     if not times:
         return rows, None
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
-        few = islice(_unquoted(lines.numbered(first), head.delimiter, least), options.sample.most)
-        stamps = parse_rows(
-            path, _padded(few, len(lines), replace(head, notices=[])), head.n_cells, head.delimiter, times
-        )[:, 0]
+        few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
+        some = with_seconds(padded_rows(few, len(lines), replace(head, notices=[])), head)
+        stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.second)
 
@@ -278,41 +278,6 @@ def _rate_of_times(times: Floats, notices: list[str]) -> float:
             notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
             return rate
     return AS_RECORDED_RATE
-
-
-def _until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield the lines up to one that begins with a word behind a blank one: Mokka writes analogue data there."""
-    last, counts = 0, False
-    for number, line in numbered:
-        first = line.split(head.delimiter, 1)[0].strip()
-        if counts and last < number - 1 and first and not is_number(first):
-            head.notices.append(f"another table, which begins in line {number}, is left out")
-            return
-        last, counts = number, bool(first) and is_number(first)
-        yield number, line
-
-
-def _padded(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with as many cells as titles, those that end earlier padded; the last, if it does, is left out."""
-    padded = 0
-    for number, line in numbered:
-        missing = head.n_cells - 1 - line.count(head.delimiter) if head.delimiter else 0
-        if missing > 0 and number == n_lines and not line.endswith(str(head.delimiter)):
-            head.notices.append(f"line {number}, the last, is cut off and left out")
-            break
-        padded += missing > 0
-        yield number, line + str(head.delimiter) * missing
-    if padded:
-        rows = counted(padded, "row ends", "rows end")
-        head.notices.append(f"{rows} before the last column; what has no cells is unseen there")
-
-
-def _unquoted(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
-    parting = delimiter or " "
-    for number, line in lines:
-        if line.strip(parting + " ") or 0 < least <= len(line):
-            yield number, unquoted(line, delimiter)
 
 
 def _is_wide(head: bytes, path: Path) -> bool:

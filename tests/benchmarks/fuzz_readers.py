@@ -118,7 +118,7 @@ MORE_SEEDS = {
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys-mat": ("packed.mat", "struct.mat"),
-    "wide-csv": ("angles.csv",),
+    "wide-csv": ("angles.csv", "flags.csv"),
     "vector-csv": ("vectors.sto",),
 }
 """Further sound files of a format."""
@@ -284,6 +284,8 @@ _TEXT_SEEDS = {
     "1,0,10,20,30,1.5,2.5,3.5\n2,0,11,21,31,1.6,2.6,3.6\n3,0,,,,,,\n",
     "angles.csv": "t,a_x,a_y,a_z,a_roll,a_pitch,a_yaw,b_x,b_y,b_z,b_roll,b_pitch,b_yaw\n"
     "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
+    "flags.csv": "time,id,a_x,a_y,a_z,a_valid,r11,r12,r13,r21,r22,r23,r31,r32,r33,b_tx,b_ty,b_tz\n"
+    "12:00:00.00,1,1.5,2.5,3.5,1,1,0,0,0,1,0,0,0,1,4,5,6\n12:00:00.02,1,1.6,2.6,3.6,0,1,0,0,0,1,0,0,0,1,4,5,6\n",
     "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
     '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"

@@ -146,3 +146,9 @@ def test_poses_of_limbs_that_skelgen_wrote_as_a_table_come_back(make_project, tm
     assert set(take.names) == {*project.skeleton.limb_names}
     order = [take.names.index(name) for name in project.skeleton.limb_names]
     np.testing.assert_allclose(take.world_from_body[:, order], project.motion.world_from_limb, atol=1e-6)
+
+
+def test_matrix_without_a_name_belongs_to_the_place_beside_it(put):
+    cells = ",".join(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+    take = read_take(put("one.csv", f"time,{cells},tx,ty,tz\n" + "0,0,-1,0,1,0,0,0,0,1,1,2,3\n" * 2))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, :], [[0, -1, 0, 1000], [1, 0, 0, 2000]], atol=1e-9)
