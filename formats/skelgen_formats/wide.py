@@ -251,9 +251,7 @@ def _factor_and_rate(
 ) -> tuple[float, float]:
     """Return mm per unit and the frame rate, as stated, measured or assumed; what is assumed is noticed."""
     stated = options.recorded_unit if options.recorded_unit != AUTO else unit
-    assumed: list[str] = []
-    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, assumed)
-    notices += [f"{notice}; `--recorded-unit` states another" for notice in assumed]
+    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = _rate_of_times(times, notices)
