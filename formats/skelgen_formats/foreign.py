@@ -18,6 +18,7 @@ class _Foreign(NamedTuple):
 
 _NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
 _CELLS, _TITLE_LINES = re.compile(r"[,;\t]"), 24
+_COMMENTS = ("#", "%", "//")
 _FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _MARKERS = "export the markers as C3D or TRC"
 
@@ -31,7 +32,10 @@ _INSTEAD = (
     (b"<!doctype html", "a web page, not the file; download the file itself"),
     (b"<html", "a web page, not the file; download the file itself"),
 )
-_UNTITLED = "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z"
+_UNTITLED = (
+    "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z, or of a single body"
+    " x, y, z, qx, qy, qz, qw"
+)
 
 _FOREIGN = (
     _Foreign(
@@ -148,6 +152,7 @@ def is_foreign(head: bytes, path: Path) -> str:
         by_text = _ORIENTATIONS if any("quaternion" in line.lower() for line in lines[:_TITLE_LINES]) else _OPENSIM
     by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
     by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
-    words = [word for word in _PARTING.split(lines[0]) if word] if lines else []
+    plain = [line for line in lines if not line.startswith(_COMMENTS)]
+    words = [word for word in _PARTING.split(plain[0]) if word] if plain else []
     is_untitled = len(words) >= _FEWEST_NUMBERS and all(map(_NUMBER.fullmatch, words))
     return next(filter(None, (by_text, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")

@@ -16,7 +16,7 @@ from itertools import groupby, product
 
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of, seconds_per_unit
+from skelgen_formats.titles import Body, axis_alone, bodies_of, is_frame, seconds_per_unit
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
 
 HEAD_LINES = 24
@@ -58,8 +58,8 @@ class Head:
         Points and bodies, with their columns.
     delimiter : str or None
         What parts cells, None for blanks.
-    times : int or None
-        Column with times.
+    frames, times : int or None
+        Columns with frame numbers, and with times.
     second : float
         Seconds per unit of that column, 0 if it names none.
     unit, rate : str
@@ -74,6 +74,7 @@ class Head:
 
     bodies: list[Body]
     delimiter: str | None = None
+    frames: int | None = None
     times: int | None = None
     second: float = 0.0
     unit: str = ""
@@ -228,6 +229,7 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
 
 
 def _find_times(head: Head, titles: Sequence[str]) -> None:
+    head.frames = next((at for at, title in enumerate(titles) if is_frame(title)), None)
     units = ((at, seconds_per_unit(title)) for at, title in enumerate(titles))
     head.times, second = next(((at, unit) for at, unit in units if unit is not None), (None, 0.0))
     head.second = second or 0.0

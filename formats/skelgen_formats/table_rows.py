@@ -1,5 +1,7 @@
 """Rows of tables as scripts write them: quoted, too short, followed by another table, with times of a clock."""
 
+import contextlib
+import math
 from collections.abc import Iterable, Iterator
 
 from skelgen.progress import counted
@@ -85,3 +87,27 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         if head.times is not None and head.times < len(cells):
             cells[head.times] = seconds_of(cells[head.times])
         yield number, (head.delimiter or " ").join(cells) if cells else line
+
+
+def in_order(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines; where frame numbers go back, which they do where takes or people follow each other, say so once.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        With all cells.
+    head : Head
+        Of the table; gets a notice.
+    """
+    last, is_noticed = -math.inf, head.frames is None
+    for number, line in numbered:
+        if not is_noticed and head.frames is not None:
+            cells = line.split(head.delimiter, head.frames + 1)
+            with contextlib.suppress(ValueError, IndexError):
+                frame = float(cells[head.frames])
+                if frame < last:
+                    is_noticed = True
+                    what = "rows of several takes or people follow each other, and are taken as one"
+                    head.notices.append(f"frame numbers go back in line {number}: {what}")
+                last = frame
+        yield number, line

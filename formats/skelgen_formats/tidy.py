@@ -7,7 +7,6 @@ they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz`
 those of a wide table.
 """
 
-import re
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -24,7 +23,7 @@ from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrice
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import number_in, seconds_of, unquoted
-from skelgen_formats.titles import axis_alone, bodies_of, seconds_per_unit
+from skelgen_formats.titles import axis_alone, bodies_of, is_frame, seconds_per_unit
 from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
@@ -36,7 +35,6 @@ from skelgen_formats.turn_titles import (
 )
 from skelgen_formats.wide import since_first, take_from_table
 
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
     *(
@@ -219,7 +217,7 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
     known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
-    found["frame"] = [at for at, title in enumerate(plain) if _FRAME.fullmatch(title)] + found["time"]
+    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)] + found["time"]
     for at, title in enumerate(titles):
         if angle := angle_alone(title):
             found.setdefault(f"r{angle[0]}", []).append(at)

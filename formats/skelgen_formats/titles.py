@@ -39,6 +39,7 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _TIME = re.compile(
     r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
     r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
@@ -178,6 +179,17 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     text, unit = _without_unit(title)
     match = _ALONE.fullmatch(text)
     return (match[1].lower(), unit) if match else None
+
+
+def is_frame(title: str) -> bool:
+    """Whether a title is that of a column of frame numbers, such as ``Frame#`` or ``frame_idx``.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    return _FRAME.fullmatch(title.lower().replace(" ", "_")) is not None
 
 
 def seconds_per_unit(title: str) -> float | None:

@@ -55,7 +55,7 @@ from skelgen_formats.options import (
     Options,
 )
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.table_rows import padded_rows, unquoted_rows, until_other_table, with_seconds
+from skelgen_formats.table_rows import in_order, padded_rows, unquoted_rows, until_other_table, with_seconds
 from skelgen_formats.text import parse_rows, rate_in
 from skelgen_formats.titles import Body
 from skelgen_formats.turn_titles import AXES
@@ -149,7 +149,7 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = with_seconds(padded_rows(numbers, len(lines), head), head)
+    whole = with_seconds(in_order(padded_rows(numbers, len(lines), head), head), head)
     rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
     if not times:
         return rows, None

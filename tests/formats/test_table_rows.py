@@ -63,3 +63,9 @@ def test_points_of_several_people_are_told_apart_by_their_number(put):
     rows = "".join(f"0.0{frame},{body},{joint},1,2,{body}\n" for frame in (0, 1) for body in (1, 2) for joint in "ab")
     take = read_take(put("people.csv", f"time_seconds,body_id,joint_name,x,y,z\n{rows}"))
     assert take.names == ("1_a", "1_b", "2_a", "2_b")
+
+
+def test_frame_numbers_that_go_back_are_told(put):
+    rows = "".join(f"{frame},1,2,3,4,5,6\n" for frame in (1, 2, 3, 1, 2, 3))
+    take = read_take(put("blocks.csv", f"frame_idx,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
+    assert sum("frame numbers go back in line 5" in notice for notice in take.notices) == 1
