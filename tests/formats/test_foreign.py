@@ -33,6 +33,7 @@ import pytest
         ),
         ("walk.trc", b"\n<!DOCTYPE html><html>", "a web page, not the file"),
         ("walk.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
+        ("walk.calc", b"calc\n", "Perception Neuron; export BVH"),
         ("walk.htr", b"[Header]\nFileType htr\n", "segments of Cortex"),
         ("walk.bag", b"#ROSBAG V2.0\n", "a recording of ROS"),
         ("arm.urdf", b"<robot name='arm'>", "a model of a robot"),
