@@ -12,7 +12,8 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import groupby, product
+from itertools import combinations_with_replacement, groupby, product
+from operator import mul
 
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty
@@ -107,7 +108,8 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _read_names(head, every)
                 _read_rows(head, every)
                 if _stand_over_rows(head, every):
-                    return _without_no_places(_without_quaternions(head, every[head.n_lines :]))
+                    rows = every[head.n_lines :]
+                    return _without_no_places(_without_axes(_without_quaternions(head, rows), rows))
     return None
 
 
@@ -182,6 +184,22 @@ def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
         names = ", ".join(body.name for body in left_out[:8])
         head.notices.append(f"quaternions without positions, and left out: {names}")
     head.bodies = [body for body in head.bodies if body not in left_out]
+    return head
+
+
+def _without_axes(head: Head, rows: Sequence[Sequence[str]]) -> Head:
+    """Return it without three points that are the axes of one body: orthogonal, of unit length, in the first row."""
+    if len(head.bodies) != len(AXES):
+        return head
+    for row in rows[:1]:
+        with contextlib.suppress(ValueError, IndexError):
+            axes = [[float(row[body.place[axis]].replace(",", ".")) for axis in AXES] for body in head.bodies]
+            products = [sum(map(mul, first, second)) for first, second in combinations_with_replacement(axes, 2)]
+            if all(
+                abs(one - wanted) < _UNIT_TOLERANCE for one, wanted in zip(products, (1, 0, 0, 1, 0, 1), strict=True)
+            ):
+                head.notices.append("axes of a body without its position, and left out")
+                head.bodies = []
     return head
 
 

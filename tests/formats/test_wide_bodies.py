@@ -152,3 +152,9 @@ def test_matrix_without_a_name_belongs_to_the_place_beside_it(put):
     cells = ",".join(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
     take = read_take(put("one.csv", f"time,{cells},tx,ty,tz\n" + "0,0,-1,0,1,0,0,0,0,1,1,2,3\n" * 2))
     np.testing.assert_allclose(take.world_from_body[0, 0, :2, :], [[0, -1, 0, 1000], [1, 0, 0, 2000]], atol=1e-9)
+
+
+def test_axes_of_a_body_without_its_position_are_no_points(refused, put):
+    content = "X1,X2,X3,Y1,Y2,Y3,Z1,Z2,Z3\n" + "0.6,-0.8,0,0.8,0.6,0,0,0,1\n" * 2
+    assert "axes of a body without its position" in refused(put("axes.csv", content))
+    assert read_take(put("points.csv", content.replace("0.6,-0.8", "0.6,-0.9"))).names == ("1", "2", "3")
