@@ -65,10 +65,10 @@ def seconds_of(text: str) -> str:
     text : str
         A cell.
     """
-    if clock := _CLOCK.fullmatch(text.strip()):
-        return repr(60.0 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3]))
     if ":" not in text:
         return text
+    if clock := _CLOCK.fullmatch(text.strip()):
+        return repr(60.0 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3]))
     try:
         moment = datetime.fromisoformat(text.strip())
         since = moment.replace(tzinfo=UTC) - datetime(moment.year, 1, 1, tzinfo=UTC)
