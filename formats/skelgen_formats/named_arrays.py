@@ -112,10 +112,15 @@ def _is_of_points(array: NDArray[Any]) -> bool:
 
 
 def _are_poses(array: NDArray[Any]) -> bool:
-    """Whether there are seven numbers along the last axis, of which four have unit length: a place and a quaternion."""
-    if array.shape[-1] != _POSE or array.dtype.kind != "f" or not array.size:
+    """Whether there are matrices of poses or rotations, or places with quaternions, which have unit length."""
+    if array.dtype.kind != "f" or not array.size:
         return False
     with np.errstate(over="ignore", invalid="ignore"):
+        if array.shape[-2:] == (3, 3):
+            first = array.reshape(-1, 3, 3)[0].astype(np.float64)
+            return bool(np.abs(first @ first.T - np.eye(3)).max() < _UNIT_TOLERANCE)
+        if array.shape[-1] != _POSE:
+            return array.shape[-2:] == (4, 4)
         lengths = np.linalg.norm(array[..., len(AXES) :].astype(np.float64), axis=-1)
     return bool(np.abs(np.nanmedian(lengths) - 1.0) < _UNIT_TOLERANCE) if np.isfinite(lengths).any() else False
 

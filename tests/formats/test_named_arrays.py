@@ -55,6 +55,15 @@ def test_poses_are_bodies(tmp_path, refused):
     assert "no array of the shape" in refused(tmp_path / "sevens.npy")
 
 
+def test_rotations_alone_are_no_points(tmp_path, refused):
+    np.savez(tmp_path / "rotations.npz", R=np.tile(np.eye(3), (N_FRAMES, 1, 1)))
+    assert "no array of the shape" in refused(tmp_path / "rotations.npz")
+    np.savez(tmp_path / "both.npz", R=np.tile(np.eye(3), (N_FRAMES, 1, 1)), X=POSITIONS)
+    np.testing.assert_array_equal(read_take(tmp_path / "both.npz").positions, POSITIONS)
+    np.savez(tmp_path / "three.npz", poses=np.tile(np.eye(4), (3, 1, 1)))
+    assert read_take(tmp_path / "three.npz").names == ("body 1",)
+
+
 def test_names_that_fit_no_axis_are_told(tmp_path, refused):
     np.savez(tmp_path / "points.npz", points=POSITIONS.transpose(2, 1, 0), names=NAMES[:3])
     assert "3 names, and an array points" in refused(tmp_path / "points.npz")
