@@ -1,8 +1,8 @@
 """NumPy arrays of points (.npy, .npz): shape (n_frames, n_points, 3), in an archive with their names if there are any.
 
 An archive holds the positions as its only array of that shape, or under one of some names; beside them may stand the
-names of the points, the frame rate (or times) and the unit. What is not there is assumed as of a wide table. Pickled
-objects are never loaded.
+names of the points, the frame rate (or times) and the unit; `skelgen_formats.named_arrays` tells which is which, and
+other orders of the axes. What is not there is assumed as of a wide table. Pickled objects are never loaded.
 """
 
 import struct
@@ -11,7 +11,6 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,34 +19,16 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.files import TRUTH_SUFFIX, open_regular
-from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.wide import take_from_table
 
-_POSITIONS = ("positions", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
-_NAMES = (
-    "names",
-    "labels",
-    "marker_names",
-    "marker_labels",
-    "labels_marker",
-    "point_names",
-    "keypoint_names",
-    "markers",
-)
-_RATES = ("rate", "fps", "frame_rate", "framerate", "sampling_rate", "mocap_framerate")
-_TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
-_BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
-_SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
 _SURPLUS = 4096  # bytes that archives and headers may take beside the numbers
 _MOST_TIMES = 100  # what a compressed archive may hold, in its own size
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, NotImplementedError),  # a damaged archive
     *(ValueError, TypeError, SyntaxError, tokenize.TokenError, OverflowError, MemoryError, KeyError),  # or array in it
 )
-
-Arrays = Mapping[str, NDArray[Any]]
 
 
 def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
@@ -65,25 +46,7 @@ def read_arrays(path: Path, options: Options) -> Trajectories | PointCloud | Pos
     FormatError
         If it holds no array of that shape, or is damaged.
     """
-    arrays = _arrays(path)
-    if set(arrays) >= _BODY_MODEL:
-        what = "holds angles of a body model (AMASS, SMPL), no points; write the joints or some vertices that the model"
-        raise FormatError(path, "", f"{what} gives for them as .npy, (frames, points, 3), or take the markers' C3D")
-    key = _key_of_positions(path, arrays)
-    positions = arrays[key]
-    if options.sample:
-        positions = positions[options.sample.of(np.arange(len(positions)))]
-    if len(arrays) == 1:
-        return take_from_table(path, positions, _names(arrays, positions.shape[1], key), None, options)
-    rate = _number(arrays, _RATES)
-    times = next(
-        (arrays[name] for name in _TIMES if name in arrays and arrays[name].shape == positions.shape[:1]), None
-    )
-    if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
-        times = np.arange(len(positions)) / rate
-    times = None if times is None or times.dtype.kind not in "fiu" else times.astype(np.float64)
-    unit = next((str(arrays[name]) for name in _UNITS if name in arrays and arrays[name].ndim == 0), "")
-    return take_from_table(path, positions, _names(arrays, positions.shape[1], key), times, options, unit)
+    return take_from_arrays(path, _arrays(path), options)
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:
@@ -142,35 +105,6 @@ def _one(path: Path, stream: Any, size: int) -> NDArray[Any]:
     return array
 
 
-def _key_of_positions(path: Path, arrays: Arrays) -> str:
-    fitting = [key for key, array in arrays.items() if _is_of_points(array)]
-    named = [key for key in _POSITIONS if key in fitting]
-    if named or len(fitting) == 1:
-        return (named or fitting)[0]
-    held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
-    if not fitting:
-        what = "no array of the shape (frames, points, 3); reshape the positions, and save them"
-        raise FormatError(path, "", f"{what}; arrays are {held}"[:250])
-    raise FormatError(path, "", f"several arrays of points: {', '.join(fitting)[:100]}; call the right one positions")
-
-
-def _is_of_points(array: NDArray[Any]) -> bool:
-    return array.ndim == 3 and array.shape[2] == 3 and array.dtype.kind in "fiu"
-
-
-def _names(arrays: Arrays, count: int, key: str) -> list[str]:
-    found = (arrays[name] for name in _NAMES if name in arrays and name != key)
-    fitting = (names for names in found if names.shape == (count,) and names.dtype.kind in "US")
-    texts = next(fitting, np.array([f"point {number}" for number in range(1, count + 1)]))
-    names = [text.decode("latin-1") if isinstance(text, bytes) else str(text) for text in texts.tolist()]
-    return [name.strip() or f"point {number}" for number, name in enumerate(names, start=1)]
-
-
-def _number(arrays: Arrays, names: tuple[str, ...]) -> float | None:
-    found = (arrays[name] for name in names if name in arrays and arrays[name].size == 1)
-    return next((float(one.reshape(())) for one in found if one.dtype.kind in "fiu"), None)
-
-
 def _is_array(head: bytes, path: Path) -> bool:
     name = path.name.lower()
     is_archive = head.startswith(b"PK\x03\x04") and name.endswith(".npz") and not name.endswith(TRUTH_SUFFIX)
@@ -185,5 +119,5 @@ FORMAT = Format(
     sniff=_is_array,
     read=read_arrays,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
-    note="Shape (frames, points, 3); in .npz also names, rate or times, and unit; else by option, as of wide-csv.",
+    note="Shape (frames, points, 3) or another order; in .npz also names, rate or times, and unit; else by option.",
 )

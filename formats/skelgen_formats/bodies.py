@@ -16,11 +16,13 @@ from skelgen.geometry.rotations import (
 from skelgen.model import Poses
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.markers import FARTHEST, distinct_names, noted
-from skelgen_formats.options import ROTATION_VECTOR
-from skelgen_formats.titles import AXES
+from skelgen_formats.options import ANGLE_ORDER, AUTO, ROTATION_VECTOR, Options
+from skelgen_formats.turn_titles import AXES
 
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
 _LARGEST_ANGLE = 1e6  # rad; nothing turns so often
+_LEAST_TURN = 1.0  # rad, of an angle from one frame to the next, beyond which orders differ in how bodies turn
+_SMOOTHER = 0.25  # of the turns of another order: poses that are smooth beside ones that jump
 _MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
 
 
@@ -111,6 +113,87 @@ def quaternions_from_angles(angles: Floats, order: str) -> Floats:
         matrices = matrix_from_euler(order.upper(), turned[:, [AXES.index(axis) for axis in order]])
     quaternions[seen] = quaternion_from_matrix(matrices)
     return quaternions
+
+
+def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles; says what is assumed.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n_frames, n_bodies, 6)
+        Places, and angles about x, y and z.
+    usual : str
+        How such angles turn a body where the user does not state another order.
+    unit : str
+        Of the angles, empty if the file names none.
+    options : Options
+        `angle_order` counts.
+    notices : list of str
+        Gets sentences.
+    """
+    order = usual if options.angle_order == AUTO else options.angle_order
+    turned = "rotation vectors" if order == ROTATION_VECTOR else "R = " + " ".join(f"R{axis}" for axis in order)
+    stated = (
+        "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
+    )
+    notices.append(f"angles of bodies are taken as {turned}{stated}")
+    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
+    if options.angle_order == AUTO:
+        notice_jumps(angles, order, notices)
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
+
+
+def with_quaternions_of_matrices(path: Path, numbers: Floats) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with matrices.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    numbers : ndarray, shape (n_frames, n_bodies, 12)
+        Places, and world from body, row by row; a body is unseen where this is zero, or anything NaN.
+    """
+    numbers = np.array(numbers)
+    numbers[(numbers[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
+    blank_unseen(numbers)
+    turns = numbers[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_matrices(path, turns)], axis=2)
+
+
+def notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:
+    """Say in which orders bodies go on smoothly where they jump in the assumed one.
+
+    Angles jump near gimbal lock though the body turns little: there, only in the right order, and in few others, poses
+    are near each other. The median angle between successive poses, where an angle changes by more than 1 rad, tells.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n_frames, n_bodies, 3), rad
+        About x, y and z; NaN where a body is unseen.
+    order : str
+        Assumed, as of `quaternions_from_angles`.
+    notices : list of str
+        Gets a sentence if there are such orders.
+    """
+    with np.errstate(invalid="ignore"):
+        sound = np.where(np.abs(angles) < _LARGEST_ANGLE, angles, np.nan)
+        changes = np.abs(np.remainder(np.diff(sound, axis=0) + np.pi, 2 * np.pi) - np.pi)
+        frames, bodies = np.nonzero((changes > _LEAST_TURN).any(axis=2) & np.isfinite(changes).all(axis=2))
+    if not len(frames):
+        return
+    pairs = np.stack([sound[frames, bodies], sound[frames + 1, bodies]], axis=1)
+    choices = [choice for choice in ANGLE_ORDER.choices if choice != AUTO]
+    turns = {choice: _median_turn(quaternions_from_angles(pairs, choice)) for choice in choices}
+    smooth = [f"`--angle-order {choice}`" for choice, turn in turns.items() if turn < _SMOOTHER * turns[order]]
+    if smooth:
+        turned = f"{np.rad2deg(turns[order]):.0f} degrees"
+        notices.append(f"bodies jump by {turned} where their angles do; they move smoothly with {' or '.join(smooth)}")
+
+
+def _median_turn(pairs: Floats) -> float:
+    """Return the median angle [rad] between pairs of unit quaternions, shape (n, 2, 4)."""
+    cosines = np.abs((pairs[:, 0] * pairs[:, 1]).sum(axis=1))
+    return float(np.median(2 * np.arccos(np.minimum(cosines, 1.0))))
 
 
 def angles_in_rad(angles: Floats, unit: str, notices: list[str]) -> Floats:

@@ -24,6 +24,7 @@ from skelgen_formats.text import count_in, number_in, parse_rows
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _ROUNDED = 0.005  # of the rate: a frame time that is written with fewer digits could be that of many rates
+_SLOWEST = 5.0  # s per frame, from which on a frame time is a rate, or is in ms
 _CUT = "; the file may be cut off"
 
 
@@ -63,12 +64,13 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
     lines = read_lines(path)
     hierarchy = _Hierarchy(path, lines)
     bones = hierarchy.bones
-    rows, rate = _motion(path, lines, hierarchy.end, sum(len(bone.channels or ()) for bone in bones))
+    notices: list[str] = []
+    rows, rate = _motion(path, lines, hierarchy.end, sum(len(bone.channels or ()) for bone in bones), notices)
     offsets = np.array([bone.offset for bone in bones])
     tips = [np.array(bone.tips).reshape(-1, 3) for bone in bones]
     parents = np.array([bone.parent for bone in bones], dtype=np.intp)
     rotations, places = _posed(bones, offsets, rows)
-    scale, notices = bone_unit(path, unit, parents, offsets, tips)
+    scale, assumed = bone_unit(path, unit, parents, offsets, tips)
     if max(np.abs(places).max(), np.abs(offsets).max()) * scale > LARGEST_MM:
         raise FormatError(path, "", f"a place is farther than {LARGEST_MM:g} mm; check the file and --motion-unit")
     return BoneMotion(
@@ -79,7 +81,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
         tips=tuple(tip * scale for tip in tips),
         rate=rate,
         name=path.name,
-        notices=notices,
+        notices=(*notices, *assumed),
     )
 
 
@@ -194,14 +196,14 @@ def _statements(lines: Lines) -> Iterator[tuple[int, list[str]]]:
                 yield number, part.split()
 
 
-def _motion(path: Path, lines: Lines, at: int, n_channels: int) -> tuple[Floats, float]:
+def _motion(path: Path, lines: Lines, at: int, n_channels: int, notices: list[str]) -> tuple[Floats, float]:
     """The channels of every frame, shape (n_frames, n_channels), and the frame rate [Hz]."""
     following = lines.numbered(at)
     announcement, step = next(following, None), next(following, None)
     if announcement is None or step is None:
         raise FormatError(path, len(lines), f"MOTION without Frames and Frame Time{_CUT}")
     n_frames = count_in(path, announcement[0], _after(path, announcement, "Frames:"), "the number of frames")
-    rate = _rate(path, step)
+    rate = _rate(path, step, notices)
     if n_frames == 0 or n_channels == 0:
         raise FormatError(path, announcement[0], "nothing moves: there are no frames, or no bone has channels")
     numbers = array("q")  # of the frames' lines
@@ -233,17 +235,26 @@ def _after(path: Path, numbered: tuple[int, str], head: str) -> str:
     return words[len(head) :].strip()
 
 
-def _rate(path: Path, numbered: tuple[int, str]) -> float:
+def _rate(path: Path, numbered: tuple[int, str], notices: list[str]) -> float:
     """The frame rate [Hz]; a whole number where the frame time is one's, cut or rounded to the digits written."""
     text = _after(path, numbered, "Frame Time:")
     seconds = number_in(path, numbered[0], text, "the frame time")
     if not 1 / LARGEST_MM < seconds < LARGEST_MM:
         raise FormatError(path, numbered[0], f"the frame time is {seconds:g} s; it must be above 0")
     decimals = len(text.replace(",", ".").partition(".")[2]) if "e" not in text.lower() else 0
+    if seconds < _SLOWEST:
+        return _whole_rate(seconds, decimals) or 1 / seconds
+    in_ms = _whole_rate(seconds / 1000, decimals + 3) if seconds % 1 else None  # 33.333; 30 and 29.97 are rates
+    meaning = "is taken as ms" if in_ms else "is taken as frames per second"
+    notices.append(f"the frame time {seconds:g} {meaning}, for nothing moves so slowly; --motion-rate says otherwise")
+    return in_ms or seconds
+
+
+def _whole_rate(seconds: float, decimals: int) -> float | None:
+    """The whole frame rate [Hz] whose frame time is this one, written with so many decimals, if there is one."""
     whole = round(1 / seconds)
-    if whole and abs(whole * seconds - 1) < _ROUNDED and abs(1 / whole - seconds) <= 10.0**-decimals:
-        return float(whole)
-    return 1 / seconds
+    is_whole = whole and abs(whole * seconds - 1) < _ROUNDED and abs(1 / whole - seconds) <= 10.0**-decimals
+    return float(whole) if is_whole else None
 
 
 def _posed(bones: list[_Bone], offsets: Floats, rows: Floats) -> tuple[Floats, Floats]:

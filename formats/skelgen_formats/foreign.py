@@ -18,17 +18,24 @@ class _Foreign(NamedTuple):
 
 _NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
 _CELLS, _TITLE_LINES = re.compile(r"[,;\t]"), 24
+_COMMENTS = ("#", "%", "//")
 _FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _MARKERS = "export the markers as C3D or TRC"
 
 _OPENSIM = "coordinates, forces or results of OpenSim, no measured markers; give the .trc that they come from"
+_ORIENTATIONS = (
+    "orientations of sensors, of OpenSim, without positions; joints need where bodies are: give markers or poses"
+)
 
 _INSTEAD = (
     (b"version https://git-lfs", "a pointer of Git LFS, not the file; fetch it with `git lfs pull`"),
     (b"<!doctype html", "a web page, not the file; download the file itself"),
     (b"<html", "a web page, not the file; download the file itself"),
 )
-_UNTITLED = "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z"
+_UNTITLED = (
+    "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z, or of a single body"
+    " x, y, z, qx, qy, qz, qw"
+)
 
 _FOREIGN = (
     _Foreign(
@@ -48,8 +55,9 @@ _FOREIGN = (
     _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
     _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
+    _Foreign((), (".calc",), "sensors and bones of Perception Neuron; export BVH, for `skelgen simulate --motion`"),
     _Foreign((), (".cap", ".vc", ".trb", ".prj"), f"binary data of Cortex or EVaRT; {_MARKERS} from Cortex"),
-    _Foreign((), (".htr", ".gtr"), f"segments of Cortex, which it computed; {_MARKERS} from Cortex"),
+    _Foreign((), (".htr", ".htr2", ".gtr"), f"segments of Cortex, which it computed; {_MARKERS} from Cortex"),
     _Foreign((), (".anc", ".anb", ".forces"), f"analogue data of Cortex, no markers; {_MARKERS}"),
     _Foreign((b"<OpenSimDocument",), (".osim",), "a model of OpenSim, without a recording; give its .trc"),
     _Foreign((), (".mot", ".sto"), _OPENSIM),
@@ -142,9 +150,10 @@ def is_foreign(head: bytes, path: Path) -> str:
             f"an ASCII export of Visual3D without targets; export those of the folder ORIGINAL with it, or {_MARKERS}"
         )
     elif any(line.strip(",; ") == "endheader" for line in lines):
-        by_text = _OPENSIM
+        by_text = _ORIENTATIONS if any("quaternion" in line.lower() for line in lines[:_TITLE_LINES]) else _OPENSIM
     by_name = [kind.sentence for kind in _FOREIGN if name.endswith(kind.suffixes)]
     by_content = [kind.sentence for kind in _FOREIGN if head.startswith(kind.starts)]
-    words = [word for word in _PARTING.split(lines[0]) if word] if lines else []
+    plain = [line for line in lines if not line.startswith(_COMMENTS)]
+    words = [word for word in _PARTING.split(plain[0]) if word] if plain else []
     is_untitled = len(words) >= _FEWEST_NUMBERS and all(map(_NUMBER.fullmatch, words))
     return next(filter(None, (by_text, *by_name, *by_content, _UNTITLED if is_untitled else "")), "")

@@ -15,7 +15,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines
-from skelgen_formats.options import MM_PER_UNIT
+from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -66,19 +66,24 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
     return factors.pop()
 
 
-def assumed_mm_per_unit(positions: Floats, notices: list[str]) -> float:
-    """Return how many mm the unit of positions has that no file names: metres for a room, else millimetres.
+def assumed_mm_per_unit(positions: Floats, notices: list[str], stated: str = AUTO) -> float:
+    """Return how many mm the unit of positions has that no file names: as stated, else metres for a room, or mm.
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3)
         In the file's unit; NaN where unseen.
     notices : list of str
-        Gets a sentence.
+        Gets a sentence if it is assumed.
+    stated : str
+        By the user: one of `RECORDED_UNIT`.
     """
+    if stated != AUTO:
+        return MM_PER_UNIT[stated]
     far = max((float(np.nanmax(np.abs(block), initial=0.0)) for _, block in frames_in_blocks(positions)), default=0.0)
     unit = "m" if far < _HUMAN_SIZE_M else "mm"
-    notices.append(f"the file names no length unit; {unit} is assumed since coordinates reach {far:.3g}")
+    assumed = f"the file names no length unit; {unit} is assumed since coordinates reach {far:.3g}"
+    notices.append(f"{assumed}; `--recorded-unit` states another")
     return MM_PER_UNIT[unit]
 
 

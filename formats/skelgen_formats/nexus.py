@@ -38,6 +38,7 @@ from skelgen.progress import counted
 from skelgen_formats.bodies import (
     angles_in_rad,
     blank_unseen,
+    notice_jumps,
     quaternions_from_angles,
     take_from_bodies,
     transforms_of,
@@ -151,6 +152,8 @@ def _with_quaternions(numbers: Floats, title: str, unit: str, angle_order: str, 
         what = "rotations are taken as helical angles, as Vicon exports them by default"
         notices.append(f"{what}; `--angle-order xyz` takes them as Euler angles")
     angles = angles_in_rad(numbers[:, :, len(_PLACE) :], unit, notices)
+    if angle_order == AUTO and not of_title:
+        notice_jumps(angles, order, notices)
     return np.concatenate([numbers[:, :, : len(_PLACE)], quaternions_from_angles(angles, order)], axis=2)
 
 

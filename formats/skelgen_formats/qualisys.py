@@ -67,7 +67,8 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
         line, kind = header.get("DATA_INCLUDED", (1, []))[0], "2D data" if "2D" in included else "skeletons"
         raise FormatError(path, line, f"holds {kind}; export the 3D data of the markers from Track Manager instead")
     if not header:
-        raise FormatError(path, 1, "no header; export TSV from Track Manager with its header, in which the names stand")
+        what = "no header; export TSV from Track Manager with its header, in which the names stand"
+        raise FormatError(path, 1, f"{what}, or write titles over the columns (of BIDS, the names of its channels.tsv)")
     notices: list[str] = []
     if of_bodies:
         _, names = _entry(path, header, "BODY_NAMES")

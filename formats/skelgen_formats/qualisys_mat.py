@@ -1,9 +1,11 @@
-"""Qualisys MAT: trajectories as Qualisys Track Manager exports them for MATLAB.
+"""MATLAB MAT: trajectories as Qualisys Track Manager exports them, or arrays of points as scripts save them.
 
 One variable of any name holds a struct: ``Frames``, ``FrameRate`` [Hz] and ``Trajectories``, in that ``Labeled`` and
 ``Unidentified``, each with ``Count``, ``Labels`` (a cell array of texts) and ``Data``, shape (markers, 4, frames): x,
 y, z [mm] and the residual; NaN is unseen. Newer exports have ``Type`` beside it. All else (force, analogue data,
-bodies) is left out.
+bodies) is left out. A file without such a struct may hold arrays, also in structs, of which
+`skelgen_formats.named_arrays` finds the positions: markers of a struct with a field for each, those of the MoCap
+Toolbox, or an array with names beside it.
 
 The file is of MATLAB's level 5: a header of 128 bytes, then elements of a type, a number of bytes, and these, padded to
 eight; see the MathWorks' *MAT-File Format*. Only what is wanted is read, so that damage elsewhere does not matter.
@@ -13,16 +15,18 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.files import read_content
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
-from skelgen_formats.options import POINTS, Format
+from skelgen_formats.named_arrays import take_from_arrays
+from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126
@@ -43,6 +47,10 @@ _TYPES = {
     17: "u2",
 }
 _MOST_TIMES, _FREE_BYTES, _DEEPEST = 100, 1 << 20, 16  # what may be packed in a file, in its size; structs in structs
+_NO_POINTS = (
+    "a MATLAB file, but not of Qualisys: no struct with Trajectories, and no array (frames, points, 3) or struct with"
+    " (frames, 3) of each point; save one of these, or export C3D or TRC"
+)
 _MM = 1.0  # Track Manager exports mm
 
 _Value = NDArray[np.generic] | str | Mapping[str, "_Value"] | Sequence["_Value"] | None
@@ -52,8 +60,15 @@ class _DamageError(ValueError):
     """The bytes are not those of a MATLAB file."""
 
 
-def read_qualisys_mat(path: Path) -> Trajectories | PointCloud:
-    """Read the trajectories of an export for MATLAB.
+def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read the trajectories of a file of MATLAB.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : Options
+        `recorded_rate` and `recorded_unit` count where the file is none of Track Manager.
 
     Returns
     -------
@@ -63,7 +78,7 @@ def read_qualisys_mat(path: Path) -> Trajectories | PointCloud:
     Raises
     ------
     FormatError
-        If the file is damaged, or is none of Track Manager.
+        If the file is damaged, or holds no points.
     """
     content = read_content(path)
     if not content.startswith(_MAGIC):
@@ -71,21 +86,37 @@ def read_qualisys_mat(path: Path) -> Trajectories | PointCloud:
         raise FormatError(path, "byte 0", f"{what}, or export TSV or C3D from Track Manager")
     order = ">" if content[_ENDIAN_AT:_HEADER_BYTES] == b"MI" else "<"
     try:
-        variables = [_value(data, order) for data in _variables(path, content[_HEADER_BYTES:], order)]
+        every = [*_variables(path, content[_HEADER_BYTES:], order)]
+        variables = [_value(data, order) for data in every]
+        names = [_name(data, order) for data in every]
     except (_DamageError, struct.error, zlib.error, ValueError, UnicodeDecodeError) as error:
         raise FormatError(path, "", f"no MATLAB file, or a damaged one: {str(error)[:100]}") from error
     found = [one for one in variables if isinstance(one, Mapping) and isinstance(one.get("Trajectories"), Mapping)]
     if not found:
-        what = "a MATLAB file, but not of Qualisys: no struct with Trajectories; export markers as C3D or TRC"
-        raise FormatError(path, "", f"{what}, or save the positions as .npy (frames, points, 3)")
+        arrays = dict(_flat(dict(zip(names, variables, strict=True))))
+        return take_from_arrays(path, arrays, options, _NO_POINTS)
     rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
     if rate is None or not 0 < rate < np.inf:
         raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
-    positions, names = _trajectories(path, found[0]["Trajectories"])
+    positions, labels = _trajectories(path, found[0]["Trajectories"])
     notices: list[str] = []
     if frames is not None and 0 <= frames < 1e9:
         check_frames(path, "Frames", int(frames), len(positions), notices)
-    return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), names, rate, notices)
+    return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
+
+
+def _flat(held: Mapping[str, _Value]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of numbers and the texts, also those in structs, with their names; rows of one are flat."""
+    for name, value in held.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value)
+        elif isinstance(value, np.ndarray):
+            is_row = value.ndim == 2 and 1 in value.shape and value.size > 1
+            yield name, value.ravel() if is_row else value
+        elif isinstance(value, str):
+            yield name, np.array(value)
+        elif isinstance(value, list) and all(isinstance(text, str) for text in value):
+            yield name, np.array(value, dtype=np.str_)
 
 
 def _trajectories(path: Path, held: _Value) -> tuple[NDArray[np.float64], list[str]]:
@@ -139,6 +170,12 @@ def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         at += -at % 8 if kind != _COMPRESSED else 0
 
 
+def _name(content: bytes, order: str) -> str:
+    """Return the name of an array, which stands behind its flags and dimensions."""
+    parts = [data for _, (_, data) in zip(range(3), _elements(content, order), strict=False)]
+    return parts[2].decode("latin-1") if len(parts) > 2 else ""
+
+
 def _value(content: bytes, order: str, depth: int = 0) -> _Value:
     """Return an array: numbers, a text, the fields of a struct, or the list of a cell array; None if it is another."""
     parts = _elements(content, order)
@@ -174,11 +211,11 @@ def _number(value: _Value) -> float | None:
 
 FORMAT = Format(
     name="qualisys-mat",
-    title="Qualisys MAT",
+    title="MATLAB MAT",
     suffixes=(".mat",),
     holds="markers",
     sniff=lambda head, path: head.startswith(_MAGIC),
-    read=lambda path, options: read_qualisys_mat(path),
-    options=(POINTS,),
-    note="MATLAB export of Qualisys Track Manager, in mm; force, analogue data and bodies are left out.",
+    read=read_qualisys_mat,
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
+    note="Export of Qualisys Track Manager, in mm, without its bodies and signals; else arrays of points, as of numpy.",
 )

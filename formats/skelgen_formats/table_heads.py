@@ -12,11 +12,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import combinations_with_replacement, groupby, product
+from operator import mul
 
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, without_trailing_empty
-from skelgen_formats.titles import AXES, Body, angle_alone, axis_alone, bodies_of, component_alone, seconds_per_unit
+from skelgen_formats.text import is_number, unquoted, without_trailing_empty
+from skelgen_formats.titles import Body, axis_alone, bodies_of, is_frame, seconds_per_unit
+from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
 
 HEAD_LINES = 24
 """Lines that are looked through for titles."""
@@ -35,6 +37,11 @@ _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
 _APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
+_OWNER = re.compile(
+    r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track)"
+    r"[ _]?(?:id|index|no|number|name)?",
+    re.IGNORECASE,
+)
 _NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
@@ -52,26 +59,30 @@ class Head:
         Points and bodies, with their columns.
     delimiter : str or None
         What parts cells, None for blanks.
-    times : int or None
-        Column with times.
+    frames, times : int or None
+        Columns with frame numbers, and with times.
     second : float
         Seconds per unit of that column, 0 if it names none.
     unit, rate : str
         Unit of length and frame rate as stated, empty if they are not.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
+    mixed : str
+        Title of a column that says whose row it is, where rows of several take turns.
     notices : list of str
         What is left out.
     """
 
     bodies: list[Body]
     delimiter: str | None = None
+    frames: int | None = None
     times: int | None = None
     second: float = 0.0
     unit: str = ""
     rate: str = ""
     n_cells: int = 0
     n_lines: int = 1
+    mixed: str = ""
     notices: list[str] = field(default_factory=list)
 
 
@@ -95,8 +106,10 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _read_preamble(head, every[:first])
                 _pass_further_titles(head, every)
                 _read_names(head, every)
+                _read_rows(head, every)
                 if _stand_over_rows(head, every):
-                    return _without_no_places(_without_quaternions(head, every[head.n_lines :]))
+                    rows = every[head.n_lines :]
+                    return _without_no_places(_without_axes(_without_quaternions(head, rows), rows))
     return None
 
 
@@ -111,7 +124,7 @@ def _stand_over_rows(head: Head, every: Sequence[Sequence[str]]) -> bool:
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
     text = line.lstrip(_COMMENT + " ") if line.startswith(tuple(_COMMENT)) else line
-    return [cell.strip().strip('"') for cell in text.split(delimiter)] or [""]
+    return [cell.strip().strip('"') for cell in unquoted(text, delimiter).split(delimiter)] or [""]
 
 
 def _read_preamble(head: Head, before: list[list[str]]) -> None:
@@ -152,6 +165,18 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
         body.name = named[0] if named else body.name
 
 
+def _read_rows(head: Head, every: list[list[str]]) -> None:
+    """Find out whether rows of several people take turns, and leave out flags that hold no 0 or 1."""
+    rows = every[head.n_lines :]
+    for body in head.bodies:
+        if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
+            body.flag = None
+    for column, title in enumerate(every[head.n_lines - 1]):
+        if _OWNER.fullmatch(title):
+            owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
+            head.mixed = title if len(set(owners)) < len(owners) else head.mixed
+
+
 def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
     """Return it without points of four columns of unit length: quaternions, whose scalar the titles leave open."""
     left_out = [body for body in head.bodies if body.fourth is not None and _is_unit(body, body.fourth, rows)]
@@ -159,6 +184,22 @@ def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
         names = ", ".join(body.name for body in left_out[:8])
         head.notices.append(f"quaternions without positions, and left out: {names}")
     head.bodies = [body for body in head.bodies if body not in left_out]
+    return head
+
+
+def _without_axes(head: Head, rows: Sequence[Sequence[str]]) -> Head:
+    """Return it without three points that are the axes of one body: orthogonal, of unit length, in the first row."""
+    if len(head.bodies) != len(AXES):
+        return head
+    for row in rows[:1]:
+        with contextlib.suppress(ValueError, IndexError):
+            axes = [[float(row[body.place[axis]].replace(",", ".")) for axis in AXES] for body in head.bodies]
+            products = [sum(map(mul, first, second)) for first, second in combinations_with_replacement(axes, 2)]
+            if all(
+                abs(one - wanted) < _UNIT_TOLERANCE for one, wanted in zip(products, (1, 0, 0, 1, 0, 1), strict=True)
+            ):
+                head.notices.append("axes of a body without its position, and left out")
+                head.bodies = []
     return head
 
 
@@ -206,6 +247,7 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
 
 
 def _find_times(head: Head, titles: Sequence[str]) -> None:
+    head.frames = next((at for at, title in enumerate(titles) if is_frame(title)), None)
     units = ((at, seconds_per_unit(title)) for at, title in enumerate(titles))
     head.times, second = next(((at, unit) for at, unit in units if unit is not None), (None, 0.0))
     head.second = second or 0.0

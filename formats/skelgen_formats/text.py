@@ -6,6 +6,7 @@ import math
 import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from skelgen.progress import counted
 
 _UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a"})
 _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
+_QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
+_CLOCK = re.compile(r"(\d{1,3}):(\d\d):(\d\d(?:\.\d+)?)")
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -39,6 +42,39 @@ def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]
     except csv.Error as error:
         raise FormatError(path, number, f"the line cannot be split into cells: {error}") from error
     return [cell.strip() for cell in rows[0]] if rows else []
+
+
+def unquoted(line: str, delimiter: str | None) -> str:
+    """Return a line without the quotes around its cells, and blanks for what parts cells within them.
+
+    Parameters
+    ----------
+    line : str
+        Of a table.
+    delimiter : str or None
+        What separates cells, None for blanks.
+    """
+    return _QUOTED.sub(lambda cell: cell[1].replace(delimiter or " ", " "), line) if '"' in line else line
+
+
+def seconds_of(text: str) -> str:
+    """Return the seconds that a date and time, such as 2024-05-06T12:00:01.5, or 12:00:01.5, stands for; others as is.
+
+    Parameters
+    ----------
+    text : str
+        A cell.
+    """
+    if ":" not in text:
+        return text
+    if clock := _CLOCK.fullmatch(text.strip()):
+        return repr(60.0 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3]))
+    try:
+        moment = datetime.fromisoformat(text.strip())
+        since = moment.replace(tzinfo=UTC) - datetime(moment.year, 1, 1, tzinfo=UTC)
+    except (ValueError, TypeError, OverflowError):
+        return text
+    return repr(since.total_seconds())
 
 
 def defused(text: str) -> str:

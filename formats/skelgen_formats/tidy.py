@@ -7,10 +7,9 @@ they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz`
 those of a wide table.
 """
 
-import re
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,23 +17,24 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Ints
 from skelgen.progress import counted
+from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import number_in
-from skelgen_formats.titles import (
+from skelgen_formats.text import number_in, seconds_of, unquoted
+from skelgen_formats.titles import axis_alone, bodies_of, is_frame, seconds_per_unit
+from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
     angle_alone,
-    axis_alone,
-    bodies_of,
+    cell_alone,
+    cells_of,
     component_alone,
     order_of,
-    seconds_per_unit,
 )
-from skelgen_formats.wide import QUOTED, since_first, take_from_table, with_quaternions
+from skelgen_formats.wide import since_first, take_from_table
 
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum")
 _THINGS = (
     *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
     *(
@@ -49,6 +49,15 @@ _THINGS = (
         "device",
         "tracker",
         "asset",
+        "limb",
+        "bone",
+        "link",
+        "rb",
+        "tag",
+        "agent",
+        "part",
+        "actor",
+        "entity",
     ),
 )
 _NAMES = (
@@ -56,8 +65,27 @@ _NAMES = (
     *(f"{thing}{end}" for end in ("_name", "_label", "_id", "_index", "id") for thing in _THINGS),
     *("id", "target", "track_id"),
 )
-_GROUPS = ("model", "individual", "person", "subject", "track", "person_id")
+_GROUPS = (
+    *(
+        "model",
+        "individual",
+        "person",
+        "subject",
+        "track",
+        "person_id",
+        "skeleton_id",
+        "subject_id",
+        "user_id",
+        "actor_id",
+    ),
+    *("body_id", "id"),
+)
+_FLAGS = tuple(
+    f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
+)
+_UNSEEN_FLAGS = ("0", "false", "0.0")
 _DELIMITERS = ",;\t"
+_COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -88,13 +116,13 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         If the titles name no frames and coordinates, or a row is not as long as they are.
     """
     lines = read_lines(path)
-    delimiter = next((one for one in _DELIMITERS if _columns(lines[0], one)), "")
+    first, delimiter = _first_line(lines)
     if not delimiter:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at, titles = _columns(lines[0], delimiter), _titles(lines[0], delimiter)
+    at, titles = _columns(lines[first], delimiter), _titles(lines[first], delimiter)
     at = at if options.points == AUTO else {what: column for what, column in at.items() if what[0] != "r"}
-    rows = _rows(path, lines, at, delimiter)
+    rows = _rows(path, lines, first + 1, at, delimiter)
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
     if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
@@ -102,9 +130,10 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             f"{n_names} points in {len(every)} frames, but only {len(rows.frames)} positions, or some without a frame"
         )
         raise FormatError(path, "", what)
-    if "name" not in at and n_names == 1:
-        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
     width = len(_numbered(at))
+    if "name" not in at and n_names == 1 and width == len(AXES):
+        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
+    notices = _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
     numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
     stamps = None
@@ -112,58 +141,88 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
         stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
     _, unit = axis_alone(titles[at["x"]]) or ("", "")
-    notices: list[str] = []
     if width == len(AXES) * 2:
         _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
         order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
         numbers = with_quaternions(numbers, order, angle_unit, options, notices)
-    take = take_from_table(path, numbers, _distinct([*rows.names]), stamps, options, unit)
+    elif width == len(AXES) * 4:
+        numbers = with_quaternions_of_matrices(path, numbers)
+    bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
+    names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
+    take = take_from_table(path, numbers, names, stamps, options, unit)
     return replace(take, notices=(*notices, *take.notices))
 
 
 def _numbered(at: dict[str, int]) -> list[int]:
-    """Return the columns of x, y, z, and of the quaternion or the three angles if these are whole."""
+    """Return the columns of x, y, z, and of the quaternion, the matrix or the three angles if these are whole."""
     turn = [at[f"q{component}"] for component in COMPONENTS if f"q{component}" in at]
     angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
-    whole = (part for part, n in ((turn, len(COMPONENTS)), (angles, len(AXES))) if len(part) == n)
+    matrix = cells_of({what[1:]: column for what, column in at.items() if what[0] == "m"})
+    whole = (part for part, n in ((turn, len(COMPONENTS)), (matrix, 9), (angles, len(AXES))) if len(part) == n)
     return [*(at[axis] for axis in AXES), *next(whole, [])]
 
 
-def _rows(path: Path, lines: Lines, at: dict[str, int], delimiter: str) -> _Rows:
+def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) -> list[str]:
+    """Say which rows are of one point in one frame; refuse bodies that nothing tells apart where some are missing."""
+    n_points = np.bincount(places)
+    if not are_named and width > len(AXES) and len(set(n_points.tolist())) > 1:
+        what = f"{n_points.min()} to {n_points.max()} bodies per frame, and no column says which; name them in one"
+        raise FormatError(path, 1, what)
+    pairs = places * len(rows.names) + np.frombuffer(rows.points, dtype=np.int64)
+    twice = len(pairs) - len(np.unique(pairs))
+    repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
+    return [repeated] if twice else []
+
+
+def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: str) -> _Rows:
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
-    for number, line in lines.numbered(1):
-        text = QUOTED.sub(lambda cell: cell[1].replace(delimiter, " "), line) if '"' in line else line
-        cells = text.split(delimiter)
+    for number, line in lines.numbered(first):
+        cells = unquoted(line, delimiter).split(delimiter)
         if len(cells) <= max(at.values()):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
             raise FormatError(path, number, what)
-        frame = _number(path, number, cells[at["frame"]], "the frame")
+        frame = _number(path, number, seconds_of(cells[at["frame"]]), "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
         if "time" in at and frame not in rows.times:
-            rows.times[frame] = _number(path, number, cells[at["time"]], "the time")
-        rows.numbers.extend(_number(path, number, cells[column], "a coordinate") for column in columns)
+            rows.times[frame] = _number(path, number, seconds_of(cells[at["time"]]), "the time")
+        is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
+        rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)
     return rows
 
 
+def _first_line(lines: Iterable[str]) -> tuple[int, str]:
+    """Return the index of the line of titles, which comments may precede, and what parts its cells; empty if none."""
+    for index, line in enumerate(lines):
+        for delimiter in _DELIMITERS:
+            if _columns(line, delimiter):
+                return index, delimiter
+        if line.strip() and not line.startswith(_COMMENTS):
+            break
+    return 0, ""
+
+
 def _titles(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(delimiter)]
+    return [cell.strip().strip('"') for cell in unquoted(line.lstrip("#% "), delimiter).split(delimiter)]
 
 
 def _columns(line: str, delimiter: str) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
     titles = _titles(line, delimiter)
     plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS}
+    known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
-    found["frame"] = [at for at, title in enumerate(plain) if _FRAME.fullmatch(title)] + found["time"]
+    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)] + found["time"]
     for at, title in enumerate(titles):
         if angle := angle_alone(title):
             found.setdefault(f"r{angle[0]}", []).append(at)
+        if cell := cell_alone(title):
+            found.setdefault(f"m{cell}", []).append(at)
         if component := component_alone(title):
             found.setdefault(f"q{component}", []).append(at)
         elif axis := axis_alone(title):
@@ -192,7 +251,7 @@ FORMAT = Format(
     title="Tidy table of points, CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: any(_columns((decoded_head(head).splitlines() or [""])[0], one) for one in _DELIMITERS),
+    sniff=lambda head, path: bool(_first_line(decoded_head(head).splitlines())[1]),
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"

@@ -7,7 +7,7 @@ A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a po
 MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``, Python ``knee[0]`` and so on. Components of
 unit quaternions are ``knee_qw``, ``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``,
 ``Qy``, ``Qz``. Angles of a body are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``,
-``knee_euler_x``; a unit may follow.
+``knee_euler_x``; a unit may follow. Cells of a matrix are ``knee_r11``, ``knee_R[0][0]`` or ``knee_rot_1_1``.
 """
 
 import re
@@ -15,47 +15,43 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
-from skelgen_formats.options import ROTATION_VECTOR
-
-AXES = "xyz"
-COMPONENTS = "wxyz"
-"""Of a unit quaternion, scalar first."""
-
-_BETWEEN = r"[ _.:/-]"
-_UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
-_PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){_BETWEEN}?"
-_AXIS_LAST = re.compile(rf"(.{{1,200}}?){_BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
-_TRANSLATED = re.compile(rf"(.{{1,200}}?){_BETWEEN}[tp]([xyz])", re.IGNORECASE)
-_AXIS_FIRST = re.compile(rf"([xyz]){_BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
-_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
-_FOURTH = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
-_ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
-_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{_BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){_BETWEEN}?)")
-_TURN_WORD = rf"(?:quat|quaternion|rot|rotation|ori|orientation){_BETWEEN}?"
-_QUATERNION = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN})??(?:q{_BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
-_QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){_BETWEEN}?([WXYZwxyz])")
-_QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){_BETWEEN}?(.{{1,200}})", re.IGNORECASE)
-_ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
-_NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){_BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
-_ABOUT_AXIS = re.compile(
-    rf"(?:(.{{1,200}}?){_BETWEEN})??(?:euler|rotvec|{_TURN_WORD}|r){_BETWEEN}?([xyz])", re.IGNORECASE
+from skelgen_formats.turn_titles import (
+    AXES,
+    BETWEEN,
+    COMPONENTS,
+    angle_of,
+    cell_of,
+    cells_of,
+    order_by_words,
+    order_of,
+    quaternion_of,
 )
-_SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
+
+_UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
+_PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+_AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
+_TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
+_AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
+_AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
+_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
+_ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
+_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
+_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _TIME = re.compile(
-    r"(?:%|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
+    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
     r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
     re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
-_BESIDE = re.compile(rf"(.{{1,200}}?){_BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
-_PLATE = re.compile(rf"(.{{1,200}}?){_BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
+_BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
+_PLATE = re.compile(rf"(.{{1,200}}?){BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
 _FEWEST = 2  # points of a table whose columns are numbered
-_ANGLES = re.compile(rf"(?:(.*){_BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
+_ANGLES = re.compile(rf"(?:(.*){BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
-_ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
-_NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
 
 
 @dataclass
@@ -63,7 +59,8 @@ class Body:
     """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
 
     Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
-    their unit, if titles say it. A fourth column beside x, y and z may show that these are a quaternion.
+    their unit, if titles say it; or the cells of a matrix. A fourth column beside x, y and z may show that these are a
+    quaternion, a flag whether the point is seen.
     """
 
     name: str
@@ -71,7 +68,9 @@ class Body:
     place: dict[str, int] = field(default_factory=dict)
     turn: dict[str, int] = field(default_factory=dict)
     angles: dict[str, int] = field(default_factory=dict)
+    matrix: dict[str, int] = field(default_factory=dict)
     fourth: int | None = None
+    flag: int | None = None
     stated_order: str = ""
     angle_unit: str = ""
 
@@ -82,12 +81,17 @@ class Body:
 
     @property
     def is_turned(self) -> bool:
-        """Whether a whole quaternion is there."""
-        return len(self.turn) == len(COMPONENTS)
+        """Whether a whole quaternion or matrix is there."""
+        return len(self.turn) == len(COMPONENTS) or bool(self.cells)
+
+    @property
+    def cells(self) -> list[int]:
+        """The columns of the nine cells of its matrix, row by row, counted from 1 or 0; empty if one is missing."""
+        return cells_of(self.matrix)
 
     @property
     def has_angles(self) -> bool:
-        """Whether three angles are there, and no quaternion."""
+        """Whether three angles are there, and neither quaternion nor matrix."""
         return len(self.angles) == len(AXES) and not self.is_turned
 
     @property
@@ -96,20 +100,12 @@ class Body:
         return self.stated_order or order_of(self.angles)
 
     def columns(self, *, turned: bool) -> list[int]:
-        """Return the columns of x, y, z, and of w, x, y, z or the three angles if they are wanted."""
-        turn = [self.turn[component] for component in COMPONENTS] if self.is_turned else [*map(self.angles.get, AXES)]
+        """Return the columns of x, y, z, and of w, x, y, z, the matrix or the three angles if they are wanted."""
+        if len(self.turn) == len(COMPONENTS):
+            turn = [self.turn[component] for component in COMPONENTS]
+        else:
+            turn = self.cells or [self.angles[axis] for axis in AXES if axis in self.angles]
         return [*(self.place[axis] for axis in AXES), *(turn if turned else [])]
-
-
-def order_of(angles: Mapping[str, int]) -> str:
-    """Return the axes of angles in the order of their columns, such as ``zyx``.
-
-    Parameters
-    ----------
-    angles : mapping of str to int
-        Column of each axis.
-    """
-    return "".join(sorted(angles, key=angles.__getitem__))
 
 
 def bodies_of(titles: Sequence[str]) -> list[Body]:
@@ -120,22 +116,43 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
+    titles = _undoubled(titles)
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
-    for parsed, fourth in ((_axis_last, "w"), (_axis_first, "w"), (numbered, str(first + len(AXES)))):
+    styles = ((_axis_last, "w"), (_axis_first, "w"), (_axis_and_number, "w"), (numbered, str(first + len(AXES))))
+    for parsed, fourth in styles:
         found = _joined(_gathered(titles, parsed))
+        if parsed is _axis_and_number:
+            _drop_numbers(found)
         if found and (parsed is not numbered or len(found) >= _FEWEST):
             return _with_fourths(found, titles, fourth)
     return []
 
 
+def _undoubled(titles: Sequence[str]) -> list[str]:
+    """Return titles with ``X.0`` for X where ``X.1`` stands behind it: pandas numbers titles that stand twice."""
+    doubled = {axis for axis in AXES.upper() + AXES if axis in titles and f"{axis}.1" in titles}
+    return [f"{title}.0" if title in doubled else title for title in titles]
+
+
+def _drop_numbers(bodies: Sequence[Body]) -> None:
+    """Take the numbers off names that differ without them, too: columns of TRC are knee_X1, toe_X2."""
+    plain = [body.name.rpartition(" ")[0] for body in bodies]
+    if len(set(plain)) == len(plain):
+        for body, name in zip(bodies, plain, strict=True):
+            body.name = name
+
+
 def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[Body]:
-    """Return the same bodies with their fourth columns, such as ``knee.w`` beside ``knee.x``, or ``knee_4``."""
+    """Return the same bodies with their fourth columns, ``knee.w`` beside ``knee.x``, or ``knee_4``, and flags."""
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
+    flags = {match[1].lower(): at for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
+        behind = max(body.place.values()) + 1
+        body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
     return bodies
 
 
@@ -164,16 +181,15 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     return (match[1].lower(), unit) if match else None
 
 
-def component_alone(title: str) -> str:
-    """Return the component, w, x, y or z, of a quaternion whose title has no name, such as ``qx``; else an empty text.
+def is_frame(title: str) -> bool:
+    """Whether a title is that of a column of frame numbers, such as ``Frame#`` or ``frame_idx``.
 
     Parameters
     ----------
     title : str
         Without quotes.
     """
-    name, component = _quaternion(title) or ("", "")
-    return "" if name else component
+    return _FRAME.fullmatch(title.lower().replace(" ", "_")) is not None
 
 
 def seconds_per_unit(title: str) -> float | None:
@@ -211,7 +227,7 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
         if what == "place":
             body.unit = body.unit or unit
         elif what == "angles":
-            body.angle_unit, body.stated_order = body.angle_unit or unit, _order(title)
+            body.angle_unit, body.stated_order = body.angle_unit or unit, order_by_words(title)
     beside = _beside_points(bodies, titles)
     bodies = [body for body in bodies if body not in beside]
     for body in bodies:
@@ -233,12 +249,14 @@ def _beside_points(bodies: Sequence[Body], titles: Sequence[str]) -> list[Body]:
 
 def _column_of(title: str, parsed: _Parsed) -> tuple[str, tuple[str, str, str]]:
     """Return to which part of a body a column belongs, if to any, and its name, key and unit."""
-    if angle := _angle(title):
+    if angle := angle_of(title):
         return "angles", angle
-    if turn := _quaternion(title):
+    if turn := quaternion_of(title):
         return "turn", (*turn, "")
-    place = parsed(title)
-    return ("place", place) if place else ("", ("", "", ""))
+    if place := parsed(title):
+        return "place", place
+    cell = cell_of(title)
+    return ("matrix", (*cell, "")) if cell else ("", ("", "", ""))
 
 
 def _joined(bodies: list[Body]) -> list[Body]:
@@ -248,10 +266,11 @@ def _joined(bodies: list[Body]) -> list[Body]:
     """
     for body in bodies:
         if not body.name and body.is_turned and not body.place:
-            behind = [one for one in bodies if one.is_placed and min(one.place.values()) > min(body.turn.values())]
-            near = [one for one in [*behind, *bodies] if one.is_placed and not one.turn]
+            first = min([*body.turn.values(), *body.matrix.values()])
+            behind = [one for one in bodies if one.is_placed and min(one.place.values()) > first]
+            near = [one for one in [*behind, *bodies] if one.is_placed and not one.turn and not one.matrix]
             other = next((one for one in near if one.name.lower() in _TRANSLATIONS), body)
-            other.turn, other.name = body.turn, ""
+            other.turn, other.matrix, other.name = body.turn, body.matrix, ""
     places = _with_angles(bodies)
     for body in bodies:
         body.name = body.name or "body"
@@ -289,39 +308,6 @@ def _are_angles(body: Body, places: Mapping[str, Body]) -> bool:
     )
 
 
-def _angle(title: str) -> tuple[str, str, str] | None:
-    """Return name, axis and unit of a title that is surely one of an angle."""
-    named = _ANGLE_UNIT.fullmatch(title.strip())
-    text, unit = (named[1], named[2].lower().replace("°", "deg")) if named else (title.strip(), "")
-    if match := _NAVIGATED.fullmatch(text):
-        return match[1] or "", _ROLL_PITCH_YAW[match[2].lower()], unit
-    match = _ABOUT_AXIS.fullmatch(text)
-    is_sure = match is not None and (unit or _SURE_ANGLE.search(text))
-    return (match[1] or "", match[2].lower(), unit) if match and is_sure else None
-
-
-def angle_alone(title: str) -> tuple[str, str, str] | None:
-    """Return axis, order and unit of a title of an angle without a name, such as ``roll`` or ``Rx [deg]``, or None.
-
-    The order is empty where the columns tell it, the unit where the title names none.
-
-    Parameters
-    ----------
-    title : str
-        Without quotes.
-    """
-    match = _ABOUT_AXIS.fullmatch(title.strip())
-    found = _angle(title) or (("", match[2].lower(), "") if match and not match[1] else None)
-    return (found[1], _order(title), found[2]) if found and not found[0] else None
-
-
-def _order(title: str) -> str:
-    """Return how an angle turns a body by the usual meaning of its title, empty if the columns tell."""
-    if "rotvec" in title.lower():
-        return ROTATION_VECTOR
-    return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
-
-
 def _without_unit(title: str) -> tuple[str, str]:
     match = _UNIT.fullmatch(title.strip())
     return (match[1], match[2].lower()) if match else (title.strip(), "")
@@ -343,18 +329,13 @@ def _axis_first(title: str) -> tuple[str, str, str] | None:
     return (match[2], match[1].lower(), (match[3] or match[4] or "").lower()) if match else None
 
 
+def _axis_and_number(title: str) -> tuple[str, str, str] | None:
+    match = _AXIS_AND_NUMBER.fullmatch(title.strip())
+    return (f"{match[1]} {match[3]}", match[2].lower(), "") if match else None
+
+
 def _numbered(title: str, first: int) -> tuple[str, str, str] | None:
     text, unit = _without_unit(title)
     match = _NUMBERED.fullmatch(text)
     place = int(match[2] or match[3] or match[4]) - first if match else -1
     return (match[1], AXES[place], unit) if match and 0 <= place < len(AXES) else None
-
-
-def _quaternion(title: str) -> tuple[str, str] | None:
-    """Return name and component of a title of a quaternion's component."""
-    text = title.strip()
-    if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
-        return match[1] or "", match[2].lower().replace("0", "w")
-    if match := _QUATERNION_FIRST.fullmatch(text):
-        return match[2], match[1].lower().replace("0", "w").replace("o", "w")
-    return None

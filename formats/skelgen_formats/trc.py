@@ -47,7 +47,20 @@ from skelgen_formats.markers import (
     take_from_markers,
     zeros_unseen,
 )
-from skelgen_formats.options import ALL_POINTS, AXES, FILLED, MARKERS, POINTS, RATE, UNIT, Format, Writable, per_mm
+from skelgen_formats.options import (
+    ALL_POINTS,
+    AUTO,
+    AXES,
+    FILLED,
+    MARKERS,
+    POINTS,
+    RATE,
+    RECORDED_UNIT,
+    UNIT,
+    Format,
+    Writable,
+    per_mm,
+)
 from skelgen_formats.text import (
     count_in,
     is_number,
@@ -110,7 +123,9 @@ class _Table:
         return self.leading + 3 * len(self.names)
 
 
-def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) -> Trajectories | PointCloud:
+def read_trc(
+    path: Path, points: str = MARKERS, sample: Sample | None = None, recorded_unit: str = AUTO
+) -> Trajectories | PointCloud:
     """Read a TRC file.
 
     Parameters
@@ -121,6 +136,8 @@ def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) ->
         `ALL_POINTS` to read virtual markers, too.
     sample : Sample, optional
         Some frames only.
+    recorded_unit : str
+        Unit of lengths where the file names none; `AUTO` tells it by their size.
 
     Returns
     -------
@@ -150,7 +167,7 @@ def read_trc(path: Path, points: str = MARKERS, sample: Sample | None = None) ->
     _check_length(lines, n_frames, rows, notices)
     positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
     is_unit = unit and not is_number(unit)  # where none stands, the next value may be taken for it
-    factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices)
+    factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices, recorded_unit)
     virtual = (np.arange(len(table.names)) >= table.n_measured) | are_outputs(table.names)
     computed = None if points == ALL_POINTS else virtual
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
@@ -365,11 +382,11 @@ FORMAT = Format(
     suffixes=(".trc",),
     holds="markers",
     sniff=_is_trc,
-    read=lambda path, options: read_trc(path, options.points, options.sample),
+    read=lambda path, options: read_trc(path, options.points, options.sample, options.recorded_unit),
     write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
-    options=(POINTS, AXES, UNIT, RATE, FILLED),
+    options=(POINTS, RECORDED_UNIT, AXES, UNIT, RATE, FILLED),
     note="Unit from the header, else by size; empty cells and three zeros are unseen; written with full precision.",
 )

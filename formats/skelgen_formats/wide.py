@@ -11,8 +11,7 @@ both. Columns of forces, accelerations, angles and the like are no points and ar
 coordinates are the same number several times, as -9999 is, are unseen there.
 """
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -28,11 +27,11 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen.progress import counted
 from skelgen_formats.bodies import (
-    angles_in_rad,
     blank_unseen,
-    quaternions_from_angles,
     take_from_bodies,
     transforms_of,
+    with_quaternions,
+    with_quaternions_of_matrices,
 )
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
@@ -52,19 +51,17 @@ from skelgen_formats.options import (
     POINTS,
     RECORDED_RATE,
     RECORDED_UNIT,
-    ROTATION_VECTOR,
     Format,
     Options,
 )
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.text import is_number, parse_rows, rate_in
-from skelgen_formats.titles import AXES, Body
+from skelgen_formats.table_rows import in_order, padded_rows, unquoted_rows, until_other_table, with_seconds
+from skelgen_formats.text import parse_rows, rate_in
+from skelgen_formats.titles import Body
+from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
-
-QUOTED = re.compile(r'"([^"]*)"')
-"""A cell in quotes, which may hold what parts cells."""
 
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
@@ -87,18 +84,35 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | P
     FormatError
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
     """
-    lines = read_lines(path, options.sample)
+    return read_table(path, read_lines(path, options.sample), options)
+
+
+def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table from its lines; errors as of `read_wide_csv`.
+
+    Parameters
+    ----------
+    path, options
+        As there.
+    lines : Lines
+        Of the table.
+    """
     head = find_head([line for _, line in islice(lines.numbered(), HEAD_LINES)])
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
+    if head.mixed:
+        what = f"rows of several people take turns, by the column {head.mixed}; write a file for each of them"
+        raise FormatError(path, head.n_lines, what)
     if not head.bodies and head.notices:
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
     chosen, are_bodies = _chosen(head, options)
     wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-    rows, stamps = _numbers_of(path, lines, head, wanted, options)
+    flags = [body.flag for body in chosen if body.flag is not None]
+    rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options)
+    rows = _seen(rows, chosen, head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
     return _take(path, rows, chosen, head, stamps, options)
@@ -113,6 +127,8 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
     elif angled:
         names = ", ".join(body.name for body in angled[:8])
         head.notices.append(f"rotations other than unit quaternions are left out: {names}")
+    kinds = [len(body.columns(turned=True)) for body in turned]
+    turned = [body for body, kind in zip(turned, kinds, strict=True) if kind == kinds[0]]
     points = [body for body in head.bodies if body not in turned]
     are_bodies = bool(turned) and (options.bodies or not points)
     if are_bodies and points:
@@ -132,17 +148,16 @@ def _numbers_of(
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
-    numbers = _unquoted(_until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = _padded(numbers, len(lines), head)
+    numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
+    whole = with_seconds(in_order(padded_rows(numbers, len(lines), head), head), head)
     rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
     if not times:
         return rows, None
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
-        few = islice(_unquoted(lines.numbered(first), head.delimiter, least), options.sample.most)
-        stamps = parse_rows(
-            path, _padded(few, len(lines), replace(head, notices=[])), head.n_cells, head.delimiter, times
-        )[:, 0]
+        few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
+        some = with_seconds(padded_rows(few, len(lines), replace(head, notices=[])), head)
+        stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.second)
 
@@ -161,6 +176,21 @@ def since_first(times: Floats, second: float) -> Floats:
         return (times - times[:1]) * (second or 1.0)
 
 
+def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
+    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, is 0."""
+    flagged = np.array([body.flag is not None for body in chosen])
+    numbers, flags = np.split(rows, [rows.shape[1] - int(flagged.sum())], axis=1)
+    unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
+    unseen[:, flagged] = flags == 0.0
+    if not unseen.any() or not np.isin(flags[np.isfinite(flags)], (0.0, 1.0)).all():
+        return numbers
+    points = numbers.reshape(len(rows), len(chosen), -1).copy()
+    points[unseen] = np.nan
+    positions = counted(int(unseen.sum()), "position is", "positions are")
+    notices.append(f"{positions} unseen, as the columns of flags say")
+    return points.reshape(numbers.shape)
+
+
 def _take(
     path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Floats | None, options: Options
 ) -> Trajectories | PointCloud | Poses:
@@ -169,34 +199,10 @@ def _take(
     if numbers.shape[2] == len(AXES) * 2:
         first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
+    elif numbers.shape[2] == len(AXES) * 4:
+        numbers = with_quaternions_of_matrices(path, numbers)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     return replace(take, notices=(*head.notices, *take.notices))
-
-
-def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
-    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles; says what is assumed.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (n_frames, n_bodies, 6)
-        Places, and angles about x, y and z.
-    usual : str
-        How such angles turn a body where the user does not state another order.
-    unit : str
-        Of the angles, empty if the file names none.
-    options : Options
-        `angle_order` counts.
-    notices : list of str
-        Gets sentences.
-    """
-    order = usual if options.angle_order == AUTO else options.angle_order
-    turned = "rotation vectors" if order == ROTATION_VECTOR else "R = " + " ".join(f"R{axis}" for axis in order)
-    stated = (
-        "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
-    )
-    notices.append(f"angles of bodies are taken as {turned}{stated}")
-    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
-    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
 
 
 def take_from_table(
@@ -245,9 +251,7 @@ def _factor_and_rate(
 ) -> tuple[float, float]:
     """Return mm per unit and the frame rate, as stated, measured or assumed; what is assumed is noticed."""
     stated = options.recorded_unit if options.recorded_unit != AUTO else unit
-    assumed: list[str] = []
-    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, assumed)
-    notices += [f"{notice}; `--recorded-unit` states another" for notice in assumed]
+    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = _rate_of_times(times, notices)
@@ -272,41 +276,6 @@ def _rate_of_times(times: Floats, notices: list[str]) -> float:
             notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
             return rate
     return AS_RECORDED_RATE
-
-
-def _until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield the lines up to one that begins with a word behind a blank one: Mokka writes analogue data there."""
-    last, counts = 0, False
-    for number, line in numbered:
-        first = line.split(head.delimiter, 1)[0].strip()
-        if counts and last < number - 1 and first and not is_number(first):
-            head.notices.append(f"another table, which begins in line {number}, is left out")
-            return
-        last, counts = number, bool(first) and is_number(first)
-        yield number, line
-
-
-def _padded(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with as many cells as titles, those that end earlier padded; the last, if it does, is left out."""
-    padded = 0
-    for number, line in numbered:
-        missing = head.n_cells - 1 - line.count(head.delimiter) if head.delimiter else 0
-        if missing > 0 and number == n_lines and not line.endswith(str(head.delimiter)):
-            head.notices.append(f"line {number}, the last, is cut off and left out")
-            break
-        padded += missing > 0
-        yield number, line + str(head.delimiter) * missing
-    if padded:
-        rows = counted(padded, "row ends", "rows end")
-        head.notices.append(f"{rows} before the last column; what has no cells is unseen there")
-
-
-def _unquoted(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:
-    """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out."""
-    parting = delimiter or " "
-    for number, line in lines:
-        if line.strip(parting + " ") or 0 < least <= len(line):
-            yield number, QUOTED.sub(lambda cell: cell[1].replace(parting, " "), line) if '"' in line else line
 
 
 def _is_wide(head: bytes, path: Path) -> bool:

@@ -104,6 +104,7 @@ _TEXTS = (
     "nexus",
     "mvnx",
     "wide-csv",
+    "vector-csv",
     "poses-csv",
     "classic-xml",
     "tidy-csv",
@@ -115,9 +116,10 @@ _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 MORE_SEEDS = {
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
-    "numpy": ("numpy.npz",),
-    "qualisys-mat": ("packed.mat",),
-    "wide-csv": ("angles.csv",),
+    "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
+    "qualisys-mat": ("packed.mat", "struct.mat"),
+    "wide-csv": ("angles.csv", "flags.csv"),
+    "vector-csv": ("vectors.sto",),
 }
 """Further sound files of a format."""
 
@@ -192,7 +194,13 @@ def _tables(folder: Path, take: Trajectories) -> None:
     held = {"Frames": take.n_frames, "FrameRate": take.rate, "Trajectories": {"Labeled": labeled}}
     savemat(folder / "qualisys-mat.mat", {"walk": held})
     savemat(folder / "packed.mat", {"walk": held}, do_compression=True)
-    for name in ("qualisys-mat.mat", "packed.mat"):  # the header holds the time
+    points = dict(zip(take.names, take.positions.swapaxes(0, 1), strict=True))
+    savemat(
+        folder / "struct.mat", {"markers": points, "info": {"freq": 100.0, "who": np.array(["a", "b"], dtype=object)}}
+    )
+    np.savez(folder / "turned.npz", points=take.positions.transpose(2, 1, 0), labels=take.names, rate=take.rate)
+    np.savez(folder / "poses.npz", poses=np.tile(np.eye(4), (N_FRAMES, 3, 1, 1)))
+    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat"):  # the header holds the time
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
@@ -276,6 +284,12 @@ _TEXT_SEEDS = {
     "1,0,10,20,30,1.5,2.5,3.5\n2,0,11,21,31,1.6,2.6,3.6\n3,0,,,,,,\n",
     "angles.csv": "t,a_x,a_y,a_z,a_roll,a_pitch,a_yaw,b_x,b_y,b_z,b_roll,b_pitch,b_yaw\n"
     "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
+    "flags.csv": "time,id,a_x,a_y,a_z,a_valid,r11,r12,r13,r21,r22,r23,r31,r32,r33,b_tx,b_ty,b_tz\n"
+    "12:00:00.00,1,1.5,2.5,3.5,1,1,0,0,0,1,0,0,0,1,4,5,6\n12:00:00.02,1,1.6,2.6,3.6,0,1,0,0,0,1,0,0,0,1,4,5,6\n",
+    "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
+    '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
+    "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
+    "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"

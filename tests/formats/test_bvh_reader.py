@@ -131,6 +131,13 @@ def test_frame_time_is_a_whole_rate_where_its_digits_allow(written, text, rate):
     assert read_motion(written(ODD_ORDERS.replace("0.008333", text)), unit="mm").rate == rate
 
 
+@pytest.mark.parametrize(("text", "rate"), [("30", 30.0), ("29.97", 29.97), ("8.3333", 120.0), ("33.333", 30.0)])
+def test_frame_time_that_is_a_rate_or_in_ms_is_read_as_such_and_noticed(written, text, rate):
+    motion = read_motion(written(ODD_ORDERS.replace("0.008333", text)), unit="mm")
+    assert motion.rate == rate
+    assert any(f"the frame time {float(text):g} is taken as" in notice for notice in motion.notices)
+
+
 def test_rate_can_be_stated(written):
     assert read_motion(written(), rate=24.0).rate == 24.0
 

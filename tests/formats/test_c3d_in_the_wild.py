@@ -122,6 +122,13 @@ def test_broken_parameters_before_the_labels_are_refused(refused, put):
     assert "type 77" in refused(put("broken.c3d", bytes(content)))
 
 
+def test_unit_can_be_stated_where_the_file_names_none(put):
+    path = put("none.c3d", replace(PLAIN, unit="").content)
+    assumed, stated = read_take(path), read_take(path, recorded_unit="cm")
+    np.testing.assert_allclose(stated.positions, assumed.positions * 10)
+    assert any("`--recorded-unit` states another" in notice for notice in assumed.notices)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("mete", 1000.0), ("mete\0\0", 1000.0), ("mill", 1.0), ("cent", 10.0)])
 def test_units_that_did_not_fit_their_field(put, unit, factor):
     take = read_take(put("unit.c3d", replace(PLAIN, unit=unit).content))

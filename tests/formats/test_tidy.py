@@ -100,3 +100,20 @@ def test_rows_with_angles_are_bodies(put):
     take = read_take(put("bodies.csv", content))
     np.testing.assert_allclose(take.world_from_body[2, 1, :2, 0], [0, 1], atol=1e-12)
     np.testing.assert_allclose(read_take(put("bodies.csv", content)).world_from_body[2, 1, :2, 3], [102.0, 10.0])
+
+
+def test_single_body_with_a_rotation_is_read(put):
+    take = read_take(put("one.csv", "time,x,y,z,qx,qy,qz,qw\n" + "".join(f"0.0{f},1,2,3,0,0,0,1\n" for f in range(3))))
+    assert (take.names, take.rate, take.n_frames) == (("body",), 100.0, 3)
+
+
+def test_bodies_that_nothing_tells_apart_are_refused_where_some_are_missing(refused, put):
+    rows = "".join(f"{f},1,2,3,0,0,0,1\n" for f in (0, 0, 1))
+    assert "no column says which" in refused(put("some.csv", f"frame,x,y,z,qx,qy,qz,qw\n{rows}"))
+
+
+def test_comments_may_stand_above_the_titles_and_rows_that_repeat_a_point_are_told(put):
+    content = "# made by a simulator\n" + table("tick,rb_id,x,y,z", "{0},{1},{2},{3},{4}", [*ROWS, ROWS[0]])
+    take = read_take(put("points.csv", content))
+    assert (take.names, take.n_frames) == (("knee", "ankle"), 3)
+    assert any("1 row is of a point that its frame has already" in notice for notice in take.notices)

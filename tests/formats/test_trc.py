@@ -253,3 +253,12 @@ def test_blanks_may_part_frame_number_and_time(put, text, walk):
     lines[6:] = [line.replace("\t", "      ", 1) for line in lines[6:]]
     take = read_take(put("blanks.trc", "\n".join(lines)))
     np.testing.assert_array_equal(take.positions, walk.positions)
+
+
+def test_unit_can_be_stated_where_the_file_names_none(edited, text, walk):
+    take = read_take(edited("none.trc", text, "\tmm\t", "\t\t"), recorded_unit="cm")
+    np.testing.assert_allclose(take.positions, walk.positions * 10)
+    assert not any("length unit" in notice for notice in take.notices)
+    np.testing.assert_array_equal(
+        read_take(edited("mm.trc", text, "", ""), recorded_unit="cm").positions, walk.positions
+    )

@@ -380,3 +380,10 @@ def test_names_that_stand_in_cells_are_those_of_the_points(put):
     text = f"%time,{titles}\n" + "".join(f"{t}0000000,LASI,1,2,3,RASI,4,5,6\n" for t in (10, 12))
     take = read_take(put("ros.csv", text))
     assert (take.names, take.rate) == (("LASI", "RASI"), 50.0)
+
+
+def test_quoted_titles_may_hold_what_parts_cells(put):
+    titles = ",".join(f'"{name}, left_{axis}"' for name in ("knee", "hip") for axis in "xyz")
+    take = read_take(put("quoted.csv", f"__time,{titles}\n0,1,2,3,400,500,600\n0.01,1,2,3,400,500,600\n"))
+    assert (take.rate, take.names) == (100.0, ("knee  left", "hip  left"))
+    np.testing.assert_array_equal(take.positions[0, 1], [400, 500, 600])

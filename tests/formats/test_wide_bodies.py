@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from skelgen_formats.registry import read_take
+from skelgen_formats.registry import read_take, write_file
 
 
 def two_rows(titles: str, cells: str) -> str:
@@ -114,3 +114,47 @@ def test_angles_are_left_out_where_points_are_asked_for(put):
 def test_angles_beside_places_are_no_points(put):
     text = "Rx,Ry,Rz,a_tx,a_ty,a_tz,a_rx,a_ry,a_rz,b_x,b_y,b_z\n" + "9,8,7,100,200,300,1,2,3,400,500,600\n" * 2
     assert read_take(put("angles.csv", text)).names == ("a", "b")
+
+
+def test_orders_in_which_bodies_do_not_jump_are_named(put):
+    """A body turns through gimbal lock of z-x-y, which its angles are about, though their columns are x, y, z."""
+    times = np.linspace(0, 10, 1000)[:, np.newaxis]
+    turned = Rotation.from_rotvec(3.0 * np.sin(times * [0.7, 1.4, 2.1] + [0, 1, 2]))
+    angles = turned.as_euler("ZXY")[:, [1, 2, 0]].tolist()
+    titles = ",".join(f"{name}_{axis}" for name in ("thigh", "shank") for axis in ("x", "y", "z", "rx", "ry", "rz"))
+    rows = [",".join(["1,2,3", *map(str, angle), "4,5,6,0,0,0"]) for angle in angles]
+    path = put("jump.csv", f"{titles}\n" + "\n".join(rows))
+    assert any(notice.endswith("smoothly with `--angle-order zxy`") for notice in read_take(path).notices)
+    assert not any("smoothly" in notice for notice in read_take(path, angle_order="zxy").notices)
+
+
+@pytest.mark.parametrize("cell", ["_r{0}{1}", "_R[{0}][{1}]", "_rot_{0}_{1}", " mat({0},{1})"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_matrices_in_columns_turn_bodies(put, cell, first):
+    cells = [cell.format(row, column) for row in range(first, first + 3) for column in range(first, first + 3)]
+    titles = ",".join(f'"{name}{end}"' for name in ("thigh", "shank") for end in ("_x", "_y", "_z", *cells))
+    row = "1,2,3,0,-1,0,1,0,0,0,0,1,4,5,6,0,0,0,0,0,0,0,0,0\n"
+    take = read_take(put("matrices.csv", f"{titles}\n{row}{row.replace('0,0,0,0,0,0,0,0,0', '1,0,0,0,1,0,0,0,1')}"))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
+    assert np.isnan(take.world_from_body[:, 1, 0, 0]).tolist() == [True, False]
+
+
+def test_poses_of_limbs_that_skelgen_wrote_as_a_table_come_back(make_project, tmp_path):
+    project = make_project(n_frames=5)
+    paths = write_file(project, tmp_path / "walk.table.csv")
+    take = read_take(next(path for path in paths if ".limbs." in path.name))
+    assert set(take.names) == {*project.skeleton.limb_names}
+    order = [take.names.index(name) for name in project.skeleton.limb_names]
+    np.testing.assert_allclose(take.world_from_body[:, order], project.motion.world_from_limb, atol=1e-6)
+
+
+def test_matrix_without_a_name_belongs_to_the_place_beside_it(put):
+    cells = ",".join(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+    take = read_take(put("one.csv", f"time,{cells},tx,ty,tz\n" + "0,0,-1,0,1,0,0,0,0,1,1,2,3\n" * 2))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, :], [[0, -1, 0, 1000], [1, 0, 0, 2000]], atol=1e-9)
+
+
+def test_axes_of_a_body_without_its_position_are_no_points(refused, put):
+    content = "X1,X2,X3,Y1,Y2,Y3,Z1,Z2,Z3\n" + "0.6,-0.8,0,0.8,0.6,0,0,0,1\n" * 2
+    assert "axes of a body without its position" in refused(put("axes.csv", content))
+    assert read_take(put("points.csv", content.replace("0.6,-0.8", "0.6,-0.9"))).names == ("1", "2", "3")

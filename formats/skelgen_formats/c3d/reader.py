@@ -45,7 +45,7 @@ from skelgen_formats.markers import (
     take_from_markers,
     zeros_unseen,
 )
-from skelgen_formats.options import ALL_POINTS, MARKERS
+from skelgen_formats.options import ALL_POINTS, AUTO, MARKERS
 
 _OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS", "USERMOS")
 _MASS = re.compile(r"\w*Cent(re|er)Of(Mass|Gravity)(Floor)?")
@@ -61,7 +61,11 @@ class _Points(NamedTuple):
 
 
 def read_c3d(
-    path: Path, points: str = MARKERS, bodies: bool = False, sample: Sample | None = None
+    path: Path,
+    points: str = MARKERS,
+    bodies: bool = False,
+    sample: Sample | None = None,
+    recorded_unit: str = AUTO,
 ) -> Trajectories | PointCloud | Poses:
     """Read the points of a C3D file.
 
@@ -75,6 +79,8 @@ def read_c3d(
         Whether segments with rotations are read although there are points.
     sample : Sample, optional
         Some frames only, where the file says how many there are.
+    recorded_unit : str
+        Unit of lengths where the file names none; `AUTO` tells it by their size.
 
     Returns
     -------
@@ -109,7 +115,8 @@ def read_c3d(
         some = counted(generated, "position is", "positions are") if whole else "some positions are"
         notices.append(f"{some} marked as computed (residual 0), and taken as if measured")
     kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
-    factor = _mm_per_unit(path, layout, kept, notices)
+    units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
+    factor = mm_per_unit(path, "POINT:UNITS", units[0]) if units else assumed_mm_per_unit(kept, notices, recorded_unit)
     if kept is read.positions:
         return take_from_markers(path, scaled(path, kept, factor), names, layout.rate, notices, left_out)
     computed = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
@@ -204,13 +211,6 @@ def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
             f"{counted(found, 'frame was', 'frames were')} read as the header says, although POINT:FRAMES says "
             f"{stated_frames:g}"
         )
-
-
-def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list[str]) -> float:
-    units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
-    if units:
-        return mm_per_unit(path, "POINT:UNITS", units[0])
-    return assumed_mm_per_unit(positions, notices)
 
 
 _WORDS = 17  # per pose: a matrix and how reliable it is

@@ -1,0 +1,218 @@
+"""Which of several named arrays holds the positions, and which of its axes are frames, points and coordinates.
+
+Positions are an array with an axis of three (or of four, the last all ones, as ezc3d has them), an array for each
+point, or for each of x, y and z, or rows of all coordinates beside the points' names. Frames are along the axis that
+has not as many entries as there are names; without names they are first, unless these are fewer than the points and
+positions change far less from point to point.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import FormatError
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.bodies import with_quaternions_of_matrices
+from skelgen_formats.options import Options
+from skelgen_formats.turn_titles import AXES
+from skelgen_formats.wide import take_from_table
+
+_POSITIONS = ("positions", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
+_NAMES = (
+    *("names", "labels", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames", "keypointnames"),
+    "markers",
+)
+_RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")
+_TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
+_BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
+_SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
+_SMOOTHER = 0.25  # of the changes along the other axis: frames follow each other, points need not
+_LOOKED_AT = 256  # frames and points whose changes are compared
+_POSE, _UNIT_TOLERANCE = 7, 1e-3  # numbers of a place and a quaternion; of the length of these
+_FEWEST = 2  # points in arrays of their own
+
+Arrays = Mapping[str, NDArray[Any]]
+"""Arrays of numbers and texts by name."""
+
+
+NO_POINTS = "no array of the shape (frames, points, 3); reshape the positions, and save them"
+"""What an error says of arrays that hold no points, if the format has no other words."""
+
+
+def take_from_arrays(
+    path: Path, arrays: Arrays, options: Options, otherwise: str = NO_POINTS
+) -> Trajectories | PointCloud | Poses:
+    """Return the take that arrays hold.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    arrays : mapping of str to ndarray
+        What is in it; an array without a name has the empty one.
+    options : Options
+        `points`, `recorded_rate`, `recorded_unit` and `sample` count.
+    otherwise : str
+        What an error says if there are no points.
+
+    Raises
+    ------
+    FormatError
+        If none of them, or several, may be positions.
+    """
+    notices: list[str] = []
+    numbers, names = _bodies(path, arrays) or _positions(path, arrays, notices, otherwise)
+    if options.sample:
+        numbers = numbers[options.sample.of(np.arange(len(numbers)))]
+    rate = _number(arrays, _RATES)
+    times = next((one for one in _called(arrays, _TIMES) if one.shape == numbers.shape[:1]), None)
+    if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
+        times = np.arange(len(numbers)) / rate
+    times = None if times is None or times.dtype.kind not in "fiu" else times.astype(np.float64)
+    unit = next((str(one) for one in _called(arrays, _UNITS) if one.ndim == 0), "")
+    take = take_from_table(path, numbers, names, times, options, unit)
+    return replace(take, notices=(*notices, *take.notices))
+
+
+def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> tuple[NDArray[Any], list[str]]:
+    """Return positions, shape (n_frames, n_points, 3), and the names of points."""
+    fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
+    named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
+    if fitting and not named and len(fitting) > 1:
+        raise FormatError(
+            path, "", f"several arrays of points: {', '.join(fitting)[:100]}; call the right one positions"
+        )
+    if not fitting:
+        return _joined(path, arrays, otherwise)
+    key = (named or [*fitting])[0]
+    names = _texts(arrays, key)
+    positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
+    if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):
+        what = f"{len(names)} names, and an array {key} of the shape {fitting[key].shape}; (frames, points, 3) belongs"
+        raise FormatError(path, "", what)
+    if positions.shape[:2] != fitting[key].shape[:2]:
+        n_frames, n_points = positions.shape[:2]
+        notices.append(
+            f"the array of the shape {fitting[key].shape} is taken as {n_frames} frames of {n_points} points"
+        )
+    return positions, _filled(names, positions.shape[1], "point")
+
+
+def _is_of_points(array: NDArray[Any]) -> bool:
+    shape = array.shape[1:] if array.ndim == 4 and len(array) == 1 else array.shape
+    if len(shape) != len(AXES) or array.dtype.kind not in "fiu" or _are_poses(array):
+        return False
+    return 3 in shape or _of_ones(array.reshape(shape)) is not None
+
+
+def _are_poses(array: NDArray[Any]) -> bool:
+    """Whether there are matrices of poses or rotations, or places with quaternions, which have unit length."""
+    if array.dtype.kind != "f" or not array.size:
+        return False
+    with np.errstate(over="ignore", invalid="ignore"):
+        if array.shape[-2:] == (3, 3):
+            first = array.reshape(-1, 3, 3)[0].astype(np.float64)
+            return bool(np.abs(first @ first.T - np.eye(3)).max() < _UNIT_TOLERANCE)
+        if array.shape[-1] != _POSE:
+            return array.shape[-2:] == (4, 4)
+        lengths = np.linalg.norm(array[..., len(AXES) :].astype(np.float64), axis=-1)
+    return bool(np.abs(np.nanmedian(lengths) - 1.0) < _UNIT_TOLERANCE) if np.isfinite(lengths).any() else False
+
+
+def _of_ones(array: NDArray[Any]) -> int | None:
+    """Return the axis of four, of which the last number is 1 throughout, or unseen; None if there is none."""
+    for axis in (2, 0, 1):
+        if array.shape[axis] == len(AXES) + 1 and array.size:
+            last = array.take(len(AXES), axis=axis)
+            if ((last == 1) | (last != last)).all():  # noqa: PLR0124 - NaN
+                return axis
+    return None
+
+
+def _with_xyz_last(array: NDArray[Any]) -> NDArray[Any]:
+    array = array[0] if array.ndim == 4 else array
+    if 3 not in array.shape:
+        return np.moveaxis(array, _of_ones(array) or 0, 2)[:, :, : len(AXES)]
+    return np.moveaxis(array, next(axis for axis in (2, 0, 1) if array.shape[axis] == len(AXES)), 2)
+
+
+def _with_frames_first(positions: NDArray[Any], n_names: int) -> NDArray[Any]:
+    """Return positions with frames along their first axis, by the number of names, else by how they change."""
+    first, second = positions.shape[:2]
+    if n_names in (first, second) and first != second:
+        return positions if n_names == second else positions.swapaxes(0, 1)
+    few = positions[:_LOOKED_AT, :_LOOKED_AT].astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        along = [np.abs(np.diff(few, axis=axis)) for axis in (0, 1)]
+    changes = [float(np.median(one[np.isfinite(one)])) if np.isfinite(one).any() else 0.0 for one in along]
+    return positions.swapaxes(0, 1) if first < second and changes[1] < _SMOOTHER * changes[0] else positions
+
+
+def _joined(path: Path, arrays: Arrays, otherwise: str) -> tuple[NDArray[Any], list[str]]:
+    """Return positions that stand in several arrays, or in rows beside the names of their points."""
+    numbers = {key: array for key, array in arrays.items() if array.dtype.kind in "fiu" and array.ndim == 2}
+    axes = [next((array for key, array in numbers.items() if key.lower() == axis), None) for axis in AXES]
+    x, y, z = axes
+    if x is not None and y is not None and z is not None and x.shape == y.shape == z.shape:
+        return np.stack([x, y, z], axis=2), _filled(_texts(arrays, ""), x.shape[1], "point")
+    names = _texts(arrays, "")
+    for array in numbers.values():
+        if len(names) >= _FEWEST and array.shape[1] == len(names) * len(AXES):
+            return array.reshape(len(array), len(names), len(AXES)), names
+    points = {
+        key: array if array.shape[1] == len(AXES) else array.T for key, array in numbers.items() if 3 in array.shape
+    }
+    if set(arrays) >= _BODY_MODEL:
+        what = "holds angles of a body model (AMASS, SMPL), no points; write the joints or some vertices that the model"
+        raise FormatError(path, "", f"{what} gives for them as .npy, (frames, points, 3), or take the markers' C3D")
+    if len(points) >= _FEWEST and len({array.shape for array in points.values()}) == 1:
+        return np.stack([*points.values()], axis=1), [*points]
+    held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
+    raise FormatError(path, "", f"{otherwise}; arrays are {held}"[:280])
+
+
+def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
+    """Return places and quaternions of the only array of poses, shape (n_frames, n_bodies, 4, 4), and names, if any."""
+    fitting = [
+        one for one in arrays.values() if one.dtype.kind == "f" and one.ndim in (3, 4) and one.shape[-2:] == (4, 4)
+    ]
+    if len(fitting) != 1 or any(map(_is_of_points, arrays.values())):
+        return None
+    poses = fitting[0].astype(np.float64).reshape(len(fitting[0]), -1, 4, 4)
+    turns = poses[..., :3, :3].reshape(*poses.shape[:2], 9)
+    numbers = with_quaternions_of_matrices(path, np.concatenate([poses[..., :3, 3], turns], axis=2))
+    return numbers, _filled(_texts(arrays, ""), poses.shape[1], "body")
+
+
+def _plain(key: str) -> str:
+    return key.lower().replace("_", "")
+
+
+def _called(arrays: Arrays, names: Sequence[str]) -> Iterator[NDArray[Any]]:
+    """Yield the arrays of these names, in their order."""
+    return (array for name in names for key, array in arrays.items() if _plain(key) == name)
+
+
+def _texts(arrays: Arrays, key: str) -> list[str]:
+    """Return the names of points, empty if there are none."""
+    others = {name: array for name, array in arrays.items() if name != key}
+    found = (one for one in _called(others, _NAMES) if one.dtype.kind in "US" and one.ndim == 1)
+    texts = next(found, np.array([], dtype=np.str_)).tolist()
+    return [text.decode("latin-1") if isinstance(text, bytes) else str(text) for text in texts]
+
+
+def _filled(names: Sequence[str], count: int, kind: str) -> list[str]:
+    """Return names for all, numbered ones where there are none."""
+    fitting = names if len(names) == count else [""] * count
+    return [name.strip() or f"{kind} {number}" for number, name in enumerate(fitting, start=1)]
+
+
+def _number(arrays: Arrays, names: Sequence[str]) -> float | None:
+    found = (one for one in _called(arrays, names) if one.size == 1 and one.dtype.kind in "fiu")
+    return next((float(one.reshape(())) for one in found), None)

@@ -1,0 +1,113 @@
+"""Rows of tables as scripts write them: quoted, too short, followed by another table, with times of a clock."""
+
+import contextlib
+import math
+from collections.abc import Iterable, Iterator
+
+from skelgen.progress import counted
+from skelgen_formats.table_heads import Head
+from skelgen_formats.text import is_number, seconds_of, unquoted
+
+
+def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield the lines up to one that begins with a word behind a blank one: Mokka writes analogue data there.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        From `Lines.numbered`.
+    head : Head
+        Of the table; gets a notice.
+    """
+    last, counts = 0, False
+    for number, line in numbered:
+        first = line.split(head.delimiter, 1)[0].strip()
+        if counts and last < number - 1 and first and not is_number(first):
+            head.notices.append(f"another table, which begins in line {number}, is left out")
+            return
+        last, counts = number, bool(first) and is_number(first)
+        yield number, line
+
+
+def padded_rows(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with as many cells as titles, those that end earlier padded; the last, if it does, is left out.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        From `Lines.numbered`.
+    n_lines : int
+        Of the file.
+    head : Head
+        Of the table; gets notices.
+    """
+    padded = 0
+    for number, line in numbered:
+        missing = head.n_cells - 1 - line.count(head.delimiter) if head.delimiter else 0
+        if missing > 0 and number == n_lines and not line.endswith(str(head.delimiter)):
+            head.notices.append(f"line {number}, the last, is cut off and left out")
+            break
+        padded += missing > 0
+        yield number, line + str(head.delimiter) * missing
+    if padded:
+        rows = counted(padded, "row ends", "rows end")
+        head.notices.append(f"{rows} before the last column; what has no cells is unseen there")
+
+
+def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:
+    """Yield the lines with numbers, without quotes and what parts cells within them; blank ones are left out.
+
+    Parameters
+    ----------
+    lines : iterable of (number, line)
+        From `Lines.numbered`.
+    delimiter : str or None
+        What parts cells.
+    least : int
+        Characters from which on a blank line is a row of empty cells; 0 if none is.
+    """
+    parting = delimiter or " "
+    for number, line in lines:
+        if line.strip(parting + " ") or 0 < least <= len(line):
+            yield number, unquoted(line, delimiter)
+
+
+def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with seconds for the dates and times of a clock in the column of times.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        With all cells.
+    head : Head
+        Of the table.
+    """
+    for number, line in numbered:
+        cells = line.split(head.delimiter) if head.times is not None and ":" in line else []
+        if head.times is not None and head.times < len(cells):
+            cells[head.times] = seconds_of(cells[head.times])
+        yield number, (head.delimiter or " ").join(cells) if cells else line
+
+
+def in_order(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines; where frame numbers go back, which they do where takes or people follow each other, say so once.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        With all cells.
+    head : Head
+        Of the table; gets a notice.
+    """
+    last, is_noticed = -math.inf, head.frames is None
+    for number, line in numbered:
+        if not is_noticed and head.frames is not None:
+            cells = line.split(head.delimiter, head.frames + 1)
+            with contextlib.suppress(ValueError, IndexError):
+                frame = float(cells[head.frames])
+                if frame < last:
+                    is_noticed = True
+                    what = "rows of several takes or people follow each other, and are taken as one"
+                    head.notices.append(f"frame numbers go back in line {number}: {what}")
+                last = frame
+        yield number, line

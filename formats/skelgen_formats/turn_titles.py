@@ -1,0 +1,155 @@
+"""Titles of columns with rotations: components of a quaternion, angles, cells of a matrix; `titles` shows them."""
+
+import re
+from collections.abc import Mapping
+
+from skelgen_formats.options import ROTATION_VECTOR
+
+AXES = "xyz"
+COMPONENTS = "wxyz"
+"""Of a unit quaternion, scalar first."""
+
+BETWEEN = r"[ _.:/-]"
+"""What stands between the name of a point and its axis, in a regular expression."""
+
+_TURN_WORD = rf"(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?"
+_QUATERNION = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
+_QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){BETWEEN}?([WXYZwxyz])")
+_QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNORECASE)
+_ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
+_NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
+_ABOUT_AXIS = re.compile(
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:euler|rotvec|{_TURN_WORD}|r){BETWEEN}?([xyz])", re.IGNORECASE
+)
+_MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
+_MATRIX = re.compile(
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-3])(?:\]\[|[ ,])?([0-3])[\])]?"
+    rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3]))",
+    re.IGNORECASE,
+)
+_SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
+_ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
+_NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
+
+
+def component_alone(title: str) -> str:
+    """Return the component, w, x, y or z, of a quaternion whose title has no name, such as ``qx``; else an empty text.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    name, component = quaternion_of(title) or ("", "")
+    return "" if name else component
+
+
+def cell_alone(title: str) -> str:
+    """Return the cell of a matrix whose title has no name, such as ``12`` of ``r12`` or ``R[1][2]``, or an empty text.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    name, cell = cell_of(title) or ("", "")
+    return "" if name else cell
+
+
+def angle_alone(title: str) -> tuple[str, str, str] | None:
+    """Return axis, order and unit of a title of an angle without a name, such as ``roll`` or ``Rx [deg]``, or None.
+
+    The order is empty where the columns tell it, the unit where the title names none.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    match = _ABOUT_AXIS.fullmatch(title.strip())
+    found = angle_of(title) or (("", match[2].lower(), "") if match and not match[1] else None)
+    return (found[1], order_by_words(title), found[2]) if found and not found[0] else None
+
+
+def cells_of(matrix: Mapping[str, int]) -> list[int]:
+    """Return the columns of the nine cells of a matrix, row by row; empty if one is missing.
+
+    Parameters
+    ----------
+    matrix : mapping of str to int
+        Column of each cell, such as ``12``, its row and column counted from 1 or 0.
+    """
+    for first in (1, 0):
+        keys = [f"{row}{column}" for row in range(first, first + 3) for column in range(first, first + 3)]
+        if matrix.keys() >= {*keys}:
+            return [matrix[key] for key in keys]
+    return []
+
+
+def order_of(angles: Mapping[str, int]) -> str:
+    """Return the axes of angles in the order of their columns, such as ``zyx``.
+
+    Parameters
+    ----------
+    angles : mapping of str to int
+        Column of each axis.
+    """
+    return "".join(sorted(angles, key=angles.__getitem__))
+
+
+def angle_of(title: str) -> tuple[str, str, str] | None:
+    """Return name, axis and unit of a title that is surely one of an angle, or None.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    named = _ANGLE_UNIT.fullmatch(title.strip())
+    text, unit = (named[1], named[2].lower().replace("°", "deg")) if named else (title.strip(), "")
+    if match := _NAVIGATED.fullmatch(text):
+        return match[1] or "", _ROLL_PITCH_YAW[match[2].lower()], unit
+    match = _ABOUT_AXIS.fullmatch(text)
+    is_sure = match is not None and (unit or _SURE_ANGLE.search(text))
+    return (match[1] or "", match[2].lower(), unit) if match and is_sure else None
+
+
+def order_by_words(title: str) -> str:
+    """Return how an angle turns a body by the usual meaning of its title, empty if the columns tell.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    if "rotvec" in title.lower():
+        return ROTATION_VECTOR
+    return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
+
+
+def cell_of(title: str) -> tuple[str, str] | None:
+    """Return the name, and row and column such as ``12``, of a title of a matrix's cell, or None.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    match = _MATRIX.fullmatch(title.strip())
+    return (match[1] or "", f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
+
+
+def quaternion_of(title: str) -> tuple[str, str] | None:
+    """Return name and component of a title of a quaternion's component, or None.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    text = title.strip()
+    if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
+        return match[1] or "", match[2].lower().replace("0", "w")
+    if match := _QUATERNION_FIRST.fullmatch(text):
+        return match[2], match[1].lower().replace("0", "w").replace("o", "w")
+    return None

@@ -1,0 +1,134 @@
+"""Tables whose cells are vectors: the storage of OpenSim with ``DataType=Vec3``, and what scripts write of lists.
+
+In OpenSim's files, behind a header that ends with ``endheader``, cells are parted by tabs, and hold ``0.1,0.2,0.3``. In
+others they hold ``(0.1, 0.2, 0.3)`` or ``[0.1 0.2 0.3]``, in quotes or not, below titles that are names of points. Each
+vector is spread over three columns, name_x, name_y, name_z, and the table is read as `skelgen_formats.wide` does.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from skelgen.errors import FormatError
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.table_heads import HEAD_LINES
+from skelgen_formats.text import is_number, unquoted
+from skelgen_formats.turn_titles import AXES
+from skelgen_formats.wide import read_table
+
+_END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", re.IGNORECASE)
+_VECTOR = re.compile(r"(?:array|Vector3?)?[\[(]{1,3}([^\[\]()]{0,200})[\])]{1,3}")
+_PARTING = re.compile(r"[,;\s]+")
+_DELIMITERS = ";\t,"
+_PATH_IN_NAME = re.compile(r"(?:.*/)?([^/|]+)(?:\|.*)?")  # of OpenSim's outputs: /markerset/LASI|location
+
+
+def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table of vectors.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : Options
+        `points`, `recorded_rate` and `recorded_unit` count.
+
+    Raises
+    ------
+    FormatError
+        If no column holds vectors, or a row is not as long as the titles.
+    """
+    lines = read_lines(path)
+    at = _first_row([lines[index] for index in range(min(len(lines), HEAD_LINES))])
+    if at is None:
+        raise FormatError(path, 1, "no cells with vectors such as (1.0, 2.0, 3.0) below titles were found")
+    names, delimiter = _titles(lines, at)
+    first = [_cells(line, delimiter) for line in lines[at : at + HEAD_LINES]]
+    sizes = [
+        max((len(row[column].split()) for row in first if column < len(row)), default=0) for column in range(len(names))
+    ]
+    are_vectors = [size == len(AXES) for size in sizes]
+    others = [name for name, size in zip(names, sizes, strict=True) if size > len(AXES)]
+    text = "\n".join(_spread(path, lines, at, delimiter, are_vectors))
+    take = read_table(path, Lines(path, text.encode(), "utf-8"), options)
+    left_out = [f"vectors of more than three numbers are left out: {', '.join(others[:8])}"] if others else []
+    return replace(take, notices=(*left_out, *take.notices))
+
+
+def _first_row(lines: Sequence[str]) -> int | None:
+    """Return the index of the first line with vectors, below a line of titles."""
+    for index, line in enumerate(lines):
+        if line.strip(",;\t ") == _END_OF_HEADER:
+            kinds = [match[1].lower() for match in map(_TYPE.fullmatch, lines[:index]) if match]
+            return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
+        if index and lines[index - 1].strip() and any(map(_is_vector, _VECTOR.findall(line))):
+            return index
+    return None
+
+
+def _is_vector(text: str) -> bool:
+    parts = _PARTING.split(text.strip())
+    return len(parts) == len(AXES) and all(map(is_number, parts))
+
+
+def _titles(lines: Sequence[str], at: int) -> tuple[list[str], str]:
+    """Return the names of columns, and what parts their cells: tabs in OpenSim's files."""
+    line = lines[at - 1]
+    is_storage = at > 1 and lines[at - 2].strip(",;\t ") == _END_OF_HEADER
+    delimiter = "\t" if is_storage else max(_DELIMITERS, key=line.count)
+    return [cell.strip().strip('"') for cell in unquoted(line, delimiter).split(delimiter)], delimiter
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a row; blanks part the numbers of a vector."""
+    if delimiter == "\t":
+        line = line.replace(",", " ")
+    plain = _VECTOR.sub(lambda vector: " ".join(_PARTING.split(vector[1].strip())), line)
+    return [cell.strip().strip('"') for cell in unquoted(plain, delimiter).split(delimiter)]
+
+
+def _spread(path: Path, lines: Lines, at: int, delimiter: str, are_vectors: Sequence[bool]) -> Iterator[str]:
+    """Yield the lines with three columns for each vector, parted by tabs; those above the titles as they are."""
+    for index in range(at - 1):
+        yield "" if lines[index].strip(",;\t ") == _END_OF_HEADER else lines[index]
+    names, _ = _titles(lines, at)
+    titled = [[f"{_plain(name)}_{axis}" for axis in AXES] for name in names]
+    yield "\t".join(_row(titled, names, are_vectors))
+    for index in range(at, len(lines)):
+        cells = _cells(lines[index], delimiter)
+        if any(cells) and len(cells) != len(names):
+            raise FormatError(path, index + 1, f"{len(cells)} cells where {len(names)} belong; the file may be cut off")
+        unseen = [""] * len(AXES)
+        vectors = [cell.split() if len(cell.split()) == len(AXES) else unseen for cell in cells]
+        yield "\t".join(_row(vectors, cells, are_vectors)) if any(cells) else ""
+
+
+def _row(vectors: Sequence[list[str]], cells: Sequence[str], are_vectors: Sequence[bool]) -> list[str]:
+    """Return the cells of a row, vectors as three of them."""
+    every = zip(vectors, cells, are_vectors, strict=True)
+    return [part for vector, cell, is_vector in every for part in (vector if is_vector else [cell])]
+
+
+def _plain(name: str) -> str:
+    """Return the name of a point without the path of its component and the name of its output."""
+    match = _PATH_IN_NAME.fullmatch(name)
+    return match[1] if match else name
+
+
+def _has_vectors(head: bytes, path: Path) -> bool:
+    return _first_row(decoded_head(head).splitlines()[:HEAD_LINES]) is not None
+
+
+FORMAT = Format(
+    name="vector-csv",
+    title="Table of vectors",
+    suffixes=(".csv",),
+    holds="markers",
+    sniff=_has_vectors,
+    read=read_vectors,
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
+    note="A vector per cell: .sto of OpenSim with DataType=Vec3, or (1.0, 2.0, 3.0) as scripts write lists.",
+)

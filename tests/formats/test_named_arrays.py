@@ -1,0 +1,85 @@
+"""Arrays of points in .npz and .mat in other orders than (frames, points, 3): three points that move, in mm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from skelgen_formats.registry import read_take
+
+N_FRAMES = 40
+PLACES = np.array([[0.0, 0, 900], [300, 40, 500], [250, -70, 100], [20, 300, 700]])
+POSITIONS = PLACES + 50.0 * np.sin(np.arange(N_FRAMES) / 10)[:, np.newaxis, np.newaxis]
+NAMES = ["hip", "knee", "toe", "hand"]
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 0, 2), (2, 0, 1), (2, 1, 0), (1, 2, 0), (0, 2, 1)])
+def test_axes_may_stand_in_any_order(tmp_path, axes, named):
+    np.savez(tmp_path / "points.npz", points=POSITIONS.transpose(axes), **({"labels": NAMES} if named else {}))
+    take = read_take(tmp_path / "points.npz")
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert any("is taken as 40 frames of 4 points" in notice for notice in take.notices) == (axes != (0, 1, 2))
+
+
+def test_fourth_coordinate_of_ones_is_left_out(tmp_path):
+    """As ezc3d and pyomeca have points: x, y, z and 1, points, frames."""
+    points = np.concatenate([POSITIONS, np.ones((N_FRAMES, 4, 1))], axis=2).transpose(2, 1, 0)
+    np.savez(tmp_path / "points.npz", points=points, frequency=50.0)
+    take = read_take(tmp_path / "points.npz")
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert take.rate == pytest.approx(50.0)
+
+
+def test_points_may_have_arrays_of_their_own(tmp_path):
+    np.savez(tmp_path / "points.npz", **dict(zip(NAMES, POSITIONS.swapaxes(0, 1), strict=True)))
+    take = read_take(tmp_path / "points.npz")
+    assert list(take.names) == NAMES
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+
+
+def test_coordinates_may_have_arrays_of_their_own(tmp_path):
+    np.savez(tmp_path / "points.npz", **{axis: POSITIONS[:, :, index] for index, axis in enumerate("xyz")})
+    np.testing.assert_array_equal(read_take(tmp_path / "points.npz").positions, POSITIONS)
+
+
+def test_poses_are_bodies(tmp_path, refused):
+    poses = np.tile(np.eye(4), (N_FRAMES, 4, 1, 1))
+    poses[:, :, :3, 3] = POSITIONS
+    np.savez(tmp_path / "poses.npz", poses=poses, names=NAMES)
+    take = read_take(tmp_path / "poses.npz")
+    assert list(take.names) == NAMES
+    np.testing.assert_allclose(take.world_from_body, poses)
+    sevens = np.concatenate([POSITIONS[:, :3], np.tile([0, 0, 0, 1.0], (N_FRAMES, 3, 1))], axis=2)
+    np.save(tmp_path / "sevens.npy", sevens)
+    assert "no array of the shape" in refused(tmp_path / "sevens.npy")
+
+
+def test_rotations_alone_are_no_points(tmp_path, refused):
+    np.savez(tmp_path / "rotations.npz", R=np.tile(np.eye(3), (N_FRAMES, 1, 1)))
+    assert "no array of the shape" in refused(tmp_path / "rotations.npz")
+    np.savez(tmp_path / "both.npz", R=np.tile(np.eye(3), (N_FRAMES, 1, 1)), X=POSITIONS)
+    np.testing.assert_array_equal(read_take(tmp_path / "both.npz").positions, POSITIONS)
+    np.savez(tmp_path / "three.npz", poses=np.tile(np.eye(4), (3, 1, 1)))
+    assert read_take(tmp_path / "three.npz").names == ("body 1",)
+
+
+def test_names_that_fit_no_axis_are_told(tmp_path, refused):
+    np.savez(tmp_path / "points.npz", points=POSITIONS.transpose(2, 1, 0), names=NAMES[:3])
+    assert "3 names, and an array points" in refused(tmp_path / "points.npz")
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"markers": dict(zip(NAMES, POSITIONS.swapaxes(0, 1), strict=True)), "info": {"freq": 50.0}},
+        {"d": {"data": POSITIONS.reshape(N_FRAMES, -1), "markerName": np.array([NAMES], dtype=object).T, "freq": 50}},
+        {"points": POSITIONS.transpose(2, 1, 0), "labels": np.array(NAMES, dtype=object), "rate": 50.0},
+    ],
+    ids=("a field for each", "MoCap Toolbox", "an array"),
+)
+def test_structs_and_arrays_of_matlab_are_read(tmp_path, held):
+    savemat(tmp_path / "points.mat", held)
+    take = read_take(tmp_path / "points.mat")
+    assert (list(take.names), take.rate) == (NAMES, pytest.approx(50.0))
+    np.testing.assert_array_equal(take.positions, POSITIONS)

@@ -1,0 +1,71 @@
+"""Rows of tables that say more than positions: flags of what is seen, and whose row it is."""
+
+from __future__ import annotations
+
+import pytest
+from skelgen_formats.registry import read_take
+
+TITLES = "time,knee_x,knee_y,knee_z,{0},toe_x,toe_y,toe_z,{1}\n"
+
+
+@pytest.mark.parametrize(("first", "second"), [("knee_valid", "toe_valid"), ("1.V", "2.V")])
+def test_points_are_unseen_where_their_flag_is_0(put, first, second):
+    content = TITLES.format(first, second) + "0,1,2,3,1,4,5,6,1\n0.01,1,2,3,0,4,5,6,1\n"
+    take = read_take(put("flags.csv", content))
+    assert take.seen.tolist() == [[True, True], [False, True]]
+    assert "1 position is unseen, as the columns of flags say" in take.notices
+
+
+def test_columns_that_are_no_flags_hide_nothing(put):
+    content = TITLES.format("knee_v", "toe_v") + "0,1,2,3,0,4,5,6,0.5\n0.01,1,2,3,0.2,4,5,6,0\n"
+    assert read_take(put("speeds.csv", content)).seen.all()
+
+
+def test_row_of_a_tidy_table_is_unseen_where_its_flag_says_so(put):
+    content = "frame,marker,x,y,z,tracking_valid\n1,a,1,2,3,True\n1,b,1,2,4,False\n2,a,1,2,3,1\n2,b,1,2,4,1\n"
+    assert read_take(put("tidy.csv", content)).seen.tolist() == [[True, False], [True, True]]
+
+
+def test_rows_of_people_that_take_turns_are_refused(refused, put):
+    titles = "time,BodyID,knee_x,knee_y,knee_z,toe_x,toe_y,toe_z\n"
+    rows = "".join(f"0.0{frame},{body},1,2,3,4,5,6\n" for frame in range(3) for body in (7, 8))
+    assert "by the column BodyID; write a file for each" in refused(put("two.csv", titles + rows))
+    assert read_take(put("one.csv", titles + rows.replace(",8,", ",7,"))).n_frames == 6
+
+
+@pytest.mark.parametrize(
+    "times",
+    [("12:00:59.98", "12:01:00.00"), ("2024-05-06T12:00:59.98Z", "2024-05-06T12:01:00Z"), ("0.98", "1.00")],
+)
+@pytest.mark.parametrize("titles", ["time,a_x,a_y,a_z,b_x,b_y,b_z", "time,marker,x,y,z"])
+def test_times_of_a_clock_tell_the_rate(put, times, titles):
+    cells = ["1,2,3,4,5,6"] if "a_x" in titles else ["a,1,2,3", "b,4,5,6"]
+    rows = "".join(f"{time},{cell}\n" for time in times for cell in cells)
+    take = read_take(put("clock.csv", f"{titles}\n{rows}"))
+    assert (take.rate, take.names) == (pytest.approx(50.0), ("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("titles", "names"),
+    [
+        ("X,Y,Z,X.1,Y.1,Z.1", ("0", "1")),
+        ("hip_X7,hip_Y7,hip_Z7,toe_X8,toe_Y8,toe_Z8", ("hip", "toe")),
+        ("hip_x1,hip_x2,hip_y1,hip_y2,hip_z1,hip_z2", ("hip 1", "hip 2")),
+    ],
+    ids=("pandas", "TRC", "blocks"),
+)
+def test_titles_with_numbers_name_points(put, titles, names):
+    take = read_take(put("numbered.csv", f"{titles}\n1,2,3,4,5,6\n"))
+    assert take.names == names
+
+
+def test_points_of_several_people_are_told_apart_by_their_number(put):
+    rows = "".join(f"0.0{frame},{body},{joint},1,2,{body}\n" for frame in (0, 1) for body in (1, 2) for joint in "ab")
+    take = read_take(put("people.csv", f"time_seconds,body_id,joint_name,x,y,z\n{rows}"))
+    assert take.names == ("1_a", "1_b", "2_a", "2_b")
+
+
+def test_frame_numbers_that_go_back_are_told(put):
+    rows = "".join(f"{frame},1,2,3,4,5,6\n" for frame in (1, 2, 3, 1, 2, 3))
+    take = read_take(put("blocks.csv", f"frame_idx,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
+    assert sum("frame numbers go back in line 5" in notice for notice in take.notices) == 1

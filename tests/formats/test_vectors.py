@@ -1,0 +1,48 @@
+"""Tables whose cells are vectors: two points in two frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take, recognise
+
+STORAGE = """markers
+DataRate=50.000000
+DataType=Vec3
+Units=m
+endheader
+time\t/markerset/knee|location\t/markerset/toe|location
+0\t1,2,3\t4,5,6
+0.02\t1,2,3\tnan,nan,nan
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("storage.sto", STORAGE),
+        ("tuples.csv", 'time (s),knee,toe\n0,"(1, 2, 3)","(4, 5, 6)"\n0.02,"(1, 2, 3)",None\n'),
+        ("unity.csv", "time;knee;toe\n0;(1.0, 2.0, 3.0);(4.0, 5.0, 6.0)\n0.02;(1.0, 2.0, 3.0);\n"),
+        (
+            "arrays.csv",
+            "time,knee,toe,head\n0,[1. 2. 3.],[4. 5. 6.],[0 0 0 1]\n0.02,[1. 2. 3.],[nan nan nan],[0 0 0 1]\n",
+        ),
+    ],
+)
+def test_vectors_in_cells_are_points(put, name, content):
+    path = put(name, content)
+    take = read_take(path)
+    assert recognise(path).name == "vector-csv"
+    assert (take.names, round(take.rate, 9)) == (("knee", "toe"), 50.0)
+    np.testing.assert_array_equal(take.positions[0], [[1000, 2000, 3000], [4000, 5000, 6000]])
+    assert take.seen.tolist() == [[True, True], [True, False]]
+
+
+def test_vector_that_is_unseen_in_the_first_row_is_a_point(put):
+    content = "time;knee;toe\n0;None;(4, 5, 6)\n0.02;(1, 2, 3);(4, 5, 6)\n"
+    assert read_take(put("late.csv", content)).names == ("knee", "toe")
+
+
+def test_row_that_is_too_short_is_refused_with_its_line(refused, put):
+    message = refused(put("short.csv", "time;knee;toe\n0;(1, 2, 3);(4, 5, 6)\n0.02;(1, 2, 3)\n"))
+    assert message.startswith(":3: 2 cells where 3 belong")
