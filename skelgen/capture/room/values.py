@@ -1,7 +1,8 @@
 """What the steps of a capture by many cameras hand on."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -29,6 +30,27 @@ class FrameSet:
     time: float
     index: int
     dropped: int = 0
+
+
+class RoomSource(Protocol):
+    """What delivers sets of images; a context manager, iterated once."""
+
+    name: str
+    rate: float | None
+    cameras: tuple[str, ...]
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of sets; None if it does not end by itself."""
+
+    def __enter__(self) -> Self:
+        """Open files or cameras."""
+
+    def __exit__(self, *exception: object) -> None:
+        """Close them."""
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver the sets in the order of their times."""
 
 
 @dataclass(frozen=True, eq=False)

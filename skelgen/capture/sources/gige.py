@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
 from skelgen.errors import CaptureError
@@ -112,7 +112,7 @@ def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOpti
     """
     with _errors_in_words("the network"):
         found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
-    chosen = _named(found, addresses) if addresses else _only_two(found)
+    chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
 
@@ -150,14 +150,6 @@ def _named(found: list[Any], addresses: tuple[str, ...]) -> list[Any]:
             raise CaptureError(f"no GigE Vision camera answers at {address}; {_listed(found)}")
         chosen.append(fitting[0])
     return chosen
-
-
-def _only_two(found: list[Any]) -> list[Any]:
-    if len(found) == 1:
-        raise CaptureError(f"one camera is missing: {_listed(found)}, and a pair needs two")
-    if len(found) != 2:
-        raise CaptureError(f"{_listed(found)}; name left and right, as {_EXAMPLE}")
-    return found
 
 
 def _listed(found: list[Any]) -> str:
