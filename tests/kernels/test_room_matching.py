@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
-from skelgen.capture.room import PointMatcher, balls_at, find_points
+from skelgen.capture.room.points import PointMatcher, find_points
 from skelgen.capture.room.simulated import room_rig
+from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
 
 PLACES = np.array([[0.0, 0, 900], [400, -300, 1200], [-600, 200, 500], [30, 500, 1600]])

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
-from skelgen.capture.room import balls_at
 from skelgen.capture.room.calibrate import calibrate_wand, on_ground, point_covariances, room_grid
-from skelgen.capture.room.simulated import FRAME, WAND, blobs_of, frame_scene, room_rig, wand_scene
+from skelgen.capture.room.simulated import FRAME, WAND, frame_scene, room_rig, wand_scene
+from skelgen.capture.room.values import balls_at
 from skelgen.capture.room.wand_and_ground import check_wand, find_ground, find_wand
 from skelgen.errors import InputError
+from tests.benchmarks.unrendered import blobs_of
 
 N_FRAMES = 300
 NAMES = ("a", "b", "c")

@@ -7,10 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from skelgen.capture.room import balls_at
-from skelgen.capture.room.simulated import WAND, blobs_of, room_rig, wand_scene
+from skelgen.capture.room.simulated import WAND, room_rig, wand_scene
 from skelgen.capture.room.taking import WandTaking
+from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
+from tests.benchmarks.unrendered import blobs_of
 
 N_FRAMES = 300
 NAMES = ("a", "b", "c")

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.room import balls_at
 from skelgen.capture.room.recording import RoomRecording
-from skelgen.capture.room.simulated import blobs_of, person_scene, room_rig
+from skelgen.capture.room.simulated import person_scene, room_rig
+from skelgen.capture.room.values import balls_at
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import CameraRig
+from tests.benchmarks.unrendered import blobs_of
 
 N_FRAMES = 60
 EMPTY = balls_at(np.empty((0, 2)), 0.05)
