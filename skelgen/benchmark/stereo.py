@@ -28,7 +28,6 @@ WANTED = {"position": 0.25, "orientation": 0.3, "ball joint": 0.4, "hinge": 0.3}
 
 WANTED_AT = 1000.0  # mm
 WITHIN = 0.10  # of the prediction
-COVERED = (0.93, 0.97)  # part within the stated 95 %, of several thousand values
 
 _WITHIN_95 = 1.96  # standard deviations that hold 95 %
 _SEED = 6

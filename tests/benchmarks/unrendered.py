@@ -46,6 +46,22 @@ def blobs_of(
     return views, numbers
 
 
+def views_of_scene(scene: RoomScene, rig: CameraRig, seed: int = 0) -> list[list[Balls]]:
+    """Return the balls that all images of a scene show, frame by frame.
+
+    Parameters
+    ----------
+    scene : RoomScene
+        What moves.
+    rig : CameraRig
+        The cameras.
+    seed : int
+        Of their noise.
+    """
+    rng = np.random.default_rng(seed)
+    return [blobs_of(scene, frame, rig, rng)[0] for frame in range(scene.n_frames)]
+
+
 def _merged(centres: Floats, numbers: Ints, reach: float) -> tuple[Floats, Ints]:
     """Balls that are nearer to each other than this as one."""
     pairs = cKDTree(centres).query_pairs(reach, output_type="ndarray") if len(centres) > 1 else np.empty((0, 2), int)

@@ -302,16 +302,18 @@ def _without_motion(slopes: Floats, points: Floats) -> Floats:
     return np.asarray(slopes - basis @ (basis.T @ slopes))
 
 
-def room_grid(room: Floats, steps: int = 6) -> Floats:
-    """Return a grid of points in the middle of the volume in which points were, shape (steps^3, 3), mm.
+GRID_STEPS = 6
+"""Points along each side of `room_grid`."""
+
+
+def room_grid(room: Floats) -> Floats:
+    """Return a grid of points in the middle of the volume in which points were, shape (`GRID_STEPS`^3, 3), mm.
 
     Parameters
     ----------
     room : ndarray, shape (n, 3), mm
         Where it was.
-    steps : int
-        Points along each side.
     """
     low, high = np.quantile(room, 0.1, axis=0), np.quantile(room, 0.9, axis=0)
-    sides = [np.linspace(*pair, steps) for pair in zip(low, high, strict=True)]
+    sides = [np.linspace(*pair, GRID_STEPS) for pair in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)

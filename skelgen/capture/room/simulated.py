@@ -22,6 +22,8 @@ ROOM_RATE = 100.0
 
 _HEIGHTS = (2600.0, 1700.0)  # mm: cameras hang high and low in turn
 _LOOKED_AT = np.array([0.0, 0.0, 950.0])  # mm
+_SIDE = 4000.0  # mm, of the square that is seen
+_NOISE = 0.05  # px, of a ball's centre along one axis
 _FOCAL = 0.8  # of the width: 64 degrees across
 _LENS = np.array([-0.12, 0.06, 0.0008, -0.0006, 0.0])
 _SLOW, _TURNING = (0.15, 0.6), (0.1, 0.5)  # Hz
@@ -29,10 +31,8 @@ _WAVED = np.array([[1500.0, 1500.0, 750.0]])  # mm about the middle
 _COVERED = 0.2  # of curves within -1 .. 1: who waves stands between the wand and every third camera
 
 
-def room_rig(
-    n_cameras: int = 8, size: tuple[int, int] = (1280, 1024), *, side: float = 4000.0, noise: float = 0.05
-) -> CameraRig:
-    """Return cameras around a room, all looking at its middle.
+def room_rig(n_cameras: int = 8, size: tuple[int, int] = (1280, 1024)) -> CameraRig:
+    """Return cameras around a room of 4 x 4 m, all looking at its middle: the origin is on the floor, z points up.
 
     Parameters
     ----------
@@ -40,10 +40,6 @@ def room_rig(
         How many.
     size : tuple of int, px
         Width and height of their images.
-    side : float, mm
-        Of the square that is seen; its middle on the floor is the origin, z points up.
-    noise : float, px
-        Of a ball's centre along one axis.
     """
     width, height = size
     matrix = np.array([[_FOCAL * width, 0, width / 2 - 0.5], [0, _FOCAL * width, height / 2 - 0.5], [0, 0, 1.0]])
@@ -51,14 +47,14 @@ def room_rig(
     cameras = []
     for number in range(n_cameras):
         turn = 2 * np.pi * (number + 0.5) / n_cameras
-        place = np.array([np.cos(turn), np.sin(turn), 0.0]) * side * 0.85
+        place = np.array([np.cos(turn), np.sin(turn), 0.0]) * _SIDE * 0.85
         place[2] = _HEIGHTS[number % len(_HEIGHTS)]
         own = matrix.copy()
         own[[0, 1, 0, 1], [0, 1, 2, 2]] += rng.normal(scale=(6.0, 6.0, 8.0, 8.0))
         cameras.append(
             Camera(width, height, own, _LENS * rng.uniform(0.8, 1.2, 5), _looking(place), f"camera {number + 1}")
         )
-    return CameraRig(cameras, noise)
+    return CameraRig(cameras, _NOISE)
 
 
 def _looking(place: Floats) -> Floats:

@@ -305,7 +305,7 @@ def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
 
 
 def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name: str) -> Camera:
-    """A camera that is placed by wands that are (Hartley and Zisserman 2004, 7.1); its images may not be mirrored."""
+    """Place a camera by the wands whose places are known (Hartley and Zisserman 2004, 7.1); refuse mirrored images."""
     found = _resected_at(seen, bundle, size, 0)
     if found.off > SUSPICIOUS:
         late = min(range(-MOST_LATE, MOST_LATE + 1), key=lambda frames: _resected_at(seen, bundle, size, frames).off)

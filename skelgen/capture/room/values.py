@@ -106,7 +106,7 @@ class RoomPoints:
         return StereoPoints(self.points, self.covariance, numbers, numbers, noise * self.misfit, shared)
 
 
-def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:
+def balls_at(centres: Floats, std: float) -> Balls:
     """Return balls at known places, as a detection would find them.
 
     Parameters
@@ -115,12 +115,9 @@ def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:
         Where they are.
     std : float, px
         Standard deviation of a centre along one axis.
-    area : float, px
-        Of each ball.
     """
     n = len(centres)
-    area_of_each, brightness = np.full(n, area), np.full(n, 130.0 * area)
-    return Balls(centres, area_of_each, brightness, np.full(n, std), np.zeros(n, dtype=np.bool_))
+    return Balls(centres, np.full(n, 30.0), np.full(n, 3900.0), np.full(n, std), np.zeros(n, dtype=np.bool_))
 
 
 Views = Sequence[Balls]
