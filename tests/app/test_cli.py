@@ -21,14 +21,6 @@ from skelgen.model.project import STAGES
 
 
 @pytest.fixture
-def wave(waving, tmp_path, monkeypatch):
-    """The path of a take in an otherwise empty current folder."""
-    monkeypatch.chdir(tmp_path)
-    skelgen.write(waving, tmp_path / "wave.csm")
-    return "wave.csm"
-
-
-@pytest.fixture
 def done(wave, tmp_path):
     """The folder with everything that a run writes."""
     assert main(["run", wave, "-o", "out", "-q"]) == 0

@@ -101,6 +101,22 @@ def person(qtbot, window, monkeypatch):
 
 
 @pytest.fixture
+def active(qtbot, window):
+    """The window, and the keys going to it."""
+    window.activateWindow()
+    qtbot.waitUntil(window.isActiveWindow)
+    return window
+
+
+@pytest.fixture
+def computed(window, person, rods):
+    """The project of three rods in the window: all stages have run, and nothing of it is saved."""
+    person.opens(rods)
+    person.runs_all()
+    return window.session.project
+
+
+@pytest.fixture
 def rods(tmp_path):
     """A labelled recording of three rods."""
     path = tmp_path / "rods.c3d"

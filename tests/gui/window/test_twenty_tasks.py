@@ -79,10 +79,8 @@ class Hand:
 
 
 @pytest.fixture
-def hand(qtbot, window, person, monkeypatch):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
-    return Hand(qtbot, window, person, monkeypatch)
+def hand(qtbot, active, person, monkeypatch):
+    return Hand(qtbot, active, person, monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,7 @@ MARKER = "head 1"
 
 
 @pytest.fixture
-def pane(qtbot, window, person, gapped):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
+def pane(qtbot, active, window, person, gapped):
     window.document.open(gapped)
     window.marker_curves_dock.raise_()
     qtbot.waitUntil(window.marker_curves.isVisible)
