@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -18,7 +18,7 @@ from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.scene import Scene, scene_of_structure, show_alone
 from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import FramePair, Image, NothingToOpen
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
 from skelgen.model.rig import Camera, CaptureSettings, StereoRig
@@ -26,7 +26,7 @@ from skelgen.model.rig import Camera, CaptureSettings, StereoRig
 _SMALLEST_BALL = 7.0  # px across: half as much again as 4 x 4 px, with room for what is farther away
 
 
-class RenderedPairs(ABC):
+class RenderedPairs(NothingToOpen, ABC):
     """Pairs that two simulated cameras take, as fast as they are asked for or by the clock; a `FrameSource`.
 
     Parameters
@@ -46,13 +46,6 @@ class RenderedPairs(ABC):
     def __init__(self, name: str, rig: StereoRig, n_frames: int, rate: float, paced: bool) -> None:
         self.name, self.rig, self.size = name, rig, rig.left.size
         self.rate, self.n_frames, self.n_dropped, self._paced = rate, n_frames, 0, paced
-
-    def __enter__(self) -> Self:
-        """Return itself: there is nothing to open."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:  # noqa: B027 - what is rendered needs no closing
-        """Do nothing: there is nothing to close."""
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver the pairs in order."""

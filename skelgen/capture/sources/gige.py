@@ -111,7 +111,8 @@ def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOpti
         How they are to run.
     """
     with _errors_in_words("the network"):
-        found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
+        found = _viva().discover(timeout_ms=_DISCOVERY_MS, all=True)
+    found = sorted(found, key=lambda device: [int(part) for part in device.ip.split(".")])
     chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
@@ -156,10 +157,6 @@ def _listed(found: list[Any]) -> str:
     if not found:
         return "no GigE Vision camera answers on the network; check cables, power and the computer's address"
     return "found " + ", ".join(f"{device.ip} ({device.manufacturer} {device.model})" for device in found)
-
-
-def _ip_order(address: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in address.split("."))
 
 
 def _quietly(act: Any, *arguments: Any) -> None:
