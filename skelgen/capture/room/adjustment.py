@@ -127,7 +127,7 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
 
 
 def _with_enough(bundle: _B) -> _B:
-    """The bundle of the frames that show more numbers than they have unknowns."""
+    """Keep the frames that have more measured numbers than unknowns."""
     shown = np.isfinite(bundle.seen[..., 0])
     is_enough = (2 * shown.sum(axis=(1, 2)) > bundle.n_own) & (shown.any(axis=2).sum(axis=1) >= bundle.fewest_cameras)
     return bundle.of(np.asarray(is_enough))

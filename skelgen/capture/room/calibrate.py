@@ -295,7 +295,7 @@ def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tup
 
 
 def _without_motion(slopes: Floats, points: Floats) -> Floats:
-    """Derivatives of points, shape (3 m, n), without what moves all of them as one."""
+    """Remove from derivatives of points, shape (3 m, n), the part that moves all points rigidly."""
     about = points - points.mean(axis=0)
     motions = np.concatenate([np.tile(np.eye(3), (len(points), 1)), cross_matrix(about).reshape(-1, 3)], axis=1)
     basis = np.linalg.qr(motions)[0]
