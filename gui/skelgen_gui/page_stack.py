@@ -103,7 +103,7 @@ class PageStack(QWidget):
         return self._pages[key]
 
     def turn(self, step: int) -> None:
-        """Show the page some places on, the first or last if there is none."""
+        """Show the page that many places further down; the first or last one where the list ends."""
         self.list.setCurrentRow(min(max(self.list.currentRow() + step, 0), len(self.entries) - 1))
 
     def prepare(self) -> bool:

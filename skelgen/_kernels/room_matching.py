@@ -114,7 +114,7 @@ def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
                 best = other
         if scores[best] <= 0.0:
             break
-        if _drop_taken(room, balls[best], is_free):
+        if _drop_taken(balls[best], is_free):
             # Its balls have changed: it waits for its turn with what is left of it.
             scores[best] = _rebuilt(room, balls[best], hypotheses[best], numbers, expected, rules)
             continue
@@ -307,7 +307,7 @@ def _score(room: Room, balls: Ints, point: Floats, numbers: Floats, expected: Fl
 
 
 @kernel_part
-def _drop_taken(room: Room, balls: Ints, is_free: Bools) -> bool:
+def _drop_taken(balls: Ints, is_free: Bools) -> bool:
     """Take away the balls that others have; return whether there were any."""
     any_taken = False
     for camera in range(len(balls)):

@@ -29,7 +29,7 @@ from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSetti
 from skelgen.progress import SILENT, Monitor, with_progress
 
 if TYPE_CHECKING:
-    from skelgen.capture.room.sources import RoomSource
+    from skelgen.capture.room.values import RoomSource
 
 
 def read_capture_settings(path: Path) -> CaptureSettings:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
     from skelgen.capture.room.live import RoomCaptured
-    from skelgen.capture.room.sources import RoomSource
+    from skelgen.capture.room.values import RoomSource
 
 NOTICE_EVERY = 10.0
 """s between two sentences on what a wand has covered."""

@@ -1,16 +1,20 @@
 """What a suite hands back: tables of what is wanted and what is reached, and figures."""
 
+import contextlib
+import os
+import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
+import skelgen
 from skelgen.app.drawing import svg
 from skelgen.app.drawing.svg import Axes
 from skelgen.app.files import write_html
-from skelgen.benchmark.machine import machine_line
 from skelgen.evaluation import Table
 from skelgen.progress import counted
 
@@ -248,3 +252,23 @@ def counts_sentence(sections: Sequence[Section]) -> str:
     """Return in words how many of the figures that are wanted were reached."""
     reached, missed = (sum(section.count(what) for section in sections) for what in (REACHED, MISSED))
     return f"{reached} of {counted(reached + missed, 'wanted figure')} reached"
+
+
+PACKAGES = ("numpy", "scipy", "scikit-learn")
+_CPU_FACTS = Path("/proc/cpuinfo")  # of Linux
+
+
+def machine_line() -> str:
+    """Return processor, cores, system, and versions of what computes."""
+    versions = ", ".join([f"skelgen {skelgen.__version__}", *(f"{name} {version(name)}" for name in PACKAGES)])
+    system = f"{platform.system()} {platform.machine()}"
+    return f"{_processor_name()}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
+
+
+def _processor_name() -> str:
+    """Return the processor's name as the system tells it."""
+    with contextlib.suppress(OSError):
+        for line in _CPU_FACTS.read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

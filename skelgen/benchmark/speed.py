@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TypeVar, cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from skelgen.benchmark.machine import in_own_process, peak_gigabytes
 from skelgen.benchmark.page import Effort, Figure, Section, Series, draw, table
+from skelgen.errors import SkelgenError
 from skelgen.evaluation import Table
 from skelgen.model import PointCloud, Trajectories
 from skelgen.progress import Monitor
@@ -220,3 +225,61 @@ def long_take(n_frames: int, seed: int = 0) -> Trajectories:
         positions[first : first + _CHUNK] = part + random.normal(0.0, _FRESH_NOISE, part.shape)
     positions.flags.writeable = False
     return Trajectories(positions, short.names[:LONG_TAKE_MARKERS], short.rate)
+
+
+_Answer = TypeVar("_Answer")
+_UNIT = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB, on macOS in bytes
+_MEMORY_FACTS = Path("/proc/self/status")  # of Linux
+
+
+def peak_gigabytes() -> float:
+    """Return the most memory that this process has held [GB]; NaN on systems that do not tell.
+
+    Linux is asked for the process's own peak: what getrusage says there begins with the peak of the parent.
+    """
+    with contextlib.suppress(OSError):
+        for line in _MEMORY_FACTS.read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024 / 1e9
+    try:
+        import resource  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return float("nan")
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _UNIT / 1e9
+
+
+def in_own_process(work: Callable[..., _Answer], *given: object) -> _Answer:
+    """Return what a function of a module returns in a fresh process: a process never forgets its peak of memory.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module.
+    *given
+        Its arguments; those and what it returns must be picklable.
+
+    Raises
+    ------
+    SkelgenError
+        If the process ends without an answer.
+    """
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(sender, work, *given))
+    process.start()
+    sender.close()
+    try:
+        answer: _Answer = receiver.recv()
+        return answer
+    except EOFError:
+        process.join()
+        raise SkelgenError(
+            f"the process that measures {work.__name__} ended with exit code {process.exitcode}; is memory short?"
+        ) from None
+    finally:
+        process.join()
+
+
+def _send(sender: Connection, work: Callable[..., object], *given: object) -> None:
+    sender.send(work(*given))
+    sender.close()

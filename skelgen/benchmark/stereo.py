@@ -28,7 +28,6 @@ WANTED = {"position": 0.25, "orientation": 0.3, "ball joint": 0.4, "hinge": 0.3}
 
 WANTED_AT = 1000.0  # mm
 WITHIN = 0.10  # of the prediction
-COVERED = (0.93, 0.97)  # part within the stated 95 %, of several thousand values
 
 _WITHIN_95 = 1.96  # standard deviations that hold 95 %
 _SEED = 6
@@ -45,7 +44,7 @@ class _Trial(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Of one thing: what it is off, what it says of that, and what is predicted of it."""
+    """Errors of one quantity: the true ones, the standard deviations that the capture states, and the predicted one."""
 
     off: Floats  # shape (n_trials, n_components)
     std: Floats
@@ -114,7 +113,7 @@ def _noisy_balls(centres: Floats, noise: float, rng: np.random.Generator) -> Bal
 
 
 def _positions(rig: StereoRig, trials: list[_Trial]) -> Errors:
-    """Of both targets, along the world's axes [mm]."""
+    """Errors of both targets' position, along the world's axes [mm]."""
     off, std, predicted = [], [], []
     for trial in trials:
         for target, pose in zip(_TARGETS, trial.poses, strict=True):
@@ -126,7 +125,7 @@ def _positions(rig: StereoRig, trials: list[_Trial]) -> Errors:
 
 
 def _orientations(rig: StereoRig, trials: list[_Trial]) -> Errors:
-    """Of both targets, about the world's axes [degrees]."""
+    """Errors of both targets' orientation, about the world's axes [degrees]."""
     off, std, predicted = [], [], []
     for trial in trials:
         for target, pose in zip(_TARGETS, trial.poses, strict=True):
@@ -138,7 +137,7 @@ def _orientations(rig: StereoRig, trials: list[_Trial]) -> Errors:
 
 
 def _angles(rig: StereoRig, joint: TargetJoint, trials: list[_Trial]) -> Errors:
-    """Of a joint [degrees]; predicted for the best estimate, in which the joint holds both bodies together."""
+    """Errors of a joint's angles [degrees]; predicted for an estimate that lets the joint hold both bodies."""
     off, std, predicted = [], [], []
     for trial in trials:
         wanted = trial.bend if joint.kind == "ball" else trial.bend[2:]

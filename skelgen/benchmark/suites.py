@@ -11,8 +11,7 @@ from threadpoolctl import threadpool_limits
 
 import skelgen
 from skelgen.benchmark import accuracy
-from skelgen.benchmark.machine import machine_line
-from skelgen.benchmark.page import QUICK, Effort, Figure, Section, write_benchmark_page
+from skelgen.benchmark.page import QUICK, Effort, Figure, Section, machine_line, write_benchmark_page
 from skelgen.benchmark.people import measure_people
 from skelgen.benchmark.speed import measure_speed
 from skelgen.errors import Cancelled, InputError, SkelgenError

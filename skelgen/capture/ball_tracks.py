@@ -120,7 +120,7 @@ class BallPairs:
         self._fitted: dict[tuple[int, int], int] = {}  # images in which a left and a right track fitted
 
     def resolved(self, left: Balls, right: Balls, points: StereoPoints, time: float) -> StereoPoints:
-        """Return the points without those that the images before tell to be wrong.
+        """Return the points without those that earlier images show to be wrong.
 
         Parameters
         ----------

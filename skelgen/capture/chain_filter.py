@@ -101,7 +101,7 @@ class ChainFilter:
         self.angles: dict[str, JointAngle] = {}
 
     def in_units_of(self, factor: float) -> None:
-        """Go on with stated standard deviations that are so many times what they were."""
+        """Rescale what was learned: stated standard deviations are `factor` times what they were."""
         for noise in self._noise.values():
             noise.in_units_of(factor)
 

@@ -238,6 +238,16 @@ class FrameSource(Protocol):
         """
 
 
+class NothingToOpen:
+    """What a source without cameras or open files is as a context manager."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+
 def n_to_take(name: str, n_there: int | None, n_wanted: int | None, what: str) -> int:
     """Return how many moments of a source are recorded.
 

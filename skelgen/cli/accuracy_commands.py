@@ -52,8 +52,7 @@ def benchmark(
 ) -> None:
     """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page."""
     from skelgen.benchmark import measure_page
-    from skelgen.benchmark.machine import machine_line
-    from skelgen.benchmark.page import counts_sentence
+    from skelgen.benchmark.page import counts_sentence, machine_line
 
     screen = Screen(quiet, as_json)
     with screen.watching(counted=True) as monitor:

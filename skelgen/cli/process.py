@@ -73,7 +73,7 @@ class _Signals:
         return 128 + self.number if self.number else 0
 
     def forget(self, code: int) -> None:
-        """Let signals end the process at once with the code of the command, which is done; further ones are ignored."""
+        """The command is done: a signal ends the process with the command's code, or is ignored if one came before."""
         if hasattr(signal, "SIGALRM") and not self.number:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number in ENDING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import skelgen
 from skelgen.model import Trajectories
 
 
@@ -16,3 +17,11 @@ def waving():
     turned = np.stack([np.stack([np.cos(a) * arm[:, 0], np.sin(a) * arm[:, 0], arm[:, 2]], 1) for a in angles])
     still = np.tile(-arm, (20, 1, 1))
     return Trajectories(np.concatenate([still, turned], axis=1), tuple("abcdef"), 50.0, name="wave.csm")
+
+
+@pytest.fixture
+def wave(waving, tmp_path, monkeypatch):
+    """The path of a take in an otherwise empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    skelgen.write(waving, tmp_path / "wave.csm")
+    return "wave.csm"

@@ -21,44 +21,27 @@ from skelgen.model.project import STAGES
 
 
 @pytest.fixture
-def wave(waving, tmp_path, monkeypatch):
-    """The path of a take in an otherwise empty current folder."""
-    monkeypatch.chdir(tmp_path)
-    skelgen.write(waving, tmp_path / "wave.csm")
-    return "wave.csm"
+def done(wave, tmp_path):
+    """The folder with everything that a run writes."""
+    assert main(["run", wave, "-o", "out", "-q"]) == 0
+    return tmp_path / "out"
 
 
 def names_in(folder):
     return sorted(file.name for file in folder.iterdir())
 
 
-ALL_FILES = [
-    "wave.angles.csv",
-    "wave.costs.txt",
-    "wave.html",
-    "wave.joints.csv",
-    "wave.json",
-    "wave.labels.c3d",
-    "wave.limbs.csv",
-    "wave.raw-joints.c3d",
-    "wave.skelgen",
-    "wave.tree.txt",
-    "wave.xaf",
-    "wave.xml",
-    "wave.xsf",
-]
+SUFFIXES = "angles.csv costs.txt html joints.csv json labels.c3d limbs.csv raw-joints.c3d skelgen tree.txt xaf xml xsf"
+ALL_FILES = [f"wave.{suffix}" for suffix in SUFFIXES.split()]
 
 
 class TestRunning:
-    def test_run_writes_every_file(self, wave, tmp_path):
-        assert main(["run", wave, "-o", "out", "-q"]) == 0
-        assert names_in(tmp_path / "out") == ALL_FILES
+    def test_run_writes_every_file(self, done):
+        assert names_in(done) == ALL_FILES
 
-    def test_results_open_in_other_readers(self, wave, tmp_path):
-        main(["run", wave, "-o", "out", "-q"])
-        labels = skelgen.read(tmp_path / "out" / "wave.labels.c3d")
-        assert labels.names == tuple("abcdef")
-        assert skelgen.read(tmp_path / "out" / "wave.raw-joints.c3d").names == ("limb0-limb1",)
+    def test_results_open_in_other_readers(self, done):
+        assert skelgen.read(done / "wave.labels.c3d").names == tuple("abcdef")
+        assert skelgen.read(done / "wave.raw-joints.c3d").names == ("limb0-limb1",)
 
     def test_json_is_one_object_and_nothing_else(self, wave, capsys):
         assert main(["run", wave, "--json"]) == 0
@@ -72,13 +55,12 @@ class TestRunning:
         main(["run", wave, "--quiet"])
         assert capsys.readouterr().err == ""
 
-    def test_stage_by_stage_gives_what_run_gives(self, wave, tmp_path):
-        main(["run", wave, "-o", "whole", "-q"])
+    def test_stage_by_stage_gives_what_run_gives(self, wave, done, tmp_path):
         main(["labels", wave, "-o", "steps", "-q"])
         for command in ("limbs", "joints", "skeleton"):
             assert main([command, "steps/wave.skelgen", "-q"]) == 0
         assert names_in(tmp_path / "steps") == ALL_FILES
-        whole, steps = (open_project(tmp_path / folder / "wave.skelgen") for folder in ("whole", "steps"))
+        whole, steps = (open_project(tmp_path / folder / "wave.skelgen") for folder in ("out", "steps"))
         np.testing.assert_array_equal(whole.motion.world_from_limb, steps.motion.world_from_limb)
 
     def test_stages_without_paths_use_the_configured_names(self, waving, tmp_path, monkeypatch):
@@ -140,17 +122,15 @@ class TestRunning:
         data = json.loads(capsys.readouterr().out)
         assert data["columns"][3] == {"name": "m3", "seen": 30_000, "gaps": 1, "longest_gap": 10_000}
 
-    def test_info_of_a_project_shows_its_results(self, wave, capsys):
-        main(["run", wave, "-o", "out", "-q"])
+    def test_info_of_a_project_shows_its_results(self, done, capsys):
         capsys.readouterr()
-        assert main(["info", "out/wave.skelgen"]) == 0
+        assert main(["info", str(done / "wave.skelgen")]) == 0
         assert "limb0-limb1" in capsys.readouterr().out
 
-    def test_report_goes_beside_the_project(self, wave, tmp_path):
-        main(["run", wave, "-o", "out", "-q"])
-        (tmp_path / "out" / "wave.html").unlink()
+    def test_report_goes_beside_the_project(self, done):
+        (done / "wave.html").unlink()
         assert main(["report", "out"]) == 0
-        assert (tmp_path / "out" / "wave.html").exists()
+        assert (done / "wave.html").exists()
 
     def test_interrupted_run_leaves_what_was_there(self, wave, tmp_path, monkeypatch):
         (tmp_path / "out").mkdir()

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-import skelgen
 from skelgen.cli import main
 from skelgen.errors import FormatError, WriteError, out_of_memory
 from skelgen.files import arriving_together, replacing
@@ -25,14 +24,6 @@ SKELGEN = [sys.executable, "-m", "skelgen"]
 TRIES = 20  # programs that may have ended before a busy machine looks at them
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and closed streams of POSIX")
-
-
-@pytest.fixture
-def wave(waving, tmp_path, monkeypatch):
-    """The path of a take in an otherwise empty current folder."""
-    monkeypatch.chdir(tmp_path)
-    skelgen.write(waving, tmp_path / "wave.csm")
-    return "wave.csm"
 
 
 @pytest.fixture(scope="module")

@@ -18,15 +18,16 @@ from skelgen.app.face import reconstruct
 from skelgen.benchmark import SUITES, Section, measure_page, run_benchmark, write_benchmark_page
 from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed, rotation_centre, score_error
 from skelgen.benchmark.judges import JUDGES
-from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
-from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, table
+from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, machine_line, table
 from skelgen.benchmark.people import worn_and_moved
 from skelgen.benchmark.speed import (
     Run,
     fifty_markers,
+    in_own_process,
     long_take,
     measure_runs,
     measure_speed,
+    peak_gigabytes,
     time_stages,
 )
 from skelgen.benchmark.suites import SECONDS, load_state, save_state

@@ -13,13 +13,14 @@ import time
 import numpy as np
 from capture_pipeline import bent
 from shown import show, show_machine
+from unrendered import projected_balls
 
 from skelgen.capture.ball_tracks import BallTracks
 from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import accept_best_first, evidence_over_time, find_markers, track_pairs
 from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
+from skelgen.capture.simulated_rig import scene_of_structure
 from skelgen.model.arrays import Bools
 from skelgen.model.rig import CaptureSettings
 

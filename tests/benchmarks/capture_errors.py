@@ -10,8 +10,10 @@ from collections.abc import Iterator
 
 from shown import show, show_machine, verdict
 
-from skelgen.benchmark.stereo import COVERED, WANTED, WANTED_AT, WITHIN, Errors, rig_errors
+from skelgen.benchmark.stereo import WANTED, WANTED_AT, WITHIN, Errors, rig_errors
 from skelgen.capture.reference_rig import reference_rig
+
+COVERED = (0.93, 0.97)  # part within the stated 95 %, of several thousand values
 
 DISTANCES = (1000.0, 2000.0)
 N_TRIALS = 1000

@@ -14,11 +14,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from shown import show, show_machine
+from unrendered import blobs_of
 
 from skelgen.capture.optics import in_image, project
-from skelgen.capture.room import balls_at, find_points
 from skelgen.capture.room.calibrate import calibrate_wand, point_covariances, room_grid
-from skelgen.capture.room.simulated import ROOM_RATE, WAND, blobs_of, room_rig, wand_scene
+from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.simulated import ROOM_RATE, WAND, room_rig, wand_scene
+from skelgen.capture.room.values import balls_at
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig
@@ -38,7 +40,7 @@ def off(
             balls_at(one[in_image(eye, one)] + noise * rng.normal(size=one[in_image(eye, one)].shape), true.noise)
             for eye, one in zip(true.cameras, pixels, strict=True)
         ]
-        there = find_points(views, found)
+        there = PointMatcher(found).find(views)
         if len(there):
             seen[index] = there.points[0]
     known = np.isfinite(seen[:, 0])

@@ -14,13 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 from shown import show, show_machine
+from unrendered import blobs_of
 
 from skelgen.app.pipeline import run_stages
-from skelgen.capture.room import RoomTracker
 from skelgen.capture.room.live import RoomCapture
 from skelgen.capture.room.recording import BallFinder, RoomRecording
-from skelgen.capture.room.simulated import RoomScene, blobs_of, person_scene, room_arm, room_rig
+from skelgen.capture.room.simulated import RoomScene, person_scene, room_arm, room_rig
 from skelgen.capture.room.sources import SimulatedRoom
+from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.evaluation import evaluate
 from skelgen.model import PointCloud, Project

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from shown import show, show_machine
+from unrendered import blobs_of
 
-from skelgen.capture.room import RoomTracker
-from skelgen.capture.room.simulated import blobs_of, person_scene, room_rig
+from skelgen.capture.room.simulated import person_scene, room_rig
+from skelgen.capture.room.tracks import RoomTracker
 
 CAMERAS = (2, 3, 4, 6, 8, 16)
 SEEDS = 3

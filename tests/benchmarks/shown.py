@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
-from skelgen.benchmark.page import verdict
+from skelgen.benchmark.page import machine_line, verdict
+from skelgen.benchmark.speed import in_own_process, peak_gigabytes
 from skelgen.evaluation import Table
 
 __all__ = ["in_own_process", "peak_gigabytes", "show", "show_machine", "verdict"]

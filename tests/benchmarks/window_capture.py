@@ -12,14 +12,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.main import SWITCH_INTERVAL, GarbageCollector
-from skelgen_gui.widgets.preferences import Preferences
+from skelgen_gui.main import SWITCH_INTERVAL
 from skelgen_gui.window import Window
 from window import FLAT, memory
-from window_pauses import WANTED, Heart, Row, after, until
+from window_pauses import WANTED, Heart, Row, after, until, window_in
 
 SECONDS = 60.0
 SETTLING = 10.0  # s, until everything has been painted once
@@ -35,9 +33,7 @@ def main() -> None:
     app = QApplication([])
     show_machine()
     with tempfile.TemporaryDirectory() as folder:
-        preferences = Preferences(QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat))
-        window = Window(preferences, recovery=Path(folder) / "recovery")
-        collector = GarbageCollector(window)
+        window, collector = window_in(Path(folder))
         window.resize(*SIZE)
         window.show()
         window.preloading.begin()

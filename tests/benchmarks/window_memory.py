@@ -13,15 +13,12 @@ from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from shown import show, show_machine, verdict
-from skelgen_gui.main import GarbageCollector
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
-from window_pauses import is_idle, until
+from window_pauses import is_idle, until, window_in
 
 import skelgen
 from skelgen.simulation import simulate
@@ -40,9 +37,7 @@ def main() -> None:
     app = QApplication([])
     show_machine()
     with tempfile.TemporaryDirectory() as folder:
-        preferences = Preferences(QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat))
-        window = Window(preferences, recovery=Path(folder) / "recovery")
-        collector = GarbageCollector(window)
+        window, collector = window_in(Path(folder))
         window.resize(*SIZE)
         window.show()
         project = skelgen.reconstruct(simulate(STRUCTURE, n_frames=N_FRAMES, noise=0.5, dropouts=0.05).take)

@@ -76,9 +76,7 @@ def pause_rows(app: QApplication, project: Project, minutes: float) -> Iterator[
 
 def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, tuple[float, float]]]:
     """Own work and longest pause [ms] of what a person does with a window, one after the other."""
-    preferences = Preferences(QSettings(str(folder / "settings.ini"), QSettings.Format.IniFormat))
-    window = Window(preferences, recovery=folder / "recovery")
-    collector, heart = GarbageCollector(window), Heart()
+    (window, collector), heart = window_in(folder), Heart()
     window.preloading.ended.connect(collector.freeze_existing)
 
     def pause(act: Callable[[], object], is_done: Callable[[], bool] = lambda: True) -> tuple[float, float]:
@@ -135,6 +133,13 @@ def after(seconds: float) -> Callable[[], bool]:
     """Return what says whether so much time has gone by."""
     end = time.monotonic() + seconds
     return lambda: time.monotonic() > end
+
+
+def window_in(folder: Path) -> tuple[Window, GarbageCollector]:
+    """Return a window that keeps its preferences in a folder, and what collects its garbage."""
+    preferences = Preferences(QSettings(str(folder / "settings.ini"), QSettings.Format.IniFormat))
+    window = Window(preferences, recovery=folder / "recovery")
+    return window, GarbageCollector(window)
 
 
 def until(app: QApplication, is_done: Callable[[], bool]) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
-from skelgen.capture.room import PointMatcher, balls_at, find_points
+from skelgen.capture.room.points import PointMatcher
 from skelgen.capture.room.simulated import room_rig
+from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
 
 PLACES = np.array([[0.0, 0, 900], [400, -300, 1200], [-600, 200, 500], [30, 500, 1600]])
@@ -31,7 +32,7 @@ def in_order(points):
 
 
 def test_points_without_noise_are_exact(rig):
-    found = find_points(views_of(rig, PLACES), rig)
+    found = PointMatcher(rig).find(views_of(rig, PLACES))
     np.testing.assert_allclose(in_order(found.points), in_order(PLACES), atol=1e-6)
     assert (found.n_cameras == 4).all()
     assert found.misfit.max() < 1e-6
@@ -40,7 +41,7 @@ def test_points_without_noise_are_exact(rig):
 def test_stated_covariance_is_that_of_the_errors(rig):
     off, stated = [], []
     for seed in range(100):
-        found = find_points(views_of(rig, PLACES[:1], NOISE, seed), rig)
+        found = PointMatcher(rig).find(views_of(rig, PLACES[:1], NOISE, seed))
         off.append(found.points[0] - PLACES[0])
         stated.append(found.covariance[0])
     squares = [error @ np.linalg.solve(covariance, error) for error, covariance in zip(off, stated, strict=True)]
@@ -50,7 +51,7 @@ def test_stated_covariance_is_that_of_the_errors(rig):
 def test_a_marker_hidden_from_some_cameras_is_found_by_the_others(rig):
     views = views_of(rig, PLACES)
     views[1] = balls_at(views[1].centres[1:], NOISE)  # the first marker is hidden from the second camera
-    found = find_points(views, rig)
+    found = PointMatcher(rig).find(views)
     first = np.linalg.norm(found.points - PLACES[0], axis=1).argmin()
     assert found.balls[first].tolist()[1] == -1
     assert found.n_cameras[first] == 3
@@ -60,7 +61,7 @@ def test_a_marker_hidden_from_some_cameras_is_found_by_the_others(rig):
 def test_no_ball_belongs_to_two_points(rig):
     rng = np.random.default_rng(0)
     crowd = rng.uniform((-500, -500, 200), (500, 500, 1700), size=(40, 3))
-    found = find_points(views_of(rig, crowd, NOISE), rig)
+    found = PointMatcher(rig).find(views_of(rig, crowd, NOISE))
     for balls in found.balls.T:
         assert len(np.unique(balls[balls >= 0])) == (balls >= 0).sum()
     off = np.linalg.norm(found.points[:, np.newaxis] - crowd, axis=2).min(axis=1)
@@ -70,7 +71,7 @@ def test_no_ball_belongs_to_two_points(rig):
 
 def test_balls_that_lie_anywhere_make_hardly_any_point(rig):
     rng = np.random.default_rng(1)
-    found = find_points([balls_at(rng.uniform((0, 0), (1280, 1024), (5, 2)), NOISE) for _ in rig.cameras], rig)
+    found = PointMatcher(rig).find([balls_at(rng.uniform((0, 0), (1280, 1024), (5, 2)), NOISE) for _ in rig.cameras])
     assert (found.n_cameras == 2).all()
     assert len(found) <= 2
 
@@ -94,14 +95,14 @@ def test_order_of_balls_changes_no_point(rig):
     views = views_of(rig, PLACES, NOISE)
     turned = [balls_at(view.centres[::-1].copy(), NOISE) for view in views]
     np.testing.assert_allclose(
-        in_order(find_points(turned, rig).points), in_order(find_points(views, rig).points), atol=1e-9
+        in_order(PointMatcher(rig).find(turned).points), in_order(PointMatcher(rig).find(views).points), atol=1e-9
     )
 
 
 def test_missing_views_are_refused(rig):
     with pytest.raises(InputError, match="3 views of 4 cameras"):
-        find_points(views_of(rig, PLACES)[:3], rig)
+        PointMatcher(rig).find(views_of(rig, PLACES)[:3])
 
 
 def test_empty_images_have_no_points(rig):
-    assert len(find_points([balls_at(np.empty((0, 2)), NOISE)] * 4, rig)) == 0
+    assert len(PointMatcher(rig).find([balls_at(np.empty((0, 2)), NOISE)] * 4)) == 0

@@ -196,7 +196,7 @@ class LabellingPane(PanelWhileSeen):
         self._runner.run_again(project)
 
     def _list_names(self, typed: str | None = None) -> None:
-        """Offer names that are left and have what is typed; of markers that are there only if something is typed."""
+        """Offer unused names that contain what is typed; once something is typed, also the names of other markers."""
         project = self._session.project
         typed = (self.name.text() if typed is None else typed).strip().lower()
         found: tuple[str, ...] = ()

@@ -46,7 +46,7 @@ class Selection:
         return self.others if self.limb is None else self.others | {self.limb}
 
     def with_limbs(self, limbs: frozenset[int]) -> Selection:
-        """Return the selection with other limbs; the one that was chosen last stays so if it is among them."""
+        """Return the selection with these limbs; the limb chosen last stays the last one, if it is among them."""
         last = self.limb if self.limb in limbs else max(limbs, default=None)
         return replace(self, limb=last, others=limbs - {last} if last is not None else limbs)
 

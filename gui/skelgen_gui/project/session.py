@@ -214,7 +214,7 @@ class _Step(QUndoCommand):
         self._show(self._before)
 
     def redo(self) -> None:
-        """Show the project after, with what was computed from it since; nothing if it is shown when this is pushed."""
+        """Show the changed project, with what was computed from it since; Qt also calls this at the change itself."""
         if self._is_done:
             self._is_done = False
         else:

@@ -191,7 +191,7 @@ class BodyFinder:
         return [one for one in rivals if one.body.is_sound and self._are_apart(search.target, found, one)]
 
     def _sound(self, search: Search, free: Bools) -> _Candidate | None:
-        """The best matching that the noise explains; one of more balls, if there is such, as it proves more."""
+        """The best matching that the noise explains. One with more balls is preferred: it proves more."""
         best = self._searched(search, free)
         if best is None:
             return None
@@ -206,7 +206,7 @@ class BodyFinder:
         return min(others, key=lambda one: one.cost, default=None)
 
     def _without(self, search: Search, free: Bools, matched: Ints) -> Iterator[_Candidate]:
-        """The cheapest matchings without one or another match of a given one."""
+        """Drop one match of a given matching after the other, and search anew: the cheapest matching without each."""
         for ball in np.flatnonzero(matched >= 0):
             others = search.allowed.copy()
             others[ball, matched[ball]] = False

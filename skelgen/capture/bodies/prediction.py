@@ -85,14 +85,14 @@ class MeasuredNoise:
         self._squares: deque[float] = deque(maxlen=HISTORY)
 
     def applied(self, found: FoundBody) -> FoundBody:
-        """Return a body with its covariance as the balls of the last frames say; more, where its own are far off."""
+        """Return a body, its covariance scaled by the misfit of the last frames, or by its own where that is larger."""
         square = found.noise**2
         self._squares.append(square)
         usual = max(float(np.median(self._squares)), LEAST_NOISE**2)
         return replace(found, covariance=max(usual, square / UNUSUAL) * found.covariance)
 
     def in_units_of(self, factor: float) -> None:
-        """Go on with stated standard deviations that are so many times what they were."""
+        """Rescale what was learned: stated standard deviations are `factor` times what they were."""
         self._squares = deque((square / factor**2 for square in self._squares), maxlen=HISTORY)
 
 
@@ -141,7 +141,7 @@ class BodyFilter:
         self._noise = MeasuredNoise()
 
     def in_units_of(self, factor: float) -> None:
-        """Go on with stated standard deviations that are so many times what they were."""
+        """Rescale what was learned: stated standard deviations are `factor` times what they were."""
         self._noise.in_units_of(factor)
 
     def expected(self, time: float) -> ExpectedPose | None:
@@ -213,7 +213,7 @@ class Prediction:
             trial.corrected(frame * FRAME, body)
 
     def in_units_of(self, factor: float) -> None:
-        """Go on with stated standard deviations that are so many times what they were."""
+        """Rescale what was learned: stated standard deviations are `factor` times what they were."""
         for one in self._filters.values():
             one.in_units_of(factor)
 

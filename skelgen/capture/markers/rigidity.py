@@ -328,7 +328,7 @@ def rigid_edges(
 
 
 def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence[tuple[int, int]]) -> Floats:
-    """Sums of the distances of each two names over some frames.
+    """Sum up the distances between each two named balls over some frames.
 
     Returns
     -------

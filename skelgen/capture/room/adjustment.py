@@ -108,7 +108,7 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
     for _ in range(MAX_ROUNDS):
         bundle = _minimised(bundle, free)
         residuals = residuals_of(bundle)
-        spread = _robust_spread(residuals)
+        spread = float(SIGMA_OF_MEDIAN * np.nanmedian(np.abs(residuals))) or 1.0  # px, of most residuals
         with np.errstate(invalid="ignore"):
             is_out = (residuals**2).sum(axis=-1) > 2.0 * (OUTLIER * spread) ** 2
         if not is_out.any():
@@ -127,15 +127,10 @@ def adjust_room(bundle: _B, free: Bools) -> AdjustedRoom[_B]:
 
 
 def _with_enough(bundle: _B) -> _B:
-    """The bundle of the frames that show more numbers than they have unknowns."""
+    """Keep the frames that have more measured numbers than unknowns."""
     shown = np.isfinite(bundle.seen[..., 0])
     is_enough = (2 * shown.sum(axis=(1, 2)) > bundle.n_own) & (shown.any(axis=2).sum(axis=1) >= bundle.fewest_cameras)
     return bundle.of(np.asarray(is_enough))
-
-
-def _robust_spread(residuals: Floats) -> float:
-    """Standard deviation of most residuals [px]."""
-    return float(SIGMA_OF_MEDIAN * np.nanmedian(np.abs(residuals))) or 1.0
 
 
 def _minimised(bundle: _B, free: Bools) -> _B:

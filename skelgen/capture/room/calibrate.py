@@ -295,23 +295,25 @@ def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tup
 
 
 def _without_motion(slopes: Floats, points: Floats) -> Floats:
-    """Derivatives of points, shape (3 m, n), without what moves all of them as one."""
+    """Remove from derivatives of points, shape (3 m, n), the part that moves all points rigidly."""
     about = points - points.mean(axis=0)
     motions = np.concatenate([np.tile(np.eye(3), (len(points), 1)), cross_matrix(about).reshape(-1, 3)], axis=1)
     basis = np.linalg.qr(motions)[0]
     return np.asarray(slopes - basis @ (basis.T @ slopes))
 
 
-def room_grid(room: Floats, steps: int = 6) -> Floats:
-    """Return a grid of points in the middle of the volume in which points were, shape (steps^3, 3), mm.
+GRID_STEPS = 6
+"""Points along each side of `room_grid`."""
+
+
+def room_grid(room: Floats) -> Floats:
+    """Return a grid of points in the middle of the volume in which points were, shape (`GRID_STEPS`^3, 3), mm.
 
     Parameters
     ----------
     room : ndarray, shape (n, 3), mm
         Where it was.
-    steps : int
-        Points along each side.
     """
     low, high = np.quantile(room, 0.1, axis=0), np.quantile(room, 0.9, axis=0)
-    sides = [np.linspace(*pair, steps) for pair in zip(low, high, strict=True)]
+    sides = [np.linspace(*pair, GRID_STEPS) for pair in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)

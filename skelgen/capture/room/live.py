@@ -47,7 +47,7 @@ class RoomCaptured(Recognised):
 
     @property
     def images(self) -> tuple[Image | None, ...]:
-        """Those of all cameras, None of one that has lost it."""
+        """The images of all cameras; None for a camera whose image was lost."""
         return self.pair.images
 
 

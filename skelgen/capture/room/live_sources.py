@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import zip_longest
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
-from skelgen.capture.room.values import FrameSet
+from skelgen.capture.room.values import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
 from skelgen.capture.sources.pairs import LiveCamera, Shot
 from skelgen.errors import CaptureError
@@ -182,28 +182,13 @@ def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
     return known[0] if known else None
 
 
-class _Recorded(Protocol):
-    name: str
-    rate: float | None
-    cameras: tuple[str, ...]
-
-    @property
-    def n_frames(self) -> int | None: ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *exception: object) -> None: ...
-
-    def __iter__(self) -> Iterator[FrameSet]: ...
-
-
 class RecordedTogether:
     """Recordings of several kinds, moment by moment; the first moments of all are one.
 
     Parameters
     ----------
-    sources : sequence
-        Of recordings, none of which runs.
+    sources : sequence of RoomSource
+        Recordings, none of which runs.
 
     Raises
     ------
@@ -211,7 +196,7 @@ class RecordedTogether:
         If a camera is in two of them, or their rates differ.
     """
 
-    def __init__(self, sources: Sequence[_Recorded]) -> None:
+    def __init__(self, sources: Sequence[RoomSource]) -> None:
         self._sources = tuple(sources)
         self.name = " + ".join(source.name for source in sources)
         self.cameras = _names([source.cameras for source in sources])

@@ -58,6 +58,17 @@ class PointMatcher:
         ------
         InputError
             If there are not as many views as cameras.
+
+        Examples
+        --------
+        >>> from skelgen.capture.optics import project
+        >>> from skelgen.capture.room.simulated import room_rig
+        >>> from skelgen.capture.room.values import balls_at
+        >>> rig, place = room_rig(4), np.array([[100.0, 200.0, 900.0]])
+        >>> views = [balls_at(project(camera, place), 0.05) for camera in rig.cameras]
+        >>> found = PointMatcher(rig).find(views)
+        >>> found.points.round(3), found.n_cameras
+        (array([[100., 200., 900.]]), array([4]))
         """
         cameras = self.rig.cameras
         if len(views) != len(cameras):
@@ -95,29 +106,6 @@ class PointMatcher:
         is_free[(taken + room.starts[:-1])[taken >= 0]] = False
         balls, squares = place_by_balls(room, is_free, states, covariances, self._rules.gate)
         return RoomPoints(states[:, :3], covariances[:, :3, :3], balls, np.sqrt(squares / 2.0), np.zeros(len(states)))
-
-
-def find_points(views: Views, rig: CameraRig) -> RoomPoints:
-    """Return the points that the balls of one moment show.
-
-    Parameters
-    ----------
-    views : sequence of Balls
-        What each camera sees.
-    rig : CameraRig
-        The cameras.
-
-    Examples
-    --------
-    >>> from skelgen.capture.optics import project
-    >>> from skelgen.capture.room.simulated import room_rig
-    >>> from skelgen.capture.room.values import balls_at
-    >>> rig, place = room_rig(4), np.array([[100.0, 200.0, 900.0]])
-    >>> found = find_points([balls_at(project(camera, place), 0.05) for camera in rig.cameras], rig)
-    >>> found.points.round(3), found.n_cameras
-    (array([[100., 200., 900.]]), array([4]))
-    """
-    return PointMatcher(rig).find(views)
 
 
 def _rays_of_border(camera: Camera) -> Floats:

@@ -11,9 +11,8 @@ import numpy as np
 
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.room.sources import RoomSource
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.room.values import FrameSet, RoomPoints, Views, balls_at
+from skelgen.capture.room.values import FrameSet, RoomPoints, RoomSource, Views, balls_at
 from skelgen.capture.room.watch import FitCounter
 from skelgen.capture.values import Balls, Image, n_to_take
 from skelgen.errors import InputError
@@ -144,16 +143,13 @@ def seen_in(
     with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
         try:
             for frame in with_progress(sets, source.n_frames or 0, monitor):
-                yield list(threads.map(look, frame.images)), [_size_of(image) for image in frame.images]
+                sizes = [None if image is None else (image.shape[1], image.shape[0]) for image in frame.images]
+                yield list(threads.map(look, frame.images)), sizes
                 n_seen += 1
         except KeyboardInterrupt:
             if not n_seen or source.n_frames is not None:
                 raise
             monitor.notice(f"stopped after {n_seen} sets of images; these are used")
-
-
-def _size_of(image: Image | None) -> tuple[int, int] | None:
-    return None if image is None else (image.shape[1], image.shape[0])
 
 
 def detected_balls(image: Image | None) -> Balls:

@@ -4,14 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_arm
-from skelgen.capture.room.values import balls_at
-from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 from skelgen.parameters import ParameterValue
 from skelgen.simulation import Structure, Truth, find_structure, simulate
@@ -26,18 +22,17 @@ ROOM_RATE = 100.0
 
 _HEIGHTS = (2600.0, 1700.0)  # mm: cameras hang high and low in turn
 _LOOKED_AT = np.array([0.0, 0.0, 950.0])  # mm
+_SIDE = 4000.0  # mm, of the square that is seen
+_NOISE = 0.05  # px, of a ball's centre along one axis
 _FOCAL = 0.8  # of the width: 64 degrees across
 _LENS = np.array([-0.12, 0.06, 0.0008, -0.0006, 0.0])
 _SLOW, _TURNING = (0.15, 0.6), (0.1, 0.5)  # Hz
 _WAVED = np.array([[1500.0, 1500.0, 750.0]])  # mm about the middle
 _COVERED = 0.2  # of curves within -1 .. 1: who waves stands between the wand and every third camera
-_NOBODY = -1
 
 
-def room_rig(
-    n_cameras: int = 8, size: tuple[int, int] = (1280, 1024), *, side: float = 4000.0, noise: float = 0.05
-) -> CameraRig:
-    """Return cameras around a room, all looking at its middle.
+def room_rig(n_cameras: int = 8, size: tuple[int, int] = (1280, 1024)) -> CameraRig:
+    """Return cameras around a room of 4 x 4 m, all looking at its middle: the origin is on the floor, z points up.
 
     Parameters
     ----------
@@ -45,10 +40,6 @@ def room_rig(
         How many.
     size : tuple of int, px
         Width and height of their images.
-    side : float, mm
-        Of the square that is seen; its middle on the floor is the origin, z points up.
-    noise : float, px
-        Of a ball's centre along one axis.
     """
     width, height = size
     matrix = np.array([[_FOCAL * width, 0, width / 2 - 0.5], [0, _FOCAL * width, height / 2 - 0.5], [0, 0, 1.0]])
@@ -56,14 +47,14 @@ def room_rig(
     cameras = []
     for number in range(n_cameras):
         turn = 2 * np.pi * (number + 0.5) / n_cameras
-        place = np.array([np.cos(turn), np.sin(turn), 0.0]) * side * 0.85
+        place = np.array([np.cos(turn), np.sin(turn), 0.0]) * _SIDE * 0.85
         place[2] = _HEIGHTS[number % len(_HEIGHTS)]
         own = matrix.copy()
         own[[0, 1, 0, 1], [0, 1, 2, 2]] += rng.normal(scale=(6.0, 6.0, 8.0, 8.0))
         cameras.append(
             Camera(width, height, own, _LENS * rng.uniform(0.8, 1.2, 5), _looking(place), f"camera {number + 1}")
         )
-    return CameraRig(cameras, noise)
+    return CameraRig(cameras, _NOISE)
 
 
 def _looking(place: Floats) -> Floats:
@@ -222,42 +213,3 @@ def room_arm() -> Structure:
     """Return the reference arm with larger targets, as a room's cameras need them."""
     arm = reference_arm()
     return replace(arm, limbs=tuple(replace(limb, markers=ARM_SPREAD * limb.markers) for limb in arm.limbs))
-
-
-def blobs_of(
-    scene: RoomScene, frame: int, rig: CameraRig, rng: np.random.Generator, merged: float = 4.0
-) -> tuple[list[Balls], list[Ints]]:
-    """Return the balls that all images of a frame show, and which of the scene they are.
-
-    Parameters
-    ----------
-    scene : RoomScene
-        What moves.
-    frame : int
-        Which moment.
-    rig : CameraRig
-        The cameras; their noise is added.
-    rng : Generator
-        Noise, and the order of the balls.
-    merged : float, px
-        Balls nearer than this are seen as one in their middle, which is none of them: -1.
-    """
-    views, numbers = [], []
-    for index, camera in enumerate(rig.cameras):
-        centres = project(camera, scene.positions[frame])
-        seen = np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, index])
-        centres, seen = _merged(centres[seen], seen, merged)
-        order = rng.permutation(len(seen))
-        views.append(balls_at(centres[order] + rng.normal(scale=rig.noise, size=(len(order), 2)), rig.noise))
-        numbers.append(seen[order])
-    return views, numbers
-
-
-def _merged(centres: Floats, numbers: Ints, reach: float) -> tuple[Floats, Ints]:
-    """Balls that are nearer to each other than this as one."""
-    pairs = cKDTree(centres).query_pairs(reach, output_type="ndarray") if len(centres) > 1 else np.empty((0, 2), int)
-    if not len(pairs):
-        return centres, numbers
-    middle = centres[pairs].mean(axis=1)
-    alone = np.setdiff1d(np.arange(len(centres)), pairs)
-    return np.concatenate([centres[alone], middle]), np.append(numbers[alone], np.full(len(pairs), _NOBODY))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -32,42 +32,21 @@ from skelgen.capture.room.simulated import (
     room_rig,
     wand_scene,
 )
-from skelgen.capture.room.values import FrameSet
+from skelgen.capture.room.values import FrameSet, RoomSource
 from skelgen.capture.simulated_rig import board_image, render_view
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
-from skelgen.capture.sources.video import next_image
-from skelgen.capture.values import Image
-from skelgen.errors import CaptureError, FormatError, InputError
+from skelgen.capture.sources.video import next_image, open_videos
+from skelgen.capture.values import Image, NothingToOpen
+from skelgen.errors import CaptureError, InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig, RoomSettings
 from skelgen.parameters import StageParameters, declare
 from skelgen.simulation import Structure
 
 
-class RoomSource(Protocol):
-    """What delivers sets of images; a context manager, iterated once."""
-
-    name: str
-    rate: float | None
-    cameras: tuple[str, ...]
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of sets; None if it does not end by itself."""
-
-    def __enter__(self) -> Self:
-        """Open files or cameras."""
-
-    def __exit__(self, *exception: object) -> None:
-        """Close them."""
-
-    def __iter__(self) -> Iterator[FrameSet]:
-        """Deliver the sets in the order of their times."""
-
-
-class FolderSets:
+class FolderSets(NothingToOpen):
     """Images in a folder with one folder for each camera; those of one moment bear one name.
 
     Parameters
@@ -99,12 +78,6 @@ class FolderSets:
     def n_frames(self) -> int:
         """Number of moments of which any camera has an image."""
         return len(self._files)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
 
     def __iter__(self) -> Iterator[FrameSet]:
         """Read one moment after the other."""
@@ -156,13 +129,7 @@ class VideoSets:
         return min(promised, self._limit) if self._limit else promised
 
     def __enter__(self) -> Self:
-        for path in self._paths:
-            video = opencv().VideoCapture(str(path))
-            self._stack.callback(video.release)
-            if not path.is_file() or not video.isOpened():
-                self._stack.close()
-                raise FormatError(path, "", "is no video that can be read")
-            self._videos.append(video)
+        self._videos = open_videos(self._paths, self._stack)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -197,7 +164,7 @@ _SMALLEST = 7.0  # px across, of a ball at the distance of the middle
 _DISTANCE = 3500.0  # mm
 
 
-class SimulatedRoom:
+class SimulatedRoom(NothingToOpen):
     """A room whose cameras need no hardware.
 
     Parameters
@@ -225,12 +192,6 @@ class SimulatedRoom:
     def n_frames(self) -> int:
         """Length of the scene."""
         return self.scene.n_frames
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
 
     def __iter__(self) -> Iterator[FrameSet]:
         """Render one moment after the other."""

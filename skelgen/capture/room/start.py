@@ -94,7 +94,7 @@ def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names
 
 
 def _without_false(bundle: WandBundle) -> WandBundle:
-    """The bundle without views that are no wand: what the others of their moment see is elsewhere."""
+    """Leave out views that show no wand: the other cameras of that moment place it elsewhere."""
     off = _views_off(bundle)
     limit = max(FALSE, FALSE_BY * float(np.median(off[off > 0])))
     wrong = np.flatnonzero((off > limit).any(axis=1))
@@ -253,7 +253,7 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
 
 
 def _meeting(one: Floats, two: Floats, second: Floats) -> Floats:
-    """Points that are nearest to two rays each, in the first camera's frame, shape (n, 3)."""
+    """The point nearest to both rays of each pair, in the first camera's frame, shape (n, 3)."""
     a = np.column_stack([one, np.ones(len(one))])
     b = np.column_stack([two, np.ones(len(two))]) @ second[:3, :3]
     place = -second[:3, :3].T @ second[:3, 3]
@@ -305,7 +305,7 @@ def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
 
 
 def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name: str) -> Camera:
-    """A camera that is placed by wands that are (Hartley and Zisserman 2004, 7.1); its images may not be mirrored."""
+    """Place a camera by the wands whose places are known (Hartley and Zisserman 2004, 7.1); refuse mirrored images."""
     found = _resected_at(seen, bundle, size, 0)
     if found.off > SUSPICIOUS:
         late = min(range(-MOST_LATE, MOST_LATE + 1), key=lambda frames: _resected_at(seen, bundle, size, frames).off)

@@ -211,7 +211,7 @@ class PointTracks:
         return np.asarray(~((square > PLACED_OFF**2) & (kept.variances <= RIGID)).any(axis=1))
 
     def doubt(self, tracks: Ints) -> None:
-        """Let tracks begin anew: their balls are those of others."""
+        """Count tracks as new from now on: their balls belong to other markers."""
         for track in tracks.tolist():
             self._lengths[track] = 0
 
@@ -230,7 +230,7 @@ class PointTracks:
 
     @staticmethod
     def _nearest(points: Floats, expected: Floats) -> Ints:
-        """The expected place that each point is, -1 if it is new; two are each other's nearest."""
+        """The expected place of each point, else -1: both are each other's nearest, and within `REACH`."""
         if not len(points) or not len(expected):
             return np.full(len(points), -1, dtype=np.intp)
         squares = np.square(points[:, np.newaxis] - expected).sum(axis=2)

@@ -1,7 +1,8 @@
 """What the steps of a capture by many cameras hand on."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -29,6 +30,27 @@ class FrameSet:
     time: float
     index: int
     dropped: int = 0
+
+
+class RoomSource(Protocol):
+    """What delivers sets of images; a context manager, iterated once."""
+
+    name: str
+    rate: float | None
+    cameras: tuple[str, ...]
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of sets; None if it does not end by itself."""
+
+    def __enter__(self) -> Self:
+        """Open files or cameras."""
+
+    def __exit__(self, *exception: object) -> None:
+        """Close them."""
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver the sets in the order of their times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +106,7 @@ class RoomPoints:
         return StereoPoints(self.points, self.covariance, numbers, numbers, noise * self.misfit, shared)
 
 
-def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:
+def balls_at(centres: Floats, std: float) -> Balls:
     """Return balls at known places, as a detection would find them.
 
     Parameters
@@ -93,12 +115,9 @@ def balls_at(centres: Floats, std: float, area: float = 30.0) -> Balls:
         Where they are.
     std : float, px
         Standard deviation of a centre along one axis.
-    area : float, px
-        Of each ball.
     """
     n = len(centres)
-    area_of_each, brightness = np.full(n, area), np.full(n, 130.0 * area)
-    return Balls(centres, area_of_each, brightness, np.full(n, std), np.zeros(n, dtype=np.bool_))
+    return Balls(centres, np.full(n, 30.0), np.full(n, 3900.0), np.full(n, std), np.zeros(n, dtype=np.bool_))
 
 
 Views = Sequence[Balls]

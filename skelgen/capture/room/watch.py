@@ -85,7 +85,7 @@ class FitCounter:
             yield self._why(camera, float(share[camera]), sure)
 
     def _why(self, camera: int, share: float, sure: list[Floats]) -> str:
-        """What is wrong with a camera, by points that others have made."""
+        """What is wrong with a camera, judged by the points that the other cameras found."""
         eye, own = self._rig.cameras[camera], [views[camera] for views in self._views]
         name, middle = eye.name, (np.array(eye.size) - 1) / 2
         reasons = {

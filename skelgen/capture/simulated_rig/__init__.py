@@ -13,7 +13,6 @@ from skelgen.capture.simulated_rig.scene import (
 )
 from skelgen.capture.simulated_rig.source import (
     SimulatedRig,
-    projected_balls,
     render_pair,
     render_view,
     simulated_rig,
@@ -29,7 +28,6 @@ __all__ = [
     "board_image",
     "board_places",
     "hand_held_target",
-    "projected_balls",
     "reference_arm",
     "render_pair",
     "render_view",

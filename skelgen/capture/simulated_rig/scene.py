@@ -282,7 +282,7 @@ def wandering_poses(
 
 
 def _near_place(points: Floats, rig: StereoRig) -> Floats:
-    """The nearest place at which both images show nearly all of points about the origin."""
+    """The place nearest to the rig where both images show nearly all points of a body around it."""
     for distance in _DISTANCES:
         place = view_centre(rig, distance)
         sides = [in_image(camera, project(camera, points + place)) for camera in (rig.left, rig.right)]

@@ -1,7 +1,4 @@
-"""The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside.
-
-Images are those of balls as the two cameras of a rig take them; or there are noisy centres without rendering.
-"""
+"""The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside."""
 
 from __future__ import annotations
 
@@ -11,26 +8,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, NearerBalls, Sensor, draw_ball, expose
-from skelgen.capture.optics import in_image, project
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.scene import Scene, scene_of_structure, show_alone
 from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at
-from skelgen.capture.values import Balls, FramePair, Image
+from skelgen.capture.values import FramePair, Image, NothingToOpen
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
+from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
 from skelgen.model.rig import Camera, CaptureSettings, StereoRig
 
 _SMALLEST_BALL = 7.0  # px across: half as much again as 4 x 4 px, with room for what is farther away
 
 
-class RenderedPairs(ABC):
+class RenderedPairs(NothingToOpen, ABC):
     """Pairs that two simulated cameras take, as fast as they are asked for or by the clock; a `FrameSource`.
 
     Parameters
@@ -50,13 +46,6 @@ class RenderedPairs(ABC):
     def __init__(self, name: str, rig: StereoRig, n_frames: int, rate: float, paced: bool) -> None:
         self.name, self.rig, self.size = name, rig, rig.left.size
         self.rate, self.n_frames, self.n_dropped, self._paced = rate, n_frames, 0, paced
-
-    def __enter__(self) -> Self:
-        """Return itself: there is nothing to open."""
-        return self
-
-    def __exit__(self, *exception: object) -> None:  # noqa: B027 - what is rendered needs no closing
-        """Do nothing: there is nothing to close."""
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver the pairs in order."""
@@ -207,7 +196,6 @@ def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
 
 
 _BLUR_REACH = 4.5  # standard deviations beyond which the blur leaves 1e-5
-_AREA, _BRIGHTNESS = 30.0, 4000.0  # px, grey levels: of a ball at the distance of the reference rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,32 +329,3 @@ def _blur_of_samples(blur: float) -> Floats:
     offsets = (np.arange(n_samples) + 0.5) / SAMPLES - reach - 0.5
     received = ndtr((offsets + 0.5) / blur) - ndtr((offsets - 0.5) / blur)
     return np.asarray(received / received.sum())
-
-
-def projected_balls(
-    scene: Scene, frame: int, rig: StereoRig, noise: float, rng: np.random.Generator
-) -> tuple[tuple[Balls, Ints], tuple[Balls, Ints]]:
-    """Return the balls that the left and the right image of a frame show, and which balls of the scene they are.
-
-    Parameters
-    ----------
-    scene : Scene
-        What moves.
-    frame : int
-        Which moment.
-    rig : StereoRig
-        The cameras.
-    noise : float, px
-        Standard deviation of a centre along one axis, also of balls that touch.
-    rng : Generator
-        Noise, and the order of the balls.
-    """
-    seen = []
-    for side, camera in enumerate((rig.left, rig.right)):
-        centres = project(camera, scene.points[frame])
-        index = rng.permutation(np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, side]))
-        places = centres[index] + rng.normal(scale=noise, size=(len(index), 2))
-        area, brightness, std = (np.full(len(index), value) for value in (_AREA, _BRIGHTNESS, noise))
-        seen.append((Balls(places, area, brightness, std, np.zeros(len(index), dtype=np.bool_)), index))
-    left, right = seen
-    return left, right

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
 from skelgen.errors import CaptureError
@@ -111,8 +111,9 @@ def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOpti
         How they are to run.
     """
     with _errors_in_words("the network"):
-        found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
-    chosen = _named(found, addresses) if addresses else _only_two(found)
+        found = _viva().discover(timeout_ms=_DISCOVERY_MS, all=True)
+    found = sorted(found, key=lambda device: [int(part) for part in device.ip.split(".")])
+    chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
 
@@ -152,22 +153,10 @@ def _named(found: list[Any], addresses: tuple[str, ...]) -> list[Any]:
     return chosen
 
 
-def _only_two(found: list[Any]) -> list[Any]:
-    if len(found) == 1:
-        raise CaptureError(f"one camera is missing: {_listed(found)}, and a pair needs two")
-    if len(found) != 2:
-        raise CaptureError(f"{_listed(found)}; name left and right, as {_EXAMPLE}")
-    return found
-
-
 def _listed(found: list[Any]) -> str:
     if not found:
         return "no GigE Vision camera answers on the network; check cables, power and the computer's address"
     return "found " + ", ".join(f"{device.ip} ({device.manufacturer} {device.model})" for device in found)
-
-
-def _ip_order(address: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in address.split("."))
 
 
 def _quietly(act: Any, *arguments: Any) -> None:

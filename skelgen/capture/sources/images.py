@@ -4,14 +4,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.options import FileOptions
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import FramePair, Image, NothingToOpen
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content
 from skelgen.progress import counted
@@ -173,7 +172,7 @@ def _why_no_pairs(folder: Path, left: dict[str, Path], right: dict[str, Path]) -
     return f"{folder}: no pairs of images; {how}"
 
 
-class ImagePairs:
+class ImagePairs(NothingToOpen):
     """A frame source of image files.
 
     Parameters
@@ -207,12 +206,6 @@ class ImagePairs:
     def names(self) -> tuple[str, ...]:
         """Names of the left images, in the order of the pairs."""
         return tuple(pair.left.name for pair in self._pairs)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
 
     def __iter__(self) -> Iterator[FramePair]:
         """Read one pair after the other."""

@@ -1,6 +1,7 @@
 """Videos: pairs from two files that were recorded together, and a reference video beside a recording, in any order."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
@@ -41,6 +42,7 @@ class VideoPairs:
         self._paths = (left, right)
         self._limit = options.frames
         self._videos: list[Any] = []
+        self._stack = ExitStack()
         with self:
             cv2 = opencv()
             width, height, count = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_COUNT
@@ -60,22 +62,13 @@ class VideoPairs:
 
     def __enter__(self) -> Self:
         """Open both files from their beginnings."""
-        try:
-            for path in self._paths:
-                if not path.is_file():
-                    raise FormatError(path, "", "no such file")
-                video = opencv().VideoCapture(str(path))
-                if not video.isOpened():
-                    raise FormatError(path, "", "is no video that can be read")
-                self._videos.append(video)
-        except BaseException:
-            self._close()
-            raise
+        self._videos = open_videos(self._paths, self._stack)
         return self
 
     def __exit__(self, *exception: object) -> None:
         """Close both files."""
-        self._close()
+        self._videos = []
+        self._stack.close()
 
     def __iter__(self) -> Iterator[FramePair]:
         """Read frame by frame; a file that ends before the other is an error, after all pairs were delivered."""
@@ -113,10 +106,34 @@ class VideoPairs:
             )
         return left if left > 0 else None
 
-    def _close(self) -> None:
-        for video in self._videos:
-            video.release()
-        self._videos = []
+
+def open_videos(paths: Iterable[Path], stack: ExitStack) -> list[Any]:
+    """Open videos with OpenCV.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        The files.
+    stack : ExitStack
+        Closes them.
+
+    Raises
+    ------
+    FormatError
+        If a file is not there or is no video; then all are closed.
+    """
+    with ExitStack() as opened:
+        videos = []
+        for path in paths:
+            if not path.is_file():
+                raise FormatError(path, "", "no such file")
+            video = opencv().VideoCapture(str(path))
+            opened.callback(video.release)
+            if not video.isOpened():
+                raise FormatError(path, "", "is no video that can be read")
+            videos.append(video)
+        stack.push(opened.pop_all())
+    return videos
 
 
 def next_image(video: Any) -> Image | None:
@@ -158,11 +175,8 @@ class ReferenceVideo:
     def __init__(self, path: Path) -> None:
         cv2 = opencv()
         self.path = path
-        if not path.is_file():
-            raise FormatError(path, "", "no such file")
-        self._video: Any = cv2.VideoCapture(str(path))
-        if not self._video.isOpened():
-            raise FormatError(path, "", "is no video that can be read")
+        self._stack = ExitStack()
+        (self._video,) = open_videos([path], self._stack)
         self.rate = float(self._video.get(cv2.CAP_PROP_FPS)) or 25.0
         self.n_frames = max(int(self._video.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
         self._next = 0
@@ -189,4 +203,4 @@ class ReferenceVideo:
 
     def close(self) -> None:
         """Close the file."""
-        self._video.release()
+        self._stack.close()

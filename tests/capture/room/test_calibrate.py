@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
-from skelgen.capture.room import balls_at
 from skelgen.capture.room.calibrate import calibrate_wand, on_ground, point_covariances, room_grid
-from skelgen.capture.room.simulated import FRAME, WAND, blobs_of, frame_scene, room_rig, wand_scene
+from skelgen.capture.room.simulated import FRAME, WAND, frame_scene, room_rig, wand_scene
+from skelgen.capture.room.values import balls_at
 from skelgen.capture.room.wand_and_ground import check_wand, find_ground, find_wand
 from skelgen.errors import InputError
+from tests.benchmarks.unrendered import views_of_scene
 
 N_FRAMES = 300
 NAMES = ("a", "b", "c")
@@ -26,8 +27,7 @@ def rig():
 
 @pytest.fixture(scope="module")
 def frames(rig):
-    scene, rng = wand_scene(rig, N_FRAMES, rate=30.0), np.random.default_rng(0)
-    return [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
+    return views_of_scene(wand_scene(rig, N_FRAMES, rate=30.0), rig)
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,7 @@ def calibration(frames):
 
 @pytest.fixture(scope="module")
 def on_floor(rig, calibration):
-    scene, rng = frame_scene(rig), np.random.default_rng(1)
-    lying = [blobs_of(scene, frame, rig, rng)[0] for frame in range(scene.n_frames)]
+    lying = views_of_scene(frame_scene(rig), rig, seed=1)
     return on_ground(calibration, find_ground(lying, calibration.rig, FRAME))
 
 
@@ -109,8 +108,7 @@ def test_false_wands_in_one_camera_spoil_nothing(frames):
 @pytest.fixture(scope="module")
 def two_balls(rig):
     """Frames of a wand whose two balls look alike."""
-    scene, rng = wand_scene(rig, N_FRAMES, TWO, rate=30.0), np.random.default_rng(0)
-    return [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
+    return views_of_scene(wand_scene(rig, N_FRAMES, TWO, rate=30.0), rig)
 
 
 def test_two_balls_that_look_alike_calibrate_as_three_do(rig, two_balls, calibration):
@@ -163,9 +161,9 @@ def test_other_distances_of_the_wand_are_told(frames):
 
 def test_another_length_of_the_wand_shows_in_the_frame(rig, frames):
     long = calibrate_wand(frames, tuple(1.1 * place for place in WAND), SIZES, NAMES)
-    scene, rng = frame_scene(rig, 2), np.random.default_rng(1)
+    lying = views_of_scene(frame_scene(rig, 2), rig, seed=1)
     with pytest.raises(InputError, match="the wand's distances are not"):
-        find_ground([blobs_of(scene, 0, rig, rng)[0]], long.rig, FRAME)
+        find_ground(lying[:1], long.rig, FRAME)
 
 
 def test_late_images_of_one_camera_are_told_with_their_frames(frames):
@@ -192,6 +190,6 @@ def test_a_wand_is_found_in_either_direction_and_among_others():
 
 
 def test_exchanged_arms_of_the_frame_are_told(rig):
-    scene, rng = frame_scene(rig, 2, (400.0, 600.0)), np.random.default_rng(1)
+    lying = views_of_scene(frame_scene(rig, 2, (400.0, 600.0)), rig, seed=1)
     with pytest.raises(InputError, match="below the floor"):
-        find_ground([blobs_of(scene, 0, rig, rng)[0]], rig, (600.0, 400.0))
+        find_ground(lying[:1], rig, (600.0, 400.0))

@@ -7,10 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from skelgen.capture.room import balls_at
-from skelgen.capture.room.simulated import WAND, blobs_of, room_rig, wand_scene
+from skelgen.capture.room.simulated import WAND, room_rig, wand_scene
 from skelgen.capture.room.taking import WandTaking
+from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
+from tests.benchmarks.unrendered import views_of_scene
 
 N_FRAMES = 300
 NAMES = ("a", "b", "c")
@@ -19,9 +20,8 @@ SIZES = [(1280, 1024)] * 3
 
 @pytest.fixture(scope="module")
 def frames():
-    rig, rng = room_rig(3), np.random.default_rng(0)
-    scene = wand_scene(rig, N_FRAMES, rate=30.0)
-    return [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
+    rig = room_rig(3)
+    return views_of_scene(wand_scene(rig, N_FRAMES, rate=30.0), rig)
 
 
 def taken(frames, looker=None):

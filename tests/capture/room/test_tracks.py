@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.room import PointMatcher, PointTracks, RoomPoints
-from skelgen.capture.room.simulated import blobs_of, person_scene, room_rig, wand_scene
+from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.simulated import person_scene, room_rig, wand_scene
+from skelgen.capture.room.tracks import PointTracks
+from skelgen.capture.room.values import RoomPoints
+from tests.benchmarks.unrendered import blobs_of
 
 N_FRAMES = 30
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.room import balls_at
 from skelgen.capture.room.recording import RoomRecording
-from skelgen.capture.room.simulated import blobs_of, person_scene, room_rig
+from skelgen.capture.room.simulated import person_scene, room_rig
+from skelgen.capture.room.values import balls_at
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import CameraRig
+from tests.benchmarks.unrendered import views_of_scene
 
 N_FRAMES = 60
 EMPTY = balls_at(np.empty((0, 2)), 0.05)
@@ -24,8 +25,7 @@ def rig():
 
 @pytest.fixture(scope="module")
 def frames(rig):
-    scene, rng = person_scene(rig, N_FRAMES, rate=50.0), np.random.default_rng(0)
-    return [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
+    return views_of_scene(person_scene(rig, N_FRAMES, rate=50.0), rig)
 
 
 def notices(rig, frames):
@@ -45,9 +45,8 @@ def test_nothing_is_told_of_cameras_as_they_were(rig, frames):
 
 @pytest.mark.parametrize(("n_cameras", "size"), [(6, (1280, 1024)), (4, (480, 360))])
 def test_exchanged_cables_are_told_of_both(n_cameras, size):
-    rig, rng = room_rig(n_cameras, size), np.random.default_rng(0)
-    scene = person_scene(rig, N_FRAMES, rate=50.0)
-    frames = [blobs_of(scene, frame, rig, rng)[0] for frame in range(N_FRAMES)]
+    rig = room_rig(n_cameras, size)
+    frames = views_of_scene(person_scene(rig, N_FRAMES, rate=50.0), rig)
     said = notices(rig, [[views[1], views[0], *views[2:]] for views in frames])
     assert "camera 1 sends the images of camera 2" in said
     assert "camera 2 sends the images of camera 1" in said

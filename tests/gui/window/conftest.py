@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog, QMessageBox
@@ -14,6 +15,7 @@ from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 
 import skelgen
+from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 
 WAIT = 180_000  # ms; all stages of a small take need a few seconds, and a minute where their loops must be compiled
@@ -99,8 +101,35 @@ def person(qtbot, window, monkeypatch):
 
 
 @pytest.fixture
+def active(qtbot, window):
+    """The window, and the keys going to it."""
+    window.activateWindow()
+    qtbot.waitUntil(window.isActiveWindow)
+    return window
+
+
+@pytest.fixture
+def computed(window, person, rods):
+    """The project of three rods in the window: all stages have run, and nothing of it is saved."""
+    person.opens(rods)
+    person.runs_all()
+    return window.session.project
+
+
+@pytest.fixture
 def rods(tmp_path):
     """A labelled recording of three rods."""
     path = tmp_path / "rods.c3d"
     skelgen.write(simulate("rods", n_frames=120, noise=0.2).take, path)
     return path
+
+
+@pytest.fixture(scope="session")
+def gapped():
+    """A human with five markers on the head, one of which has a gap of 40 frames."""
+    take = simulate("human", n_frames=400, noise=0.3).take
+    first, second, third = (take.positions[:, take.names.index(f"head {number}")] for number in (1, 2, 3))
+    more = [(first + second) / 2 + weight * (third - first) for weight in (0.3, 0.7)]
+    positions = np.concatenate([take.positions, np.stack(more, axis=1)], axis=1)
+    positions[150:190, take.names.index("head 1")] = np.nan
+    return skelgen.reconstruct(Trajectories(positions, (*take.names, "head 4", "head 5"), take.rate))

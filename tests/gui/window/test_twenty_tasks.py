@@ -79,10 +79,8 @@ class Hand:
 
 
 @pytest.fixture
-def hand(qtbot, window, person, monkeypatch):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
-    return Hand(qtbot, window, person, monkeypatch)
+def hand(qtbot, active, person, monkeypatch):
+    return Hand(qtbot, active, person, monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -162,17 +160,6 @@ def test_tasks_of_labelling(qtbot, window, person, hand, unnamed):
     hand.types("m52")
     hand.presses(Key.Key_Return)
     hand.has_done(9, lambda: "m53" not in names_in(window))
-
-
-@pytest.fixture(scope="module")
-def gapped():
-    """A human with five markers on the head, one of which has a gap of 40 frames."""
-    take = simulate("human", n_frames=400, noise=0.3).take
-    first, second, third = (take.positions[:, take.names.index(f"head {number}")] for number in (1, 2, 3))
-    more = [(first + second) / 2 + weight * (third - first) for weight in (0.3, 0.7)]
-    positions = np.concatenate([take.positions, np.stack(more, axis=1)], axis=1)
-    positions[150:190, take.names.index("head 1")] = np.nan
-    return skelgen.reconstruct(Trajectories(positions, (*take.names, "head 4", "head 5"), take.rate))
 
 
 def test_tasks_of_curves_and_gaps(qtbot, window, person, hand, gapped):

@@ -20,14 +20,6 @@ SMALL = 5000  # bytes that each file may have: less than what is written here, m
 
 
 @pytest.fixture
-def computed(window, person, rods):
-    """A window in which all stages of `rods` have run, nothing of which is saved; its project."""
-    person.opens(rods)
-    person.runs_all()
-    return window.session.project
-
-
-@pytest.fixture
 def locked(tmp_path):
     """A folder into which nobody may write, also not an administrator."""
     if os.geteuid() == 0:

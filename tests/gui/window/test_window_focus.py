@@ -27,12 +27,10 @@ XYZ = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1
 
 
 @pytest.fixture
-def active(qtbot, window, person, walked):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
-    window.document.open(walked[0])
+def active(active, person, walked):
+    active.document.open(walked[0])
     person.waits()
-    return window
+    return active
 
 
 def tab_order(container):

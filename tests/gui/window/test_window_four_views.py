@@ -8,9 +8,7 @@ from PySide6.QtCore import Qt
 Key = Qt.Key
 
 
-def test_four_views_show_and_select_the_same(qtbot, window, person, walked):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
+def test_four_views_show_and_select_the_same(qtbot, active, window, person, walked):
     window.document.open(walked[0])
     person.waits()
     four = window.view3d.parentWidget()

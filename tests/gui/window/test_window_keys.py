@@ -11,12 +11,10 @@ Key = Qt.Key
 
 
 @pytest.fixture
-def active(qtbot, window, person, rods):
+def active(active, person, rods):
     """The window with a recording open, and the keys going to it."""
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
     person.opens(rods)
-    return window
+    return active
 
 
 @pytest.fixture

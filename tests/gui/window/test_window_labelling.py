@@ -40,9 +40,7 @@ def unnamed():
 
 
 @pytest.fixture
-def pane(qtbot, window, person, unnamed):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
+def pane(qtbot, active, window, person, unnamed):
     window.document.open(unnamed)
     window.runner.computes_at_once = False
     qtbot.keyClick(window.view3d, Key.Key_L, Qt.KeyboardModifier.ControlModifier)

@@ -10,31 +10,15 @@ from skelgen_gui.model.marker_curves import gap_rows, marker_panels
 from skelgen_gui.model.selection import Selection
 
 import skelgen
-from skelgen.model import Trajectories
 from skelgen.model.filled import PositionSource
-from skelgen.simulation import simulate
 
 Key = Qt.Key
 FIRST, LAST = 150, 189
 MARKER = "head 1"
 
 
-@pytest.fixture(scope="module")
-def gapped():
-    """A human with five markers on the head, one of which has a gap of 40 frames."""
-    take = simulate("human", n_frames=400, noise=0.3).take
-    first, second, third = (take.positions[:, take.names.index(f"head {number}")] for number in (1, 2, 3))
-    more = [(first + second) / 2 + weight * (third - first) for weight in (0.3, 0.7)]
-    positions = np.concatenate([take.positions, np.stack(more, axis=1)], axis=1)
-    names = (*take.names, "head 4", "head 5")
-    positions[FIRST : LAST + 1, names.index(MARKER)] = np.nan
-    return skelgen.reconstruct(Trajectories(positions, names, take.rate))
-
-
 @pytest.fixture
-def pane(qtbot, window, person, gapped):
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
+def pane(qtbot, active, window, person, gapped):
     window.document.open(gapped)
     window.marker_curves_dock.raise_()
     qtbot.waitUntil(window.marker_curves.isVisible)

@@ -15,10 +15,8 @@ Key = Qt.Key
 
 
 @pytest.fixture
-def named(qtbot, window, person, walked):
+def named(active, window, person, walked):
     """A person open in the window, the keys going to it, the panel of names in front."""
-    window.activateWindow()
-    qtbot.waitUntil(window.isActiveWindow)
     window.document.open(walked[0])
     window.findChild(type(window.outline.parent()), "outline").raise_()
     person.waits()

@@ -6,7 +6,6 @@ from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
-import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
 from skelgen_gui.model.selection import Selection
@@ -14,14 +13,6 @@ from skelgen_gui.project.recovery import RecoveryEntry
 
 from skelgen.app.project_file.archive import open_project
 from skelgen.model.corrections import Correction
-
-
-@pytest.fixture
-def computed(window, person, rods):
-    """A window in which all stages of three rods have run."""
-    person.opens(rods)
-    person.runs_all()
-    return window.session.project
 
 
 def turned(qtbot, window):
