@@ -16,7 +16,7 @@ from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model import Poses, Project
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.corrections import Correction
 from skelgen.simulation import Structure, find_structure, read_truth, simulate
 
@@ -273,3 +273,25 @@ def test_taking_back_what_a_skeleton_decides_changes_no_result(folder):
     before = taken_back(project, 0)
     assert before.skeleton is project.skeleton and not before.corrections
     assert not any("not obeyed" in notice for notice in before.reports["labels"].notices)
+
+
+def alike(folder, names, take):
+    """What is said of a take labelled by copies of one skeleton, one of each name."""
+    rom = skelgen.load(folder / "rom")
+    called = [dataclasses.replace(rom, take=dataclasses.replace(rom.take, name=name), source=None) for name in names]
+    return " ".join(skelgen.apply_subject(take, called).reports["labels"].notices)
+
+
+def test_of_three_bodies_that_are_alike_all_that_are_absent_are_told(folder):
+    told = alike(folder, ["anna", "ben", "carl"], skelgen.read(folder / "walk.mfml"))
+    assert "not all of anna, ben and carl are there; ben and carl are taken as absent" in told
+
+
+def test_bodies_that_are_alike_may_be_exchanged_and_a_notice_says_where(folder):
+    cloud = simulate("rods", n_frames=FRAMES, noise=0.3, seed=2, labelled=False, subjects=2).take
+    frames = np.repeat(np.arange(FRAMES), np.diff(cloud.frame_starts))
+    is_seen = (frames < 80) | (frames >= 120)
+    starts = np.searchsorted(frames[is_seen], np.arange(FRAMES + 1))
+    told = alike(folder, ["anna", "ben"], PointCloud(cloud.points[is_seen], starts, cloud.times))
+    assert "anna and ben are alike, so that which is which is not known" in told
+    assert "they may change places at frame 120," in told
