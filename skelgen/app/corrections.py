@@ -25,6 +25,10 @@ EDITS = frozenset({"merge", "split", "rename", "delete", "swap", "confirm", "smo
 """Kinds of corrections that change labels at once, without a new run."""
 
 
+OBEYED_BY_SUBJECT = EDITS | {"name", "name-joint", "fill"}
+"""Kinds that a take obeys although a calibrated skeleton labels it; of limbs and joints the skeleton decides."""
+
+
 def with_correction(project: Project, correction: Correction) -> Project:
     """Return a project with one more correction; results that contradict it are dropped, labels corrected at once.
 
@@ -62,6 +66,9 @@ def with_correction(project: Project, correction: Correction) -> Project:
 def without_correction(project: Project, index: int) -> Project:
     """Return a project without one of its corrections; the results of its stage and of all after it are dropped.
 
+    Of a take that a calibrated skeleton labelled, those stay that the correction did not change: see
+    `skelgen.app.taking_back.taken_back` for the others.
+
     Parameters
     ----------
     project : Project
@@ -71,6 +78,8 @@ def without_correction(project: Project, index: int) -> Project:
     """
     kept = (*project.corrections[:index], *project.corrections[index + 1 :])
     if project.corrections[index].kind == "fill":
+        return replace(project, corrections=kept)
+    if project.corrections[index].kind not in OBEYED_BY_SUBJECT and is_by_subject(project):
         return replace(project, corrections=kept)
     if project.corrections[index].kind == "name":
         bare = replace(project, corrections=kept)
@@ -96,6 +105,12 @@ def with_number(project: Project, kind: str, number: int | None) -> Project:
     others = tuple(correction for correction in project.corrections if correction.kind != kind)
     stated = () if number is None else (Correction(kind, value=str(number)),)
     return replace(project, corrections=(*others, *stated)).before(RULES[kind].stage)
+
+
+def is_by_subject(project: Project) -> bool:
+    """Return whether a calibrated skeleton labelled the take, and its limbs and joints are still the result."""
+    is_labelled = project.has_labelling and bool(project.labelling.subject) and project.has("skeleton")
+    return is_labelled and not project.reports["limbs"].parameters  # limbs that were found have parameters
 
 
 def place_of(trajectories: Trajectories, marker: int, frame: int) -> Place:
@@ -187,7 +202,7 @@ def with_stated_limb_names(project: Project) -> Project:
 
 def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Project:
     """The project with limbs as its corrections call them; those of a calibrated skeleton keep their names else."""
-    if not _is_of_subject(project):
+    if not is_by_subject(project):
         return renamed_limbs(project)
     names = list(project.limbs.names)
     if taken_back is not None:
@@ -225,7 +240,7 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
     edits = apply_corrections(project.trajectories, (correction,))
     if correction.kind == "rename":
         return project.renamed(edits.trajectories.names)
-    if by_subject := _is_of_subject(project):
+    if by_subject := is_by_subject(project):
         edits = apply_corrections(project.trajectories, (correction,), by_subject=True)
     labelling = project.labelling if project.has_labelling else None
     if labelling is not None:
@@ -238,11 +253,6 @@ def _with_edited_labels(project: Project, correction: Correction) -> Project:
     notices = tuple(dict.fromkeys((*report.notices, *sentences)))
     edited = project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)
     return _reposed(project, edited) if by_subject else edited
-
-
-def _is_of_subject(project: Project) -> bool:
-    """Whether a calibrated skeleton labelled the take and is there."""
-    return project.has_labelling and bool(project.labelling.subject) and project.has("skeleton")
 
 
 def _reposed(before: Project, edited: Project) -> Project:

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from skelgen.app.bodies import join_bodies
 from skelgen.app.configuration import ParameterValues, Settings
-from skelgen.app.corrections import EDITS, with_stated_limb_names
+from skelgen.app.corrections import OBEYED_BY_SUBJECT, with_stated_limb_names
 from skelgen.app.inputs import body_of, check_take, poses_of_markers, trajectories_from_poses, with_checked_arguments
 from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
@@ -251,8 +251,7 @@ def _with_skeleton(
 def _as_stated(project: Project, monitor: Monitor) -> Project:
     """The project with the limbs' names that the user gave; notices say which corrections are not obeyed."""
     project = with_stated_limb_names(project)
-    obeyed = EDITS | {"name", "name-joint", "fill"}
-    passed = [one.sentence for one in project.corrections if one.kind not in obeyed]
+    passed = [one.sentence for one in project.corrections if one.kind not in OBEYED_BY_SUBJECT]
     notices = tuple(f"not obeyed, as the skeleton of another take labels this one: {one}" for one in passed)
     for sentence in notices:
         monitor.notice(sentence)

@@ -11,11 +11,12 @@ import pytest
 import skelgen
 from skelgen.app.several_takes import calibrate_together
 from skelgen.app.subject import run_with_subject
+from skelgen.app.taking_back import taken_back
 from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model import Poses, Project
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.corrections import Correction
 from skelgen.simulation import Structure, find_structure, read_truth, simulate
 
@@ -248,3 +249,49 @@ def test_corrections_of_markers_that_the_skeleton_does_not_find_are_passed_over_
     ghost = dataclasses.replace(alone, corrections=(Correction("delete", ("M007",)),))
     told = run_with_subject(ghost, known).reports["labels"].notices
     assert any("passed over" in notice and "'M007'" in notice for notice in told)
+
+
+def test_a_take_that_a_skeleton_labelled_keeps_it_when_a_correction_is_taken_back(folder):
+    project = run_with_subject(Project(skelgen.read(folder / "walk.mfml")), skelgen.load(folder / "rom"))
+    first, second, third = project.trajectories.names[:3]
+    stated = skelgen.correct(project, "rename", [first], "tip")
+    stated = skelgen.correct(stated, "swap", ["tip", second], frames=(50, 80))
+    stated = skelgen.correct(stated, "split", [third], "glove", frames=(150, None))
+    for _ in range(3):
+        stated = taken_back(stated, 0)
+    assert stated.trajectories.names == project.trajectories.names
+    np.testing.assert_array_equal(stated.trajectories.positions, project.trajectories.positions)
+    np.testing.assert_allclose(stated.motion.world_from_limb, project.motion.world_from_limb, atol=1e-6)
+    assert stated.labelling.subject == project.labelling.subject
+    assert not any("as stated" in notice for notice in stated.reports["labels"].notices)
+
+
+def test_taking_back_what_a_skeleton_decides_changes_no_result(folder):
+    take = skelgen.read(folder / "walk.mfml")
+    stated = Project(take, corrections=(Correction("n_limbs", value="2"),))
+    project = run_with_subject(stated, skelgen.load(folder / "rom"))
+    before = taken_back(project, 0)
+    assert before.skeleton is project.skeleton and not before.corrections
+    assert not any("not obeyed" in notice for notice in before.reports["labels"].notices)
+
+
+def alike(folder, names, take):
+    """What is said of a take labelled by copies of one skeleton, one of each name."""
+    rom = skelgen.load(folder / "rom")
+    called = [dataclasses.replace(rom, take=dataclasses.replace(rom.take, name=name), source=None) for name in names]
+    return " ".join(skelgen.apply_subject(take, called).reports["labels"].notices)
+
+
+def test_of_three_bodies_that_are_alike_all_that_are_absent_are_told(folder):
+    told = alike(folder, ["anna", "ben", "carl"], skelgen.read(folder / "walk.mfml"))
+    assert "not all of anna, ben and carl are there; ben and carl are taken as absent" in told
+
+
+def test_bodies_that_are_alike_may_be_exchanged_and_a_notice_says_where(folder):
+    cloud = simulate("rods", n_frames=FRAMES, noise=0.3, seed=2, labelled=False, subjects=2).take
+    frames = np.repeat(np.arange(FRAMES), np.diff(cloud.frame_starts))
+    is_seen = (frames < 80) | (frames >= 120)
+    starts = np.searchsorted(frames[is_seen], np.arange(FRAMES + 1))
+    told = alike(folder, ["anna", "ben"], PointCloud(cloud.points[is_seen], starts, cloud.times))
+    assert "anna and ben are alike, so that which is which is not known" in told
+    assert "they may change places at frame 120," in told

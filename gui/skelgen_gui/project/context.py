@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import first_missing_stage, run_stages
-from skelgen.errors import SkelgenError
+from skelgen.errors import InputError, SkelgenError
 from skelgen.model import PointCloud, Project
 from skelgen.model.project import STAGES
 from skelgen.progress import Monitor
@@ -201,6 +201,29 @@ class Runner(QObject):
         if had:
             self._want(had[-1])
 
+    def take_back(self, index: int) -> None:
+        """Take back a correction of a take that a calibrated skeleton labelled: it labels the take again."""
+        project = self._document.session.project
+        if project is None:
+            return
+        try:
+            settings = self._settings()
+        except SkelgenError as error:
+            self._report_error(error)
+            return
+
+        def work(monitor: Monitor) -> Project:
+            from skelgen.app.taking_back import taken_back  # noqa: PLC0415 - loads the stages
+
+            return taken_back(project, index, settings, monitor)
+
+        def done(result: Project) -> None:
+            if self._document.session.project is project:  # else it was changed meanwhile
+                self._document.take_back(index, result)
+
+        if not self._jobs.start(self.tr("Taking a correction back"), work, done, self._report_error):
+            self._report_error(InputError(self.tr("take the correction back when what is computed now is done")))
+
     def catch_up(self) -> None:
         """After undoing, run what was there in another state of the project and is not in this one."""
         stale = [stage for stage in STAGES if stage in self._document.session.stale]
@@ -241,7 +264,7 @@ class Runner(QObject):
 
     def _start(self, project: Project, first: str, last: str, *, shows: bool = True) -> None:
         try:
-            settings = Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
+            settings = self._settings()
         except SkelgenError as error:
             self._report_error(error)
             return
@@ -267,6 +290,10 @@ class Runner(QObject):
         self.failed_changed.emit()
         if self._jobs.start(title.format(first, last), work, done, failed, _plan(project, stages)):
             self._running = project, last
+
+    def _settings(self) -> Settings:
+        """The parameters of all stages."""
+        return Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
 
     def _follow_stage(self, name: str) -> None:
         self._stage = name if name in STAGES else self._stage

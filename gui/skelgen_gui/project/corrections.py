@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.app.corrections import with_correction
+from skelgen.app.corrections import is_by_subject, with_correction
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
@@ -121,7 +121,9 @@ class CorrectionActions(QObject):
     def take_back(self, index: int) -> None:
         """Take one correction back, and compute again what was there."""
         before = self._document.session.project
-        if before is not None:
+        if before is not None and is_by_subject(before):
+            self._runner.take_back(index)
+        elif before is not None:
             self._document.take_back(index)
             self._runner.run_again(before)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QPoint, Signal
 from PySide6.QtGui import QUndoCommand, QUndoStack
 
-from skelgen.app.corrections import with_correction, with_places, without_correction
+from skelgen.app.corrections import is_by_subject, with_correction, with_places, without_correction
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
 from skelgen.model.project import STAGES
@@ -253,6 +253,8 @@ class Document(QObject):
     def restore(self, project: Project, path: Path | None) -> None:
         """Open unsaved work again: it still belongs to its file, and each of its corrections can be undone.
 
+        Where a calibrated skeleton labelled the take, they can only be taken back, as it labels the take again then.
+
         Parameters
         ----------
         project : Project
@@ -261,7 +263,7 @@ class Document(QObject):
             The project file that it came from.
         """
         states = [project]
-        for _ in project.corrections:
+        for _ in () if is_by_subject(project) else project.corrections:
             states.insert(0, without_correction(states[0], len(states[0].corrections) - 1))
         self.undo_stack.clear()
         self.session.open(project, path, is_saved=False)
@@ -293,11 +295,19 @@ class Document(QObject):
         """Return a correction with a place of each marker in the frame that is shown, by which later runs find it."""
         return with_places(self._project(), correction, self.session.frame)
 
-    def take_back(self, index: int) -> None:
-        """Drop one of the project's corrections."""
+    def take_back(self, index: int, after: Project | None = None) -> None:
+        """Drop one of the project's corrections.
+
+        Parameters
+        ----------
+        index : int
+            Which of them.
+        after : Project, optional
+            The project without it, where its results were computed anew; by default they are dropped.
+        """
         before = self._project()
         text = self.tr("take back: {0}").format(before.corrections[index].sentence)
-        self._push(text, before, without_correction(before, index))
+        self._push(text, before, without_correction(before, index) if after is None else after)
 
     def change(self, text: str, project: Project) -> None:
         """Make any other change that can be undone.

@@ -276,8 +276,7 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
     yield f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"
     yield from _moved_notices(changes, test)
     yield from _missing_notices(changes)
-    if labels.alike_bodies:
-        yield labels.alike_bodies
+    yield from labels.alike_bodies
     if changes.freer:
         parts = ", ".join(skeleton.joint_name(skeleton.joints[index]) for index in changes.freer)
         yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"

@@ -67,8 +67,8 @@ class SubjectLabels:
         Part of the positions that could be explained which lie where the skeleton has its markers.
     by_name : bool
         Whether the names of the take decided.
-    alike_bodies : str
-        Which bodies fit as one that is there, and how well; empty if no two compete.
+    alike_bodies : tuple of str
+        Which bodies are alike, so that another one may be there, or two be exchanged; see `label_present_bodies`.
     """
 
     marker_of_point: Ints
@@ -78,7 +78,7 @@ class SubjectLabels:
     new: tuple[PlacedTrack, ...]
     explained: float
     by_name: bool
-    alike_bodies: str = ""
+    alike_bodies: tuple[str, ...] = ()
 
 
 def label_by_subject(
@@ -117,7 +117,7 @@ def label_by_subject(
         proposed, by_name = _proposed(some, sought, names, gates, monitor)
         return BodyLabels(sought, some, *_reassigned_and_posed(some, proposed, sought, gates, monitor), by_name)
 
-    present, sentence = label_present_bodies(points, skeleton, labelled)
+    present, sentences = label_present_bodies(points, skeleton, labelled)
     skeleton, placed, poses = present.skeleton, present.marker_of_point, present.poses
     # Part of what could be explained, frame by frame the fewer of points and markers, that is explained
     possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
@@ -137,7 +137,7 @@ def label_by_subject(
     for number, one in enumerate((*moved, *new)):
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
         result[one.points] = marker
-    return SubjectLabels(result, points, poses, moved, new, explained, present.by_name, sentence)
+    return SubjectLabels(result, points, poses, moved, new, explained, present.by_name, sentences)
 
 
 def _proposed(

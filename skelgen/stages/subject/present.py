@@ -2,17 +2,18 @@
 
 A body without which the others explain as much of the take is absent. Of several such bodies the one is left out
 without which the others fit best. Where bodies that are alike come and go, frames remain that show parts of several:
-the take is then labelled by one body after the other, too, and what leaves fewer parts is kept.
+the take is then labelled by one body after the other, too, and what leaves fewer parts is kept. Of bodies that are
+alike and there, a sentence says that they may be exchanged.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from skelgen.model import PointCloud, Skeleton
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Bools, Ints
 from skelgen.model.limbs import names_of_bodies
 from skelgen.progress import listed
 from skelgen.stages.subject.points import LEAST_FRAMES, FollowedPoints
@@ -20,6 +21,18 @@ from skelgen.stages.subject.posing import SubjectPoses, pose_subject
 
 PRESENT_SHARE = 0.5
 """A body is there in a frame if it adds this part of its markers to what the other bodies explain."""
+
+ALIKE = 1.25
+"""Bodies are alike if markers of one are no farther from their places by the other's skeleton than so many times."""
+
+EXPLAINED_SHARE = 0.95
+"""... and if that skeleton explains this part of the points that its own explains."""
+
+TRIED_FRAMES = 200
+"""Frames in which the skeleton of one body is tried on the markers of another one."""
+
+MOST_LISTED = 5
+"""Frames that a sentence lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +99,9 @@ Label = Callable[[Skeleton, FollowedPoints], BodyLabels]
 """Labels points by a skeleton."""
 
 
-def label_present_bodies(points: FollowedPoints, skeleton: Skeleton, label: Label) -> tuple[BodyLabels, str]:
+def label_present_bodies(
+    points: FollowedPoints, skeleton: Skeleton, label: Label
+) -> tuple[BodyLabels, tuple[str, ...]]:
     """Label a take by those of several bodies that it shows.
 
     Parameters
@@ -102,25 +117,38 @@ def label_present_bodies(points: FollowedPoints, skeleton: Skeleton, label: Labe
     -------
     labels : BodyLabels
         By the bodies that are there.
-    sentence : str
-        How well each body fits where one of several fits as the only one; empty if no two compete.
+    sentences : tuple of str
+        Which bodies are alike, so that another one may be absent, or two of them be exchanged, and how well they fit.
     """
-    best, sentence = label(skeleton, points), ""
+    best, absent = _whole(label(skeleton, points), label), []
     names = names_of_bodies(skeleton.bodies, skeleton.limb_names)
+    rivals: dict[int, BodyLabels] = {}
     while candidates := _without_absent(best, label):
         left_out, best = min(reversed(candidates), key=lambda one: one[1].deviation)
-        sentence = _choice(candidates, left_out, names) if len(candidates) > 1 else ""
-    if len(skeleton.bodies) > 1 and best.n_parts >= LEAST_FRAMES:
-        in_turn = _one_after_the_other(best, label)
-        best = in_turn if in_turn.worth > best.worth else best
-    return best, sentence
+        rivals = dict(candidates) | rivals if len(candidates) > 1 else rivals
+        absent.append(left_out)
+    choice = _choice(rivals, [body for body in absent if body in rivals], names)
+    return best, (*choice, *_exchangeable(best, label, names))
+
+
+def _whole(labels: BodyLabels, label: Label) -> BodyLabels:
+    """The labels, or those by one body after the other where many frames show parts of bodies and fewer do then."""
+    if len(_carried(labels.skeleton)) < 2 or labels.n_parts < LEAST_FRAMES:  # one body has no rival
+        return labels
+    in_turn = _one_after_the_other(labels, label)
+    return in_turn if in_turn.worth > labels.worth else labels
+
+
+def _carried(skeleton: Skeleton) -> list[Ints]:
+    """Limbs of each body that carries markers."""
+    return [limbs for limbs in skeleton.bodies if np.isin(skeleton.limb_of_marker, limbs).any()]
 
 
 def _one_after_the_other(labels: BodyLabels, label: Label) -> BodyLabels:
     """Label by the body that explains most by itself, what is left by the next one, and so on."""
     skeleton, points = labels.skeleton, labels.points
     marker_of_point = np.full_like(labels.marker_of_point, -1)
-    bodies = [limbs for limbs in skeleton.bodies if np.isin(skeleton.limb_of_marker, limbs).any()]
+    bodies = _carried(skeleton)
     while bodies:
         left = np.flatnonzero(marker_of_point < 0)
         found = [label(_with_bodies(skeleton, limbs), _some_of(points, left)) for limbs in bodies]
@@ -145,14 +173,78 @@ def _some_of(points: FollowedPoints, kept: Ints) -> FollowedPoints:
     return FollowedPoints(some, frames, points.tracks[kept], points.names)
 
 
-def _choice(candidates: list[tuple[int, BodyLabels]], left_out: int, names: tuple[str, ...]) -> str:
-    """Say why one of several bodies is taken as absent."""
-    fits = ", ".join(f"{fewer.deviation:.2f} mm without {names[body]}" for body, fewer in candidates)
-    return (
-        f"not all of {listed(names[body] for body, _ in candidates)} are there; {names[left_out]} is taken as absent, "
-        f"by how far markers are from their places in the median: {fits}; if another one is absent, leave its skeleton "
-        "out"
+def _choice(rivals: dict[int, BodyLabels], absent: list[int], names: tuple[str, ...]) -> Iterator[str]:
+    """Say why some of several bodies are taken as absent."""
+    if not absent:
+        return
+    fits = ", ".join(f"{fewer.deviation:.2f} mm without {names[body]}" for body, fewer in sorted(rivals.items()))
+    left_out = listed(names[body] for body in sorted(absent))
+    yield (
+        f"not all of {listed(names[body] for body in sorted(rivals))} are there; {left_out} "
+        f"{'is' if len(absent) == 1 else 'are'} taken as absent, by how far markers are from their places in the "
+        f"median: {fits}; if another one is absent, leave its skeleton out"
     )
+
+
+def _exchangeable(labels: BodyLabels, label: Label, names: tuple[str, ...]) -> Iterator[str]:
+    """Say of which bodies that are there each fits the markers of another one as well: these may be exchanged."""
+    shown = _shown(labels)
+    there = [] if labels.by_name else np.flatnonzero(shown.sum(axis=0) >= LEAST_FRAMES).tolist()
+    while there:
+        first, fits = there[0], {}
+        for other in there[1:]:
+            pairs = ((first, other), (other, first))
+            both = [_fit_of_other(labels, label, *pair, shown) for pair in pairs]
+            if all(by_other <= ALIKE * own for own, by_other in both):
+                fits[other] = np.mean(both, axis=0)
+        alike = [first, *fits]
+        there = [body for body in there if body not in alike]
+        if fits:
+            own, by_other = np.mean(list(fits.values()), axis=0)
+            yield (
+                f"{listed(names[body] for body in alike)} are alike, so that which is which is not known: markers are "
+                f"{own:.2f} mm from their places in the median, {by_other:.2f} mm by the skeleton of another of them"
+                f"{_changing_places(shown[:, alike])}"
+            )
+
+
+def _changing_places(shown: Bools) -> str:
+    """From which frames on bodies may be exchanged: where one appears again or first, while two were away."""
+    appears = (shown[1:] & ~shown[:-1]).any(axis=1) & ((~shown[:-1]).sum(axis=1) > 1)
+    frames = (np.flatnonzero(appears & np.logical_or.accumulate(shown.any(axis=1))[:-1]) + 1).tolist()
+    if not frames:
+        return ""
+    some, n_more = frames[:MOST_LISTED], len(frames) - MOST_LISTED
+    words = listed([*map(str, some), *([f"{n_more} more"] if n_more > 0 else [])])
+    at = "frames" if len(frames) > 1 else "frame"
+    return f"; they may change places at {at} {words}, before which two of them are not seen"
+
+
+def _shown(labels: BodyLabels) -> Bools:
+    """Whether a frame shows at least `PRESENT_SHARE` of the markers of each body, shape (n_frames, n_bodies)."""
+    frames, owned = labels.points.frames, labels.marker_of_point >= 0
+    columns = []
+    for limbs in labels.skeleton.bodies:
+        is_own = np.isin(labels.skeleton.limb_of_marker, limbs)
+        n_points = np.bincount(frames[owned & is_own[labels.marker_of_point]], minlength=labels.points.cloud.n_frames)
+        columns.append(n_points >= max(PRESENT_SHARE * is_own.sum(), 1))
+    return np.column_stack(columns)
+
+
+def _fit_of_other(labels: BodyLabels, label: Label, body: int, other: int, shown: Bools) -> tuple[float, float]:
+    """Median distance [mm] of some points of a body from their places by its own skeleton, and by that of another one.
+
+    The latter is infinite if the other skeleton explains fewer of them.
+    """
+    skeleton, points = labels.skeleton, labels.points
+    own, limbs = skeleton.bodies[body], skeleton.bodies[other]
+    limb_of_point = np.where(labels.marker_of_point >= 0, skeleton.limb_of_marker[labels.marker_of_point], -1)
+    frames = np.flatnonzero(shown[:, body])[:TRIED_FRAMES]
+    kept = np.flatnonzero(np.isin(limb_of_point, own) & np.isin(points.frames, frames))
+    some = _some_of(points, kept)
+    by_own, by_other = (label(_with_bodies(skeleton, each), some) for each in (own, limbs))
+    explains = by_other.explained.sum() >= EXPLAINED_SHARE * by_own.explained.sum()
+    return by_own.deviation, by_other.deviation if explains else np.inf
 
 
 def _without_absent(labels: BodyLabels, label: Label) -> list[tuple[int, BodyLabels]]:
@@ -164,7 +256,7 @@ def _without_absent(labels: BodyLabels, label: Label) -> list[tuple[int, BodyLab
         n_others = int((others >= 0).sum())
         if not is_own.any() or n_others == 0 or labels.explained.sum() > n_others * n_frames:
             continue
-        fewer = label(replace(labels.skeleton, limb_of_marker=others), labels.points)
+        fewer = _whole(label(replace(labels.skeleton, limb_of_marker=others), labels.points), label)
         is_there = labels.explained - fewer.explained >= PRESENT_SHARE * is_own.sum()
         if is_there.sum() < min(LEAST_FRAMES, n_frames):
             found.append((body, fewer))

@@ -11,6 +11,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QFileDialog
 
 import skelgen
+from skelgen.model.corrections import Correction
 from skelgen.simulation import simulate
 
 Key = Qt.Key
@@ -67,6 +68,21 @@ def test_the_skeleton_of_another_take_is_applied_to_the_open_one_and_undone(wind
     assert window.pages.current.key == "skeleton"
     person.does("undo")
     person.waits(lambda: not window.session.project.has("labels"))
+
+
+def test_a_correction_is_taken_back_and_the_skeleton_of_another_take_stays(window, person, calibrated):
+    subject, takes = calibrated
+    person.opens(takes[0])
+    window.commands.subjects.apply([subject])
+    person.waits(lambda: window.session.project.has("skeleton"))
+    before = window.session.project
+    window.corrections.apply(Correction("swap", before.trajectories.names[:2], 20, 30))
+    person.waits(lambda: len(window.session.project.corrections) == 1)
+    window.corrections.take_back(0)
+    person.waits(lambda: not window.session.project.corrections)
+    after = window.session.project
+    assert after.skeleton.lengths == before.skeleton.lengths
+    np.testing.assert_array_equal(after.trajectories.positions, before.trajectories.positions)
 
 
 def test_two_results_are_compared_line_by_line(qtbot, window, person, calibrated, tmp_path):
