@@ -177,6 +177,16 @@ def test_two_bodies_that_walk_side_by_side_are_two_trees(simulated, notices):
     assert "separate bodies" in " ".join(notices.sentences)
 
 
+def test_two_rigid_bodies_that_nothing_joins_are_two_trees(notices):
+    pace = np.outer(np.arange(400), [0.031, 0.043, 0.019])
+    turns = [matrix_from_vector(0.6 * np.sin(pace + phase)) for phase in (0.0, 2.0)]
+    places = [200 * np.sin(pace[:, [1, 2, 0]] + phase) + [600.0 * phase, 0.0, 0.0] for phase in (0.0, 1.0)]
+    bodies = [transform_from(turn, place) for turn, place in zip(turns, places, strict=True)]
+    topology = find_joints(*as_take([rigid(poses, seed=seed) for seed, poses in enumerate(bodies)]), monitor=notices)
+    assert len(topology.roots) == 2
+    assert "nothing holds limb" in " ".join(notices.sentences)
+
+
 def test_bodies_stay_one_tree_where_that_is_asked(simulated):
     take = together(simulated("rods", 0), simulated("rods", 50), (900.0, 0.0, 0.0))
     assert len(find_joints(*take, JointParameters(separate=False)).roots) == 1
