@@ -184,6 +184,11 @@ def range_of(values: Floats, rest: float, least: float) -> tuple[float, float]:
     return low - margin, high + margin
 
 
+def turns_fully(angles: Floats) -> bool:
+    """Whether a coordinate [rad] goes through a full turn, as that of a wheel does: such a joint has no limits."""
+    return bool(np.ptp(angles) >= 2 * np.pi)
+
+
 def rotation_of_z_to(direction: Floats) -> Floats:
     """Return the rotation, shape (3, 3), by the smallest angle that turns z to a direction of any length but zero."""
     turn = np.cross([0.0, 0.0, 1.0], direction)

@@ -29,6 +29,7 @@ from skelgen_formats.articulated import (
     markers_on,
     range_of,
     remarks_on_joints,
+    turns_fully,
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
@@ -118,7 +119,8 @@ def _add_joints(body: Element, link: Link) -> None:
         SubElement(body, "joint", limits, name=link.joint, type="ball")
     else:
         for name, axis, angles in zip(link.angle_names, link.axes, link.angles.T, strict=True):
-            limits = {"range": number_text(range_of(angles, 0.0, ANGLE_MARGIN))}
+            is_free = turns_fully(angles)
+            limits = {"limited": "false"} if is_free else {"range": number_text(range_of(angles, 0.0, ANGLE_MARGIN))}
             SubElement(body, "joint", limits, name=name, type="hinge", axis=number_text(axis @ link.turn))
 
 

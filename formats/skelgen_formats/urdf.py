@@ -1,7 +1,8 @@
 """URDF (.urdf), and its motion beside it (.urdf.csv): metres and radians, as ROS has them.
 
-A hinge is a revolute joint. URDF knows no other turns, so a universal joint is two of them in a row and a ball three,
-with links of next to no mass between; a root hangs on the link ``world`` by three prismatic and three revolute joints.
+A hinge is a revolute joint, or a continuous one if it goes through full turns, as wheels do. URDF knows no other
+turns, so a universal joint is two of them in a row and a ball three, with links of next to no mass between; a root
+hangs on the link ``world`` by three prismatic and three revolute joints.
 In the reference pose every joint is at 0. Frames have the orientation of the world then, but for the links of hinges
 and universal joints, whose z axis is the axis they turn about, as robots have it.
 """
@@ -32,6 +33,7 @@ from skelgen_formats.articulated import (
     range_of,
     remarks_on_joints,
     rotation_of_z_to,
+    turns_fully,
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
@@ -57,6 +59,11 @@ class _Single(NamedTuple):
     turn: Floats
     values: Floats
     unit: str
+
+    @property
+    def type(self) -> str:
+        """The type that URDF knows it by."""
+        return "continuous" if self.kind == "revolute" and turns_fully(self.values) else self.kind
 
 
 def write_urdf(
@@ -130,11 +137,13 @@ def _add_joints(robot: Element, link: Link, above: Floats) -> None:
         child = link.name if number == len(singles) else f"{single.name}_link"
         if child != link.name:
             _add_inertial(SubElement(robot, "link", name=child))
-        joint = _add_joint(robot, single.kind, (single.name, parent, child), place, above.T @ single.turn)
+        joint = _add_joint(robot, single.type, (single.name, parent, child), place, above.T @ single.turn)
         SubElement(joint, "axis", xyz=number_text(single.axis))
-        least = ANGLE_MARGIN if single.unit == "rad" else PLACE_MARGIN
-        lower, upper = (repr(end) for end in range_of(single.values, 0.0, least))
-        SubElement(joint, "limit", lower=lower, upper=upper, effort=_EFFORT, velocity=_VELOCITY)
+        limit = SubElement(joint, "limit", effort=_EFFORT, velocity=_VELOCITY)
+        if single.type != "continuous":
+            least = ANGLE_MARGIN if single.unit == "rad" else PLACE_MARGIN
+            lower, upper = range_of(single.values, 0.0, least)
+            limit.attrib.update(lower=repr(lower), upper=repr(upper))
         parent, place, above = child, np.zeros(3), single.turn
 
 

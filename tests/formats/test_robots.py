@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree.ElementTree import parse
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from skelgen_formats.registry import find_format, write_file
 from skelgen.benchmark.judges import read_columns
 from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import with_rate
+from skelgen.geometry.rotations import matrix_from_vector
 
 POSITION_MM = 0.01  # demanded; written with every digit
 ROTATION = 1e-5  # of a matrix: 0.01 mm at a metre
@@ -157,6 +159,19 @@ def test_ranges_hold_the_motion_and_zero_with_a_margin(jointed_project, tmp_path
                 low, high = model.joint(title).range
                 assert low < min(angles.min(), 0.0) - np.deg2rad(4.9)
                 assert max(angles.max(), 0.0) + np.deg2rad(4.9) < high < 2 * np.pi
+
+
+@pytest.mark.parametrize("name", ["walk.urdf", "walk.mjcf.xml"])
+def test_wheels_have_no_limits(jointed_project, tmp_path, name):
+    wheel = next(joint for joint in jointed_project.skeleton.joints if joint.child == 7)  # a hinge without children
+    poses = jointed_project.motion.world_from_limb.copy()
+    turns = matrix_from_vector(np.linspace(0, 4 * np.pi, len(poses))[:, np.newaxis] * wheel.axis)
+    poses[:, 7, :3, :3] = poses[:, 7, :3, :3] @ turns
+    project = replace(jointed_project, _motion=replace(jointed_project.motion, world_from_limb=poses))
+    written = [one for one in parse(write_file(project, tmp_path / name)[0]).iter("joint") if one.get("name")]
+    free = ["continuous" in one.attrib.values() or one.get("limited") == "false" for one in written]
+    assert [one.get("name") for one, is_free in zip(written, free, strict=True) if is_free] == ["limb5-limb7_turn"]
+    assert not any("lower" in limit.attrib for one in written if "continuous" in one.attrib.values() for limit in one)
 
 
 @pytest.mark.parametrize(("axes", "down"), [("as-recorded", 2), ("z-to-y", 1), ("auto", 2)])

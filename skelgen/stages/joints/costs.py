@@ -28,7 +28,7 @@ known.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -89,6 +89,8 @@ class JointCosts:
         What noise and usual wandering let expect for them.
     turns : ndarray, shape (n_limbs, n_limbs), rad
         How far the limbs turn against each other, each axis.
+    distances : ndarray, shape (n_limbs, n_limbs), mm
+        Mean distance of each joint from the markers of its limbs; 0 where unknown.
     """
 
     comparable: Floats
@@ -96,6 +98,7 @@ class JointCosts:
     squares: Floats
     expected: Floats
     turns: Floats
+    distances: Floats = field(default_factory=lambda: np.zeros((1, 1)))
 
 
 def comparable_costs(
@@ -118,7 +121,8 @@ def comparable_costs(
     possible = np.isfinite(squares)
     noise = _table(guesses, lambda guess: guess.expected, n_limbs, 0.0)
     hidden = _table(guesses, lambda guess: guess.hidden_part, n_limbs, 0.0)
-    far = alpha * _table(guesses, lambda guess: guess.distance, n_limbs, 0.0)
+    distances = _table(guesses, lambda guess: guess.distance, n_limbs, 0.0)
+    far = alpha * distances
     turns = _table(guesses, lambda guess: guess.turn, n_limbs, np.nan)
     wobbles = _table(guesses, lambda guess: guess.wobble, n_limbs, np.nan)
     kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
@@ -142,7 +146,7 @@ def comparable_costs(
             wandering = max(float(np.median(squares[edges] - noise[edges])), 0.0)
             ratios = squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny)
             chance, spread = _chance(ratios), _spread(ratios[np.isfinite(turns[edges])])
-    return JointCosts(costs, order, squares, expected, turns)
+    return JointCosts(costs, order, squares, expected, turns, distances)
 
 
 def _chance(ratios: Floats) -> float:

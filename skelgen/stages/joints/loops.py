@@ -25,6 +25,10 @@ LOOP_TURN = 0.5
 ENOUGH_TURN = 0.2
 """rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
 
+ENOUGH_SWING = 10.0
+"""Times what noise lets expect of a gap: where markers swing so far about a joint, as on the rocker of a crank that is
+short, limbs that turn less need one, too."""
+
 
 def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> tuple[Pair, ...]:
     """Return pairs of limbs that seem joined although the tree does not join them.
@@ -49,7 +53,8 @@ def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> t
     turn = float(np.median(turns[~np.isnan(turns)])) if not np.isnan(turns).all() else 0.0
     with np.errstate(invalid="ignore"):
         closes = (costs.comparable <= LOOP_COST * median) & (costs.squares <= CHANCE * costs.expected)
-        closes &= costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
+        swings = costs.turns * costs.distances >= ENOUGH_SWING * np.sqrt(costs.expected)
+        closes &= (costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)) | swings
     closes[children, above] = closes[above, children] = False
     alone = np.flatnonzero(np.asarray(n_markers) < 2)
     closes[alone] = closes[:, alone] = False

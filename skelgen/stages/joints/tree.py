@@ -219,14 +219,17 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
     distances = np.array([guesses[pair].distance for pair in pairs])
     false = np.sqrt(3 * squares) > LOOSE * parting.radius
+    unexplained = np.array([is_no_joint(guesses[pair]) for pair in pairs])
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
-    false &= squares > costs.expected[children, above]
+        false &= squares > costs.expected[children, above]
+    else:  # of so few, each would be usual by itself
+        false &= unexplained
     edges = list(zip(above.tolist(), children.tolist(), strict=True))
     slid = [_slide(edge, parents, parting.slides) is not None for edge in edges]
-    false |= np.array(slid) & [is_no_joint(guesses[pair]) for pair in pairs]
+    false |= np.array(slid) & unexplained
     borne = branches(parents)
     false &= np.array([not parting.of_one[np.ix_(borne[child], ~borne[child])].any() for child in children])
     return [edge for edge, is_false in zip(edges, false.tolist(), strict=True) if is_false]

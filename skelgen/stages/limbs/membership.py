@@ -10,11 +10,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from skelgen.geometry.statistics import pair_distances
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import counted
 from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
+from skelgen.stages.limbs.relative_motion import pairs_within
 from skelgen.stages.limbs.worn_places import worn_odds
 
 LARGEST = 6.0
@@ -25,8 +27,20 @@ MOST_DISTANCES = 5_000_000
 
 LEAST_FRAMES = 20
 
+PAIR, POSED = 2, 3
+"""Markers of limbs: a pair, and the fewest that show how their limb turns."""
+
+TINY = 1e-3
+"""mm; a smaller deviation is rounding."""
+
 MOST_NAMED = 8
 """Most doubtful markers that a notice names; nobody reads more."""
+
+LIKE_OTHERS = 1.5
+"""Times the usual deviation within larger limbs: that of a pair on one limb is hardly larger."""
+
+OF_BEND = 3.0
+"""Log odds lost for each time that a pair's deviation is e times that: phalanges of one marker each make such pairs."""
 
 OF_WORN = 0.5
 """Weight of what is worn beside what pairs do: it is right or wrong of all pairs at once."""
@@ -58,7 +72,7 @@ def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints,
     """
     is_member = groups[:, np.newaxis] == np.arange(groups.max() + 1)
     suits = limb_odds(positions, is_member, whole)
-    own = own_probability(suits, is_member)
+    own = own_probability(suits, is_member, OF_BEND * pair_bends(positions, is_member))
     refused = (constraints.apart @ is_member) | is_member
     others = np.where(refused, 0.0, np.exp(suits))  # 1 being a limb of its own
     rest = others.sum(axis=1) + ~is_alone(is_member)
@@ -139,7 +153,37 @@ def relative_sizes(is_member: Bools) -> Floats:
     return np.asarray(np.log(sizes / np.median(sizes)))
 
 
-def own_probability(suits: Floats, is_member: Bools) -> Floats:
+def pair_bends(positions: Floats, is_member: Bools) -> Floats:
+    """Return for markers of limbs of two how much more these two move against each other than markers of other limbs.
+
+    Two limbs with a marker each look like one that bends; where larger limbs bend less, they are likely two.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    is_member : ndarray of bool, shape (n_markers, n_limbs)
+        Which marker is on which limb.
+
+    Returns
+    -------
+    ndarray, shape (n_markers,)
+        Logarithm of the deviation over `LIKE_OTHERS` times that of the median marker on limbs of three and more, at
+        least 0; 0 if there are none, and for markers of other limbs.
+    """
+    limb_of, sizes = is_member.argmax(axis=1), is_member.sum(axis=0)
+    first, second = pairs_within(limb_of)
+    pairs = pair_distances(positions, first, second)
+    squares = np.bincount(limb_of[first], weights=pairs.deviation**2, minlength=len(sizes))
+    deviation = np.sqrt(squares / np.maximum(np.bincount(limb_of[first], minlength=len(sizes)), 1))
+    own, size = deviation[limb_of], sizes[limb_of]
+    if not (size >= POSED).any():
+        return np.zeros(len(limb_of))
+    usual = max(float(np.median(own[size >= POSED])), TINY)
+    return np.asarray(np.where(size == PAIR, np.log(np.maximum(own / (LIKE_OTHERS * usual), 1.0)), 0.0))
+
+
+def own_probability(suits: Floats, is_member: Bools, less: Floats | float = 0.0) -> Floats:
     """Return the probability that each marker is on its limb, shape (n_markers,).
 
     Parameters
@@ -148,8 +192,10 @@ def own_probability(suits: Floats, is_member: Bools) -> Floats:
         Mean log odds.
     is_member : ndarray of bool, shape (n_markers, n_limbs)
         Which marker is on which limb.
+    less : ndarray, shape (n_markers,), optional
+        Log odds that are lost.
     """
     lead = leads(suits, is_member)
     with_mates = BIAS + OF_LEAD * lead + OF_SIZE * relative_sizes(is_member)
     odds = np.where(is_alone(is_member), BIAS_ALONE + OF_LEAD_ALONE * lead, with_mates)
-    return np.asarray(1 / (1 + np.exp(-odds)))
+    return np.asarray(1 / (1 + np.exp(less - odds)))

@@ -132,7 +132,7 @@ def rigid_bodies(
     distances : Distances
         Its distances.
     parameters : LimbParameters
-        Their `motion_factor`, `pair_limit` and `flexibility`.
+        Their `motion_factor`, `pair_limit`, `flexibility` and `nearness`.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
     n_limbs : int, optional
@@ -146,7 +146,7 @@ def rigid_bodies(
     noise = distances.noise
     own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
     ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
-    clusters = find_rigid_clusters(movements, ratio, own, constraints)
+    clusters = find_rigid_clusters(movements, ratio, own, constraints, parameters.nearness)
     groups = _Merger(movements, distances, parameters, clusters, constraints.apart).joined(n_limbs)
     groups = _exchange_markers(movements, groups, ratio, noise, constraints)
     return _with_resting(movements, ratio, groups, own, constraints)

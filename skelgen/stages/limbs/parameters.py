@@ -103,6 +103,13 @@ class LimbParameters(StageParameters):
         acts_with="method=rigidity",
         basic=True,
     )
+    nearness: float = declare(
+        0.01,
+        "rigidity: nats a frame by which markers e times as near are likelier to share a limb, where motion explains "
+        "both alike: pairs of markers on either side of an axis; 0: motion decides alone",
+        within=(0.0, 1.0),
+        acts_with="method=rigidity",
+    )
     local_scaling: bool = declare(
         True,
         "classic method: scale each marker by its M-th neighbour instead of one sigma",

@@ -13,6 +13,7 @@ size of limb has its test.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -45,6 +46,9 @@ RANK_TOLERANCE = 0.05
 
 AT_ONCE = 1_000_000
 """Coordinates of markers that are measured at once: many small groups take one pass, and memory stays small."""
+
+DISTANCE_FRAMES = 30
+"""Frames from which usual distances are told."""
 
 LOOKED_AT = 200
 """Frames from which white noise is told, each with the two that follow it."""
@@ -160,6 +164,21 @@ class Movements:
     def seen_part(self) -> Floats:
         """Part of the sampled frames that shows each marker, shape (n_markers,)."""
         return np.asarray(self._sampled_seen.mean(axis=0))
+
+    @cached_property
+    def distances(self) -> Floats:
+        """Usual distances of markers [mm], shape (n_markers, n_markers).
+
+        They are 1 on the diagonal and where two are one, and the largest of all where two are never seen together.
+        """
+        shown = self._sampled[spread_frames(len(self._sampled), DISTANCE_FRAMES)]
+        squares = np.full((shown.shape[1],) * 2, np.nan)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            for marker in range(shown.shape[1]):
+                squares[marker] = np.nanmedian(((shown - shown[:, [marker]]) ** 2).sum(axis=2), axis=0)
+        known = np.nan_to_num(squares, nan=np.nanmax(squares, initial=1.0))
+        return np.asarray(np.sqrt(np.maximum(known, 1.0)), dtype=np.float64)
 
     def while_seen(self, marker: int) -> Movements:
         """Return the movements in the sampled frames that show a marker."""

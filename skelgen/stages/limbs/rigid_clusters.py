@@ -109,7 +109,7 @@ def nearest(distances: Floats, limit: float) -> Bools:
 
 
 def find_rigid_clusters(
-    movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints
+    movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints, nearness: float
 ) -> list[Group]:
     """Group markers into rigid clusters.
 
@@ -123,8 +123,11 @@ def find_rigid_clusters(
         Variance of each marker's noise.
     constraints : MarkerConstraints
         Which markers share a limb, hence a cluster, and which do not.
+    nearness : float
+        Cost [nats] of a cluster that is e times as large: of two that motion explains alike, the smaller is likelier.
+        With 0 small clusters that are no rigid body are not parted in all ways, either: motion alone errs with some.
     """
-    search = _Search(movements, ratio, noise, constraints)
+    search = _Search(movements, ratio, noise, constraints, nearness)
     for _ in range(MOST_CHANGES):
         change = search.best_change()
         if change is None:
@@ -138,9 +141,12 @@ Change = tuple[tuple[int, ...], list[Group]]
 
 
 class _Search:
-    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints) -> None:
+    def __init__(
+        self, movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints, nearness: float
+    ) -> None:
         self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, constraints.apart
         self._block_of = {marker: block for block in constraints.blocks for marker in block}
+        self._by_size = nearness * np.log(movements.distances) if nearness else None
         self._costs: dict[Group, float] = {}
         self._ways: dict[Group, list[list[Group]]] = {}
         self.clusters = _linkage(ratio, constraints.blocks, constraints.apart)
@@ -186,16 +192,27 @@ class _Search:
             yield (index, other), [rest, _union(self.clusters[other], block)]
 
     def _regroupings(self) -> Iterator[Change]:
+        """Small clusters that are no rigid body after all, in two, and pairs of neighbours in all ways.
+
+        Motions across the line between two limbs hardly change distances, and linkage takes these limbs for one.
+        """
+        if self._by_size is not None:
+            for index, cluster in enumerate(self.clusters):
+                if 3 < len(cluster) <= REGROUPED and self._costs[cluster] > CLUSTER_COST:
+                    yield from (((index,), parts) for parts in self._ways_of(cluster))
         labels = self._labels()
         least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
         for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
             if len(both) > REGROUPED:
                 continue
-            if both not in self._ways:
-                self._ways[both] = list(self._ways_to_split(both))
-            for parts in self._ways[both]:
+            for parts in self._ways_of(both):
                 yield (first, second), parts
+
+    def _ways_of(self, markers: Group) -> list[list[Group]]:
+        if markers not in self._ways:
+            self._ways[markers] = list(self._ways_to_split(markers))
+        return self._ways[markers]
 
     def _ways_to_split(self, markers: Group) -> Iterator[list[Group]]:
         blocks = sorted({self._block_of[marker] for marker in markers})
@@ -224,7 +241,7 @@ class _Search:
                 self._costs[group] = CLUSTER_COST + FORBIDDEN
             elif len(group) == 2:
                 pair: Floats = self._ratio[group[:1], group[1:]]
-                self._costs[group] = CLUSTER_COST + float(misfit(pair)) - GAIN
+                self._costs[group] = CLUSTER_COST + float(misfit(pair)) - GAIN + self._size(group)
             else:
                 self._costs[group] = CLUSTER_COST + FORBIDDEN  # unless frames show it
                 several.append(group)
@@ -232,9 +249,15 @@ class _Search:
             ratios = spread.ratios(self._noise)
             inner = misfit(ratios) - GAIN * ratios.shape[1]
             self._costs.update(
-                (several[index], CLUSTER_COST + cost)
+                (several[index], CLUSTER_COST + cost + self._size(several[index]))
                 for index, cost in zip(indices.tolist(), inner.tolist(), strict=True)
             )
+
+    def _size(self, group: Group) -> float:
+        """Cost [nats per frame] of the mean logarithm of the distances in a cluster."""
+        if self._by_size is None:
+            return 0.0
+        return float(self._by_size[np.ix_(group, group)].sum()) / (len(group) * (len(group) - 1))
 
 
 def _linkage(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:

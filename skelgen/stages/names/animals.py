@@ -83,7 +83,24 @@ def find_quadruped(tree: MovingTree) -> BodyPlan | None:
             misfit = _misfit_of_legs(pairs)
             if misfit < least:
                 best, least = (hubs, pairs), misfit
-    return None if best is None else _animal(tree, *best)
+    return None if best is None or _has_more_legs(tree, best[1]) else _animal(tree, *best)
+
+
+def _has_more_legs(tree: MovingTree, pairs: Sequence[tuple[_Leg, ...]]) -> bool:
+    """Whether two more limbs begin on the trunk and are like legs, as those of insects and robots with six."""
+    legs = [leg for pair in pairs for leg in pair]
+    in_legs = {limb for leg in legs for limb in leg.limbs}
+    ends = [end for end in tree.ends if end not in in_legs]
+    for pair in combinations(ends, 2):
+        more = [_leg(tree, tree.meeting(*pair, legs[0].limbs[-1]), end) for end in pair]
+        if min(len(leg.limbs) for leg in more) >= 2 and not in_legs & {limb for leg in more for limb in leg.limbs}:
+            lengths = np.log([leg.length for leg in (*more, *legs)])
+            terms = [np.diff(lengths[:2])[0] / _ALIKE, (lengths[:2].mean() - lengths[2:].mean()) / _PAIRS]
+            alike = [max(float(np.median(along(_pointing([one]), _pointing([leg])))) for leg in legs) for one in more]
+            terms += [(1.0 - cosine) / _POSTURE for cosine in alike]
+            if np.square(terms).sum() < _MOST_MISFIT:
+                return True
+    return False
 
 
 def _leg(tree: MovingTree, hub: int, end: int) -> _Leg:
@@ -100,7 +117,7 @@ def _misfit_of_legs(pairs: Sequence[tuple[_Leg, ...]]) -> float:
         return np.inf
     lengths = np.log([[leg.length for leg in pair] for pair in pairs])
     trunk = _middle(fore) - _middle(hind)
-    directions = [unit_vectors(np.sum([leg.tip - leg.joints[0] for leg in pair], axis=0)) for pair in pairs]
+    directions = [_pointing(pair) for pair in pairs]
     across = [np.median(along(unit_vectors(trunk), direction)) for direction in directions]
     alike = np.median(along(*directions))
     size = max(float(np.median(np.linalg.norm(trunk, axis=1))), 1e-9)
@@ -112,6 +129,11 @@ def _misfit_of_legs(pairs: Sequence[tuple[_Leg, ...]]) -> float:
         (1.0 - alike) / _POSTURE,
     ]
     return float(np.square(terms).sum())
+
+
+def _pointing(legs: Sequence[_Leg]) -> Floats:
+    """Unit vectors of where legs point together."""
+    return unit_vectors(np.sum([leg.tip - leg.joints[0] for leg in legs], axis=0))
 
 
 def _middle(pair: tuple[_Leg, ...]) -> Floats:

@@ -119,6 +119,24 @@ def test_closed_chain_of_four_limbs_is_a_tree_and_a_loop(notices):
     assert "form a loop" in " ".join(notices.sentences)
 
 
+def test_a_rocker_that_turns_by_few_degrees_closes_a_loop():
+    """A crank of 20 mm that goes round drives a rocker of 100 mm, 160 mm away, by a rod of 140 mm: all in one plane."""
+    turned = 0.1 * np.arange(400)
+    tip = 20 * np.exp(1j * turned)
+    apart = np.abs(160 - tip)
+    rod = np.angle(160 - tip) + np.arccos((140**2 + apart**2 - 100**2) / (2 * 140 * apart))
+    rocker = np.angle(tip + 140 * np.exp(1j * rod) - 160)
+    limbs = (0 * tip, 0 * rod, 80), (0 * tip, turned, 10), (tip, rod, 70), (0 * tip + 160, rocker, 50)
+    bodies = []
+    for number, (end, angle, half) in enumerate(limbs):
+        place = end + half * np.exp(1j * angle)
+        turns = matrix_from_vector(np.outer(angle, [0.0, 0.0, 1.0]))
+        bodies.append(rigid(transform_from(turns, np.stack([place.real, place.imag, 0 * angle], axis=1)), seed=number))
+    topology = find_joints(*as_take(bodies))
+    ring = {frozenset(pair) for pair in ((0, 1), (1, 2), (2, 3), (3, 0))}
+    assert edges(topology) | {frozenset(pair) for pair in topology.loops} == ring
+
+
 @pytest.mark.parametrize("n_seen", [900, 120])
 def test_hinges_whose_axes_meet_close_no_loop(notices, n_seen):
     """A base, a link that turns about z on it, and one that turns about x on that link: all share the origin."""
@@ -175,6 +193,16 @@ def test_two_bodies_that_walk_side_by_side_are_two_trees(simulated, notices):
     assert len(topology.roots) == 2
     assert {limb < first.truth.n_limbs for limb in topology.edges[:, 0]} == {True, False}
     assert "separate bodies" in " ".join(notices.sentences)
+
+
+def test_two_rigid_bodies_that_nothing_joins_are_two_trees(notices):
+    pace = np.outer(np.arange(400), [0.031, 0.043, 0.019])
+    turns = [matrix_from_vector(0.6 * np.sin(pace + phase)) for phase in (0.0, 2.0)]
+    places = [200 * np.sin(pace[:, [1, 2, 0]] + phase) + [600.0 * phase, 0.0, 0.0] for phase in (0.0, 1.0)]
+    bodies = [transform_from(turn, place) for turn, place in zip(turns, places, strict=True)]
+    topology = find_joints(*as_take([rigid(poses, seed=seed) for seed, poses in enumerate(bodies)]), monitor=notices)
+    assert len(topology.roots) == 2
+    assert "nothing holds limb" in " ".join(notices.sentences)
 
 
 def test_bodies_stay_one_tree_where_that_is_asked(simulated):

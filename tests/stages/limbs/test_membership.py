@@ -9,6 +9,7 @@ from skelgen.benchmark.people import simulated_person
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, doubt_notices, find_limbs
+from skelgen.stages.limbs.membership import pair_bends
 
 
 def test_markers_of_rigid_limbs_are_sure_and_shares_are_probabilities(simulated):
@@ -37,6 +38,19 @@ def test_a_marker_between_two_limbs_is_the_least_sure_and_named_with_both(simula
     said = next(doubt_notices(limbs, take.names))
     assert said.startswith(f"{take.names[on_first[0]]} is on limb ")
     assert ", but could be on " in said
+
+
+def test_pairs_that_bend_where_larger_limbs_do_not_are_doubtful():
+    """A plate and three pairs: in two of these, as of phalanges with one marker each, the distance varies by 2 mm."""
+    rng, sway = np.random.default_rng(0), np.sin(np.outer(np.arange(300), [0.05, 0.07]))
+    plate = rng.normal(0, 40, (5, 3)) + np.zeros((300, 1, 1))
+    pairs = [np.tile([[200.0 * number, 0, 0], [200.0 * number + 30, 0, 0]], (300, 1, 1)) for number in (1, 2, 3)]
+    for pair, bend in zip(pairs, sway.T, strict=False):
+        pair[:, 1, 0] += 3 * bend
+    positions = np.concatenate([plate, *pairs], axis=1) + rng.normal(0, 0.2, (300, 11, 3))
+    bends = pair_bends(positions, np.repeat(np.arange(4), [5, 2, 2, 2])[:, np.newaxis] == np.arange(4))
+    assert (bends[5:9] > 1).all()
+    assert not bends[[0, 1, 2, 3, 4, 9, 10]].any()
 
 
 def test_what_people_wear_makes_their_markers_surer():

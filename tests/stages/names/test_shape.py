@@ -129,6 +129,23 @@ def test_a_tree_that_looks_like_nothing_has_numbers():
     assert skelgen.reconstruct(hidden(simulated.take)).limbs.names[0] == "limb0"
 
 
+@pytest.mark.parametrize(("n_legs", "is_animal"), [(4, True), (6, False)])
+def test_only_four_legs_make_a_four_legged_animal(n_legs, is_animal):
+    """A trunk with pairs of legs of two limbs that point down and outward."""
+    hips = np.array([[300.0 * (leg // 2), 80.0 * (-1) ** leg, 0.0] for leg in range(n_legs)])
+    if n_legs == 4:
+        hips[:, 0] *= 2
+    joints, centres = {}, {0: hips.mean(axis=0)}
+    for leg, hip in enumerate(hips):
+        upper, lower, out = 1 + 2 * leg, 2 + 2 * leg, np.array([0.0, 20.0 * (-1) ** leg, -250.0])
+        for pair, place in (((0, upper), hip), ((upper, lower), hip + out)):
+            joints[pair] = joints[pair[::-1]] = np.tile(place, (5, 1))
+        centres |= {upper: hip + out / 2, lower: hip + 1.7 * out}
+    markers = {limb: np.tile(place, (5, 1, 1)) for limb, place in centres.items()}
+    tree = MovingTree(tuple(centres), joints, np.zeros((5, len(centres), 3, 3)), markers, 1.0)
+    assert (find_quadruped(tree) is not None) == is_animal
+
+
 def test_a_tree_of_very_many_ends_is_no_animal_and_is_not_tried_for_long():
     two = np.zeros((2, 3))
     pairs = [(0, 1), *((trunk, end) for trunk in (0, 1) for end in range(2 + 60 * trunk, 62 + 60 * trunk))]

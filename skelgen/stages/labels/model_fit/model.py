@@ -24,8 +24,8 @@ from skelgen.stages.skeleton import BodyOfTake, SkeletonParameters, StructuredTa
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
 
-BY_MOTION = LimbParameters(marker_set="none")
-"""How limbs are found: a set that is believed holds markers on a limb that the model does not predict well."""
+BY_MOTION = LimbParameters(marker_set="none", nearness=0.0)
+"""How limbs are found: a believed set, or nearness, holds markers on a limb that the model does not predict well."""
 
 ROUGH_JOINTS = JointParameters(samples=100, n_nearest=4, max_iterations=10, max_fallback=0, known_neighbours=False)
 """How pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
