@@ -45,6 +45,13 @@ PART_OF_PLACES, OF_PARTING = 2 / 3, 0.5
 """What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
 markers: these are easily mistaken for neighbours beyond a joint."""
 
+SURELY_PARTED = 2.0
+"""Factor on log odds by which places part two markers that both fit well, as nearly all do: two markers on the wrist
+and one on the hand keep their distances, whatever the wrist does."""
+
+PARTED_WELL, NOT_WELL = (0.5, 0.7), (1.0, 0.9)
+"""Misfit of either marker, and of all, up to which places part so surely, and from which they do not."""
+
 INDEPENDENT = 12.0
 """So many of a marker's distances are independent: then the segments of simulated people in sets that are not known are
 as likely as they are right (log odds of -3, 1.5, 3 and 5 where -2.9 and less, 1.3, 3 and 5.2 are found)."""
@@ -358,12 +365,22 @@ def _pair_odds(believed: Believed, n_markers: int) -> Floats:
 def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     """The log odds that two markers share a limb by their places, (n_markers, n_markers).
 
-    Places that part two markers count half, and more where the other places at which either may be part them, too.
+    Places that part two markers count half, more where the other places at which either may be part them, too, and
+    most where both fit well.
     """
     odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
     parted = odds < 0
     odds[parted] = np.minimum(OF_PARTING * odds, segment_odds(shape, places, by_motion))[parted]
+    odds[parted] *= (1.0 + (SURELY_PARTED - 1.0) * _fit_well(places.match, len(odds)))[parted]
     return odds
+
+
+def _fit_well(match: Match, n_markers: int) -> Floats:
+    """How far both markers of each pair fit well, and all do, 0 to 1, shape (n_markers, n_markers)."""
+    of_marker, of_all = zip(PARTED_WELL, NOT_WELL, strict=True)
+    fits = np.zeros(n_markers)
+    fits[match.markers] = part_of(match.misfits, *of_marker) * part_of(match.misfit, *of_all)
+    return np.asarray(np.minimum(fits[:, np.newaxis], fits))
 
 
 @cache

@@ -176,6 +176,20 @@ def test_hands_of_two_markers_are_found_without_names() -> None:
     assert set(without[hand]) & set(without[forearm])
 
 
+def test_hands_are_found_without_names_in_a_set_that_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What two markers on a wrist do with one on the hand does not tell these apart, but places that fit well do."""
+    others = tuple(worn for worn in worn_sets() if worn.name != "cgm2-5")
+    monkeypatch.setattr("skelgen.stages.limbs.worn_sets.worn_sets", lambda: others)
+    case = simulate(
+        "human", seed=1, motion="walk", marker_set="cgm2-5", n_frames=200, soft_tissue="realistic", noise=0.3
+    )
+    names = [f"M{marker}" for marker in range(case.take.n_markers)]
+    limb = find_limbs(Trajectories(case.take.positions, names, case.take.rate)).limb_of_marker
+    segment = np.array(case.truth.limb_names)[np.asarray(case.truth.limb_of_marker)]
+    for side in ("left", "right"):
+        assert not set(limb[segment == f"{side} hand"]) & set(limb[segment == f"{side} forearm"])
+
+
 def test_outlines_are_quantiles_of_what_is_known() -> None:
     positions = np.random.default_rng(1).normal(0.0, 500.0, (20, 7, 3))
     positions[:, 2] = np.nan
