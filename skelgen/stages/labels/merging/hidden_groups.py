@@ -103,7 +103,7 @@ class _Part(NamedTuple):
 
     def is_between(self, n_moments: int) -> bool:
         """Whether it lies between two cuts."""
-        return self.moments.start > 0 and self.moments.stop < n_moments
+        return bool(self.moments.start > 0 and self.moments.stop < n_moments)
 
 
 class _Group(NamedTuple):
