@@ -6,8 +6,7 @@ the pieces' distances to each other are then compared with others' distances; an
 single exchange explains the take better.
 
 Here the take is cut at a frame in which several markers are hidden. Those of one side, and the lasting tracks of that
-side that have no marker, are matched with the markers of the other side together; and so are those that are hidden at
-two cuts and seen at all between these, with the rest of the take. With the sums of distances on either
+side that have no marker, are matched with the markers of the other side together. With the sums of distances on either
 side, what two of a side's markers i, j gain when they are a and b of the other side is the evidence of the distance
 (a, b) with those samples added, less that of both apart (`_kernels.marker_exchanges.explained`); so it is for their
 distances to what is not hidden. Only the steadiest distances of each count. The best matching of the whole group is
@@ -16,7 +15,6 @@ A whole body that left and came back is matched, too, in the order in which its 
 right limbs are alike but for what they hang on.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -86,26 +84,6 @@ def match_hidden(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     return marker_of_point
 
 
-class _Part(NamedTuple):
-    """A part of the take whose markers are matched with those of the rest.
-
-    Attributes
-    ----------
-    moments, frames : slice
-        Which it consists of.
-    hidden : ndarray of bool, shape (n_markers_and_tracks,)
-        What is hidden at the cuts where it begins and ends.
-    """
-
-    moments: slice
-    frames: slice
-    hidden: Bools
-
-    def is_between(self, n_moments: int) -> bool:
-        """Whether it lies between two cuts."""
-        return bool(self.moments.start > 0 and self.moments.stop < n_moments)
-
-
 class _Group(NamedTuple):
     """What is matched at a cut: members with goals, by sums of distances (3, n, n) on their side and on the other."""
 
@@ -152,33 +130,20 @@ class _Cuts:
         """Marker of each point by the matching that explains the take best; None if none does so better."""
         evidence, seen = evidence_of_places(self._places[:, : self._n_markers], self._weights, self._spacing), set()
         best, most = None, evidence + LEAST_GAIN
-        for part in self._parts():
-            group = self._group(part)
-            if group is None or (known := group.key()) in seen:
-                continue
-            seen.add(known)
-            goal = _matching(group, self._n_markers, self._spacing)
-            if goal is not None:
-                places = self._places_if(group.members, goal, part.moments)
-                explains = evidence_of_places(places, self._weights, self._spacing)
-                if explains >= most:
-                    best, most = (group.members, goal, part), explains
+        for moment, cut in self._cuts():
+            for is_later in (True, False):
+                group = self._group(moment, cut, is_later)
+                if group is None or (known := group.key()) in seen:
+                    continue
+                seen.add(known)
+                goal = _matching(group, self._n_markers, self._spacing)
+                inside = slice(moment, None) if is_later else slice(0, moment)
+                if goal is not None:
+                    places = self._places_if(group.members, goal, inside)
+                    explains = evidence_of_places(places, self._weights, self._spacing)
+                    if explains >= most:
+                        best, most = (group.members, goal, cut, is_later), explains
         return None if best is None else self._applied(*best)
-
-    def _parts(self) -> Iterator[_Part]:
-        """What comes after a cut and what comes before it, then what lies between two cuts."""
-        n_moments, n_frames, cuts = len(self._moments), self._cloud.n_frames, self._cuts()
-        hidden = [~self._is_seen[cut] & ~self._is_held for _, cut in cuts]
-        for (moment, cut), away in zip(cuts, hidden, strict=True):
-            yield _Part(slice(moment, n_moments), slice(cut, n_frames), away)
-            yield _Part(slice(0, moment), slice(0, cut), away)
-        for index, (moment, cut) in enumerate(cuts):
-            lasting = hidden[index]
-            for (end, last), away in zip(cuts[index + 1 :], hidden[index + 1 :], strict=True):
-                yield _Part(slice(moment, end), slice(cut, last), lasting & away)
-                lasting = lasting & ~away  # seen at all cuts in between
-                if np.count_nonzero(lasting) < 2:  # a member and a goal
-                    break
 
     def _cuts(self) -> list[tuple[int, int]]:
         """Between each two moments the frame in which most markers are hidden: the moment behind it, and the frame."""
@@ -188,23 +153,23 @@ class _Cuts:
             (row + 1, int(first + 1 + n_seen[first + 1 : end + 1].argmin())) for row, (first, end) in enumerate(ends)
         ]
 
-    def _group(self, part: _Part) -> _Group | None:
-        """What is hidden where a part begins and ends; None if there is too little to match, or too much."""
-        inside = self._before[part.moments.stop] - self._before[part.moments.start]
-        outside = self._before[-1] - inside
+    def _group(self, moment: int, cut: int, is_later: bool) -> _Group | None:
+        """What is hidden at a cut; None if there is too little to match, or too much."""
+        before, after = self._before[moment], self._before[-1] - self._before[moment]
+        inside, outside = (after, before) if is_later else (before, after)
         n_inside, n_outside = inside[0].diagonal(), outside[0].diagonal()
-        hidden = np.flatnonzero(part.hidden)
+        hidden = np.flatnonzero(~self._is_seen[cut] & ~self._is_held)
         members, goals = (hidden[(hidden < self._n_markers) & (count[hidden] > 0)] for count in (n_inside, n_outside))
         left = hidden[(hidden >= self._n_markers) & (n_outside[hidden] == 0) & (n_inside[hidden] >= LEAST_MOMENTS)]
         left = left[np.argsort(-n_inside[left], kind="stable")[:LEFTOVERS_AT_ONCE]]
-        if part.moments.start == 0 and not len(left):  # the other side's members say the same
+        if not (is_later or len(left)):  # the other side's members say the same
             return None
         members = np.concatenate([members, left])
         if len(members) + len(goals) < LEAST_HIDDEN or not (len(members) and len(goals)):
             return None
         group = _Group(members, goals, inside, outside)
-        is_between, largest = part.is_between(len(self._moments)), max(len(members), len(goals))
-        is_small = largest <= MOST_HIDDEN or (largest <= MOST_OF_BODY and not is_between and self._is_apart(group))
+        largest = max(len(members), len(goals))
+        is_small = largest <= MOST_HIDDEN or (largest <= MOST_OF_BODY and self._is_apart(group))
         return group if is_small else None
 
     def _is_apart(self, group: _Group) -> bool:
@@ -223,11 +188,11 @@ class _Cuts:
                 places[inside, there] = np.where(np.isnan(own), block, own)
         return places
 
-    def _applied(self, members: Ints, goal: Ints, part: _Part) -> Ints:
-        """Marker of each point if members have these goals in a part of the take, -1 for none."""
+    def _applied(self, members: Ints, goal: Ints, cut: int, is_later: bool) -> Ints:
+        """Marker of each point if members have these goals on one side of the cut, -1 for none."""
         moved = np.append(np.arange(self._before.shape[-1], dtype=np.int32), -1)
         moved[members] = goal
-        inside = (self._frame >= part.frames.start) & (self._frame < part.frames.stop)
+        inside = (self._frame >= cut) == is_later
         result = np.where(inside, moved[self._marker], self._marker)
         result[result >= self._n_markers] = -1
         return point_labels.one_point_a_frame(self._cloud, result.astype(np.int32))
