@@ -19,13 +19,16 @@ A joint has more freedoms than before where the new take shows rotations that it
 nodded is no hinge here. Both takes are posed with all joints free. How far a joint then leaves the rotations that its
 type allows is noise and skin in the calibrated take; in the new one it may be more. The root mean squares of this angle
 in equal spans of both takes are compared by Welch's test, on their logarithms, one-sided, at the same shared level.
+
+A body of another size has all its limbs larger, or all smaller: a sign test over the limbs finds what is too little of
+each marker.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import binomtest, ttest_ind
 from scipy.stats import f as f_distribution
-from scipy.stats import ttest_ind
 
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.chain.articulation import FREEDOMS
@@ -45,6 +48,10 @@ LEAST_SEEN = 5
 
 LEVEL = 0.001
 """Probability of calling any marker of a take moved where none is."""
+
+LEAST_SIZE = 0.03
+"""Part by which limbs must be larger or smaller. Skin that is stretched otherwise makes up to 2 % of all limbs, between
+the halves of recorded takes."""
 
 _RIDGE = 1e-6  # mm: exact takes have no spread, and differ by rounding
 
@@ -78,6 +85,53 @@ class PlaceTest:
     def distances(self) -> Floats:
         """Lengths of the shifts [mm], 0 where unknown."""
         return np.asarray(np.nan_to_num(np.linalg.norm(self.shifts, axis=1)))
+
+
+@dataclass(frozen=True)
+class SizeTest:
+    """How much larger the limbs are than in the calibrated take.
+
+    Attributes
+    ----------
+    factor : float
+        Median of the limbs' factors: of each, the median ratio of the distances between its markers.
+    n_alike, n_limbs : int
+        Limbs whose factor is on the same side of one, and all that could be compared.
+    """
+
+    factor: float
+    n_alike: int
+    n_limbs: int
+
+    @property
+    def is_other_size(self) -> bool:
+        """Whether so many limbs are larger, or smaller, that it is no chance (sign test), and by `LEAST_SIZE`."""
+        if not self.n_limbs or abs(self.factor - 1.0) < LEAST_SIZE:
+            return False
+        return bool(binomtest(self.n_alike, self.n_limbs).pvalue < LEVEL)
+
+
+def compare_sizes(skeleton: Skeleton, positions: Floats) -> SizeTest:
+    """Compare the distances between the markers of each limb with those of the skeleton.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Calibrated on another take.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Its markers in this take, NaN where unseen.
+    """
+    factors = []
+    for limb in range(skeleton.n_limbs):
+        markers = skeleton.markers_of(limb)
+        first, second = (markers[end] for end in np.triu_indices(len(markers), 1))
+        known = np.linalg.norm(skeleton.marker_offsets[first] - skeleton.marker_offsets[second], axis=1)
+        lengths = np.linalg.norm(positions[:, first] - positions[:, second], axis=2)
+        shown = (np.isfinite(lengths).sum(axis=0) >= LEAST_SEEN) & (known > 0.0)
+        if shown.any():
+            factors.append(float(np.median(np.nanmedian(lengths[:, shown], axis=0) / known[shown])))
+    factor = float(np.median(factors)) if factors else 1.0
+    return SizeTest(factor, sum((one > 1.0) == (factor > 1.0) for one in factors), len(factors))
 
 
 def span_means(local: Floats) -> Floats:

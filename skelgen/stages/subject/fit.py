@@ -127,7 +127,8 @@ def fit_subject(
     skeleton = _with_deviations(skeleton, poses, positions)
     seen = ~np.isnan(positions[:, : len(names), 0]).all(axis=0)
     missing = tuple(np.flatnonzero(~seen & (calibrated.limb_of_marker >= 0)).tolist())
-    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer, new)
+    size = take_changes.compare_sizes(calibrated, positions[:, : len(names)])
+    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer, new, size)
     return SubjectFit(
         trajectories=replace(edits.trajectories, notices=take.notices),
         skeleton=skeleton,
@@ -170,6 +171,7 @@ class _Changes:
     missing: tuple[int, ...]
     freer: tuple[int, ...]
     new: tuple[PlacedTrack, ...]
+    size: take_changes.SizeTest
 
 
 def _found(take: PointCloud | Trajectories, names: tuple[str, ...], labels: SubjectLabels) -> Trajectories:
@@ -275,6 +277,7 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
     how = "its names and the subject's skeleton" if labels.by_name else "the subject's skeleton"
     yield f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"
     yield from _moved_notices(changes, test)
+    yield from _size_notices(changes.size)
     yield from _missing_notices(changes)
     yield from labels.alike_bodies
     if changes.freer:
@@ -326,6 +329,15 @@ def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[
                 f"that concerns {n_touched} of {n_limbs} limbs: unless so many markers can have slipped, this is "
                 "another body"
             )
+
+
+def _size_notices(size: take_changes.SizeTest) -> Iterator[str]:
+    if size.is_other_size:
+        what = "larger" if size.factor > 1.0 else "smaller"
+        yield (
+            f"{size.n_alike} of {size.n_limbs} limbs are {what} than in the calibrated take, by "
+            f"{100 * abs(size.factor - 1.0):.1f} % in the median: this is another body; calibrate this take by itself"
+        )
 
 
 def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[str]:

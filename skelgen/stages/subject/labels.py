@@ -37,6 +37,9 @@ GATE = 5.0
 LEAST_EXPLAINED = 0.5
 """Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
 
+OTHER_BODY = "it is of another body, or of other markers: calibrate this take by itself, without that skeleton"
+"""What a take is that the skeleton explains no better, if its points lie as far apart as markers of bodies do."""
+
 ROUNDS = 3
 """Rounds of assigning points to markers and posing: a point that is found poses its limb, which finds others."""
 
@@ -125,7 +128,7 @@ def label_by_subject(
     if explained < LEAST_EXPLAINED:
         raise InputError(
             f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
-            "it is of another body, or of other markers: calibrate this take by itself, without that skeleton"
+            + (_other_unit(points.cloud, tracked_points(calibrated, parameters, monitor).cloud) or OTHER_BODY)
         )
     if not points.names:
         refit = refit_labels(points.cloud, points.tracks, placed, calibrated, parameters, monitor)
@@ -138,6 +141,18 @@ def label_by_subject(
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
         result[one.points] = marker
     return SubjectLabels(result, points, poses, moved, new, explained, present.by_name, sentences)
+
+
+def _other_unit(cloud: PointCloud, calibrated: PointCloud) -> str:
+    """Say that a take is in another unit of length, if its points lie so far apart; empty if not."""
+    spacing, usual = typical_spacing(cloud), typical_spacing(calibrated)
+    if not (spacing > 0.0 and usual > 0.0):
+        return ""
+    factor = 10.0 ** round(float(np.log10(spacing / usual)))
+    if factor == 1.0:
+        return ""
+    apart = f"{factor:g} times as far apart" if factor > 1.0 else f"{1.0 / factor:g} times as close together"
+    return f"its points are about {apart} as the skeleton's markers, so that its unit of length is probably another one"
 
 
 def _proposed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -167,6 +168,24 @@ def test_larger_body_is_another_body(known, labelled):
     new = take_of(scaled(1.06), labelled=labelled)
     with pytest.raises(InputError, match=r"the skeleton explains \d+ % of the positions"):
         fit_subject(new.take, known)
+
+
+def test_body_of_another_size_is_told_by_all_its_limbs():
+    skin = simulate("quadruped", seed=101, n_frames=FRAMES, noise=NOISE, soft_tissue=2.0).take
+    calibrated = skelgen.reconstruct(skin)
+    said = [
+        "; ".join(fit_subject(take_of(body, soft_tissue=2.0).take, calibrated).notices)
+        for body in (scaled(1.0), scaled(1.04))
+    ]
+    assert "limbs are larger" not in said[0]
+    assert re.search(r"limbs are larger than in the calibrated take, by [345]\.\d % in the median", said[1])
+
+
+def test_take_in_another_unit_of_length_is_told(known):
+    cloud = take_of(labelled=False).take
+    in_metres = dataclasses.replace(cloud, points=cloud.points / 1000.0)
+    with pytest.raises(InputError, match="1000 times as close together as the skeleton's markers"):
+        fit_subject(in_metres, known)
 
 
 def test_another_body_is_said_where_many_markers_sit_elsewhere(known):
