@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging.exchanges import exchange_markers
+from skelgen.stages.labels.merging.exchanges import GainsThatGrow, exchange_markers
 from skelgen.stages.labels.merging.followed import FollowedCloud
 
 RATE, N_FRAMES, SPACING = 40.0, 800, 60.0
@@ -53,6 +53,12 @@ def test_a_piece_of_one_marker_goes_back_to_the_one_that_is_not_seen_meanwhile(c
     truth = np.where(hidden, -1, marker)
     found = exchange_markers(FollowedCloud(cloud, track, RATE, SPACING), np.where(is_piece, 0, truth))
     np.testing.assert_array_equal(found, truth)
+
+
+def test_an_exchange_is_made_again_only_if_that_gains_more() -> None:
+    made, exchange = GainsThatGrow(), (3, 5, 24, 27)
+    assert [made.grows(exchange, gain) for gain in (15.0, 40.0, 15.0, 40.0)] == [True, True, False, False]
+    assert made.grows((3, 5, 10, 27), 15.0)
 
 
 def test_right_labels_stay(case) -> None:

@@ -6,7 +6,7 @@ import pytest
 from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.model_fit.model import fit_model
+from skelgen.stages.labels.model_fit.model import find_structure, fit_model
 from skelgen.stages.labels.model_fit.symmetry import fitting_orders, turned_limbs
 
 BORDER = 10  # frames about a change that noise may give to either side
@@ -36,7 +36,8 @@ def test_a_limb_that_was_turned_for_a_while_is_turned_back():
     sampled = np.arange(0, 1000, 2)
     positions = point_labels.sampled_positions(made.take, given, sampled)
     sample = Trajectories(positions, point_labels.marker_names(len(becomes)), 50.0)
-    model = fit_model(sample, np.arange(len(becomes)), 50.0, 0)
+    core = np.arange(len(becomes))
+    model = fit_model(sample, core, 50.0, find_structure(sample, core, 0))
     inner = (np.abs(frames - 400) > BORDER) & (np.abs(frames - 550) > BORDER)
     np.testing.assert_array_equal(turned_limbs(made.take, given, model, 100.0)[inner], true[inner])
     np.testing.assert_array_equal(turned_limbs(made.take, true, model, 100.0), true)

@@ -60,9 +60,12 @@ def exchange_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
             break
         pair = np.array(np.unravel_index(search.gain.argmax(), search.gain.shape))
         search.weigh(pair[np.newaxis])  # others may have been exchanged since
-        if search.gain[tuple(pair)] >= LEAST_GAIN:
-            search.exchange(*pair)
+        if search.gain[tuple(pair)] < LEAST_GAIN:
+            continue
+        if search.exchange(*pair):
             search.weigh(_pairs_with(pair, free))
+        else:
+            search.gain[tuple(pair)] = -np.inf
     if search.marker_of_point is marker_of_point:
         return marker_of_point
     return point_labels.without_holes(search.marker_of_point)
@@ -73,6 +76,32 @@ def _pairs_with(pair: Ints, free: Ints) -> Ints:
     others = free[~np.isin(free, pair)]
     with_others = np.stack([np.repeat(pair, len(others)), np.tile(others, 2)], axis=1)
     return np.sort(np.concatenate([pair[np.newaxis], with_others]), axis=1)
+
+
+class GainsThatGrow:
+    """What changes that can be made and undone gained when they were made last.
+
+    Usual distances and sides change with the labels, so that both an exchange and the one that undoes it may seem to
+    gain. What gained more is right; made again and again, they would never end.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[int, ...], float] = {}
+
+    def grows(self, change: tuple[int, ...], gain: float) -> bool:
+        """Return whether a change gains more than it did when it was made last, and remember it if it does.
+
+        Parameters
+        ----------
+        change : tuple of int
+            What is made by the same step as it is undone.
+        gain : float, nats
+            What it gains now, above 0.
+        """
+        if gain <= self._last.get(change, 0.0):
+            return False
+        self._last[change] = gain
+        return True
 
 
 class _Search:
@@ -106,6 +135,7 @@ class _Search:
         self._measure(np.arange(n_markers), *np.triu_indices(n_markers))
         self.gain = np.full((n_markers, n_markers), -np.inf)
         self._spans = np.zeros((n_markers, n_markers, 4), dtype=np.intp)
+        self._made = GainsThatGrow()
 
     def weigh(self, pairs: Ints) -> None:
         """Weigh exchanges of some pairs of markers, shape (n_pairs, 2)."""
@@ -126,8 +156,10 @@ class _Search:
         sides[near] = evidence_of_sides(pairs[near], self._places, self._gains, self._spacing)
         return sides
 
-    def exchange(self, one: int, other: int) -> None:
-        """Exchange two markers where that gains most."""
+    def exchange(self, one: int, other: int) -> bool:
+        """Exchange two markers where that gains most; return whether they were."""
+        if not self._made.grows((one, other, *self._spans[one, other].tolist()), float(self.gain[one, other])):
+            return False
         first, end, begin, behind = self._spans[one, other]
         inside = self._places[first:end]
         inside[:, [one, other]] = inside[:, [other, one]]
@@ -140,6 +172,7 @@ class _Search:
             self._pauses[changed] = self._pauses_of(np.flatnonzero(marker == changed))
         n_markers = len(self._gains)
         self._measure(np.array([one, other]), np.repeat([one, other], n_markers), np.tile(np.arange(n_markers), 2))
+        return True
 
     def _heard(self, take: FollowedCloud) -> tuple[Links, Ints | None]:
         """What gaps say, and the part that begins at each point, -1 for none; None if they are not listened to."""

@@ -164,10 +164,32 @@ class MarkerModel:
         return predicted, gates
 
 
-def fit_model(
-    markers: Trajectories, core: Ints, widest: float, seed: int, structure: FoundStructure | None = None
-) -> MarkerModel | None:
-    """Fit a skeleton to the markers found so far; None if they show no limb.
+def find_structure(markers: Trajectories, core: Ints, seed: int) -> FoundStructure | None:
+    """Find limbs of the markers found so far, and how they are joined; None if they show no limb.
+
+    Parameters
+    ----------
+    markers : Trajectories
+        Sampled frames.
+    core : ndarray of intp
+        Markers that carry the limbs.
+    seed : int
+        Random seed of the stages that find them.
+    """
+    chosen = _of_core(markers, core)
+    try:
+        limbs = draft_limbs(chosen, BY_MOTION, seed=seed)
+        return FoundStructure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
+    except InputError:
+        return None
+
+
+def _of_core(markers: Trajectories, core: Ints) -> Trajectories:
+    return Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
+
+
+def fit_model(markers: Trajectories, core: Ints, widest: float, structure: FoundStructure) -> MarkerModel:
+    """Fit a skeleton to the markers found so far.
 
     Parameters
     ----------
@@ -177,18 +199,10 @@ def fit_model(
         Markers to fit the skeleton to; the others are put on the limbs on which they keep a place.
     widest : float, mm
         Predictions with wider gates are not used.
-    seed : int
-        Random seed of the stages that build the model.
-    structure : FoundStructure, optional
-        Limbs of the core and their tree in these frames, if they are known.
+    structure : FoundStructure
+        Limbs of the core and their tree.
     """
-    chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
-    if structure is None:
-        try:
-            limbs = draft_limbs(chosen, BY_MOTION, seed=seed)
-            structure = FoundStructure(limbs, find_joints(chosen, limbs, ROUGH_JOINTS, seed=seed))
-        except InputError:
-            return None
+    chosen = _of_core(markers, core)
     limbs = structure.limbs
     trees = [_tree(body, core) for body in StructuredTake(chosen, *structure).bodies()]
     poses = _pose(trees, markers.positions)

@@ -12,7 +12,8 @@ their votes; markers that share a place are merged, and tracks that keep a place
 turn starts from the markers that the likelihood of distances gives (`merging.likelihood`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from hashlib import blake2b
 
 import numpy as np
 
@@ -26,7 +27,14 @@ from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 from skelgen.stages.labels.model_fit import assignment
-from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
+from skelgen.stages.labels.model_fit.model import (
+    BLIND_GATE,
+    FoundStructure,
+    LimbPoses,
+    MarkerModel,
+    find_structure,
+    fit_model,
+)
 from skelgen.stages.labels.model_fit.symmetry import turned_limbs
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import stand_alone_frames
@@ -69,6 +77,8 @@ class LabelTask:
         What the user states of some points.
     seed : int
         Random seed.
+    structures : dict
+        Limbs and trees found so far, by the positions that show them.
     """
 
     take: FollowedCloud
@@ -76,6 +86,7 @@ class LabelTask:
     n_markers: int | None = None
     constraints: PointConstraints | None = None
     seed: int = 0
+    structures: dict[bytes, FoundStructure | None] = field(default_factory=dict)
 
     @property
     def least_alone(self) -> float:
@@ -119,9 +130,10 @@ def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> I
         if model and (same := same_core(modelled, model.core, merged, core)) is not None:
             structure = model.structure.of_markers(np.flatnonzero(same >= 0))
             core = same[same >= 0] if structure else core
-        model = fit_model(sample, core, BLIND_GATE * take.spacing, task.seed, structure)
-        if model is None:
+        structure = structure or _structure(task, sample, core)
+        if structure is None:
             break
+        model = fit_model(sample, core, BLIND_GATE * take.spacing, structure)
         merged = modelled = turned_limbs(cloud, merged, model, take.rate)
         better = _relabelled(task, merged, model, monitor)
         better = point_labels.with_unexplained(merged, better, task.least_alone)
@@ -131,6 +143,14 @@ def refine_labels(task: LabelTask, marker_of_point: Ints, monitor: Monitor) -> I
         if n_changed <= UNCHANGED * cloud.n_points:
             break
     return merge_again(take, marker_of_point)
+
+
+def _structure(task: LabelTask, sample: Trajectories, core: Ints) -> FoundStructure | None:
+    """Limbs of the core and their tree, found once for the same positions: other beginnings often lead to these."""
+    key = blake2b(sample.positions[:, core].tobytes()).digest()
+    if key not in task.structures:
+        task.structures[key] = find_structure(sample, core, task.seed)
+    return task.structures[key]
 
 
 def complete_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
