@@ -307,7 +307,7 @@ GRID_STEPS = 6
 
 
 def room_grid(room: Floats) -> Floats:
-    """Return a grid of points in the middle of the volume in which points were, shape (`GRID_STEPS`^3, 3), mm.
+    """Return a grid of points in the middle of the volume in which points were, shape (n_points, 3), mm.
 
     Parameters
     ----------

@@ -358,7 +358,7 @@ def _improved(task: LabelTask, start: Ints, right: dict[bytes, Ints], monitor: M
     """
     take, refined = task.take, refine_labels(task, start, monitor)
     completed = _completed(task, start, refined)
-    key = blake2b(np.ascontiguousarray(completed)).digest()
+    key = blake2b(np.ascontiguousarray(completed).data).digest()
     found = right[key] = right[key] if key in right else put_right(take, completed)
     if not take.has_few_moments:
         return found

@@ -42,6 +42,10 @@ noise all could be."""
 SUSPICIOUS = 4.0
 """A marker leaves its cluster only if some inner distance varies more than this, in units of its noise."""
 
+VARIES = 2.0
+"""A small cluster that is no rigid body is parted only if some inner distance varies more than this: those of a limb
+that is its mirror image for a while, as its labels are exchanged, do not."""
+
 REGROUPED = 6
 """Two neighbouring clusters with no more markers are regrouped in all ways: 31 of them."""
 
@@ -198,7 +202,8 @@ class _Search:
         """
         if self._by_size is not None:
             for index, cluster in enumerate(self.clusters):
-                if 3 < len(cluster) <= REGROUPED and self._costs[cluster] > CLUSTER_COST:
+                varies = self._ratio[np.ix_(cluster, cluster)].max() > VARIES and self._costs[cluster] > CLUSTER_COST
+                if 3 < len(cluster) <= REGROUPED and varies:
                     yield from (((index,), parts) for parts in self._ways_of(cluster))
         labels = self._labels()
         least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
