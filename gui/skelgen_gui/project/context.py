@@ -206,10 +206,8 @@ class Runner(QObject):
         project = self._document.session.project
         if project is None:
             return
-        try:
-            settings = self._settings()
-        except SkelgenError as error:
-            self._report_error(error)
+        settings = self._settings()
+        if settings is None:
             return
 
         def work(monitor: Monitor) -> Project:
@@ -263,10 +261,8 @@ class Runner(QObject):
             self._start(project, first_missing_stage(project), last, shows=False)
 
     def _start(self, project: Project, first: str, last: str, *, shows: bool = True) -> None:
-        try:
-            settings = self._settings()
-        except SkelgenError as error:
-            self._report_error(error)
+        settings = self._settings()
+        if settings is None:
             return
 
         def work(monitor: Monitor) -> Project:
@@ -291,9 +287,13 @@ class Runner(QObject):
         if self._jobs.start(title.format(first, last), work, done, failed, _plan(project, stages)):
             self._running = project, last
 
-    def _settings(self) -> Settings:
-        """The parameters of all stages."""
-        return Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
+    def _settings(self) -> Settings | None:
+        """The parameters of all stages; None if there are wrong ones, which is told."""
+        try:
+            return Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
+        except SkelgenError as error:
+            self._report_error(error)
+            return None
 
     def _follow_stage(self, name: str) -> None:
         self._stage = name if name in STAGES else self._stage

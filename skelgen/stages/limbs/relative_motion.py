@@ -13,7 +13,6 @@ size of limb has its test.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -24,6 +23,7 @@ import numpy as np
 
 from skelgen._kernels import relative_motion as kernels
 from skelgen.geometry.orientation import fit_transform
+from skelgen.geometry.statistics import median_of_known, pair_lengths
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 TEST_FRAMES = 150
@@ -172,11 +172,10 @@ class Movements:
         They are 1 on the diagonal and where two are one, and the largest of all where two are never seen together.
         """
         shown = self._sampled[spread_frames(len(self._sampled), DISTANCE_FRAMES)]
-        squares = np.full((shown.shape[1],) * 2, np.nan)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            for marker in range(shown.shape[1]):
-                squares[marker] = np.nanmedian(((shown - shown[:, [marker]]) ** 2).sum(axis=2), axis=0)
+        squares = np.zeros((shown.shape[1],) * 2)
+        first, second = np.triu_indices(len(squares), 1)
+        usual = median_of_known(pair_lengths(shown, first, second).T ** 2)
+        squares[first, second] = squares[second, first] = usual
         known = np.nan_to_num(squares, nan=np.nanmax(squares, initial=1.0))
         return np.asarray(np.sqrt(np.maximum(known, 1.0)), dtype=np.float64)
 

@@ -31,6 +31,7 @@ from scipy.stats import binomtest, ttest_ind
 from scipy.stats import f as f_distribution
 
 from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.geometry.statistics import median_of_known, pair_lengths
 from skelgen.kinematics.chain.articulation import FREEDOMS
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
@@ -126,10 +127,10 @@ def compare_sizes(skeleton: Skeleton, positions: Floats) -> SizeTest:
         markers = skeleton.markers_of(limb)
         first, second = (markers[end] for end in np.triu_indices(len(markers), 1))
         known = np.linalg.norm(skeleton.marker_offsets[first] - skeleton.marker_offsets[second], axis=1)
-        lengths = np.linalg.norm(positions[:, first] - positions[:, second], axis=2)
-        shown = (np.isfinite(lengths).sum(axis=0) >= LEAST_SEEN) & (known > 0.0)
+        lengths = pair_lengths(positions, first, second)
+        shown = (np.isfinite(lengths).sum(axis=1) >= LEAST_SEEN) & (known > 0.0)
         if shown.any():
-            factors.append(float(np.median(np.nanmedian(lengths[:, shown], axis=0) / known[shown])))
+            factors.append(float(np.median(median_of_known(lengths[shown].T) / known[shown])))
     factor = float(np.median(factors)) if factors else 1.0
     return SizeTest(factor, sum((one > 1.0) == (factor > 1.0) for one in factors), len(factors))
 
