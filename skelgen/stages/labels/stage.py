@@ -29,11 +29,12 @@ from skelgen.stages.labels.input_checks import (
     with_jitter,
     without_computed,
 )
+from skelgen.stages.labels.merging.bridges import with_bridges
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, existence, seen_at_once
+from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, existence, may_be_incomplete
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
@@ -220,7 +221,7 @@ def _labelled(
     if parameters.method == "sets":
         found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
-        found = _markers(task, tracklets, monitor)
+        found = _markers(task, monitor)
         if parameters.compare and len(tracklets) <= MOST_COMPARED:
             classic, _ = _classic_markers(task, tracklets, monitor)
     found = point_labels.in_order_of_appearance(found)
@@ -275,7 +276,7 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
     return markers_by_sets(take.cloud, tracklets, task.n_markers, method, monitor)
 
 
-def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
+def _markers(task: LabelTask, monitor: Monitor) -> Ints:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
 
     Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
@@ -283,7 +284,8 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
     heard at last; in a take of few seconds all is sought with it, too. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
-    take = task.take
+    take = with_bridges(task.take)
+    task, tracklets = replace(task, take=take), _tracklets(take, task.parameters)
     group = merge_tracklets(take.cloud.points, tracklets, take.rate, take.spacing, monitor)
     start = _grouped(take, tracklets, group)
     at_once = tracklets.most_at_once(least_length(take.cloud.n_frames, take.rate, task.parameters))
@@ -309,7 +311,7 @@ def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: 
     take, right = task.take, dict[bytes, Ints]()
     found = _improved(task, start, right, monitor)
     evidence, chance = take.evidence(found)
-    while found.max(initial=-1) >= at_once and _is_doubtful(take, found):
+    while found.max(initial=-1) >= at_once and may_be_incomplete(take, found, PIECE_SECONDS):
         if (pieces := pieces or _pieces(task)) is None:
             break
         other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), right, monitor)
@@ -318,17 +320,6 @@ def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: 
             break
         found, evidence = other, more
     return found
-
-
-def _is_doubtful(take: FollowedCloud, found: Ints) -> bool:
-    """Whether a track has no marker, though it is long enough to be labelled limb by limb, or two may be one marker.
-
-    Two may be one if they are never seen at once.
-    """
-    tracks = take.track_of_point
-    left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
-    is_left = bool(left.max() >= PIECE_SECONDS * take.rate)
-    return is_left or not bool(seen_at_once(take.cloud, found, int(found.max(initial=-1)) + 1).all())
 
 
 def _on_limbs(take: FollowedCloud, pieces: PairTables, found: Ints) -> Ints:

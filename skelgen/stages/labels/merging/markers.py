@@ -131,6 +131,24 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     return together
 
 
+def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float) -> bool:
+    """Return whether a track that lasts so long has no marker, or two markers are never seen at once: they may be one.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    seconds : float, s
+        Tracks that last so long should have a marker.
+    """
+    tracks = take.track_of_point
+    left = np.bincount(tracks[(marker_of_point < 0) & (tracks >= 0)], minlength=1)
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    return bool(left.max() >= seconds * take.rate) or not seen_at_once(take.cloud, marker_of_point, n_markers).all()
+
+
 def _merge_across_pauses(record: DistanceRecord) -> Ints:
     """Merge what is likely one marker, also across pauses in which nothing was seen.
 
