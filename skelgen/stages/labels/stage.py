@@ -292,8 +292,8 @@ def _markers(task: LabelTask, monitor: Monitor) -> Ints:
     pieces = _pieces(task) if start.max(initial=-1) >= at_once else None
     if pieces:
         by_limbs = _on_limbs(take, pieces, np.full(take.cloud.n_points, -1))
-        if by_limbs.max() <= start.max() and take.evidence(by_limbs)[0] > take.evidence(start)[0]:
-            start = by_limbs
+        if at_once <= by_limbs.max() + 1 <= start.max() + 1:
+            start = _better(take, start, by_limbs)
     found = _searched(task, start, pieces, at_once, monitor)
     if found.max(initial=-1) >= at_once and not take.is_very_long:
         heard = replace(take, exchanges_over_gaps=True)
