@@ -31,11 +31,11 @@ from skelgen.stages.labels.input_checks import (
 )
 from skelgen.stages.labels.merging.bridges import with_bridges
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.judging import better_labels, explains_more
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, may_be_incomplete
+from skelgen.stages.labels.merging.markers import may_be_incomplete
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
