@@ -294,7 +294,8 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    types, parameters = joint_types(project, monitor), settings.skeleton
+    held = HeldNotices(monitor)  # limbs get their names at the end
+    types, parameters = joint_types(project, held), settings.skeleton
     if settings.limbs.marker_set == "none":
         parameters = replace(parameters, known_build=False)
     skeleton, motion = fit_skeleton(
@@ -302,10 +303,11 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         project.limbs,
         project.topology,
         parameters.with_joint_types(types) if types else parameters,
-        monitor=monitor,
+        monitor=held,
         are_poses=isinstance(project.take, Poses),
     )
     names = names_in_motion(project, skeleton, motion, marker_set_of(project), monitor)
+    held.release(replace(project.limbs, names=names))
     return SkeletonResult(with_joint_names(project, replace(skeleton, limb_names=names)), motion)
 
 
