@@ -143,9 +143,11 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
         parts = body_files(with_segment_names(project, chosen.bone_names), path)
         for part, _ in parts:
             entry.check(part, chosen)
+        written = [file for _, target in parts for file in entry.files(target, chosen)]
+        check_outputs(written, (recording_of(project),), written)
     except SkelgenError as error:
         return Preview(obstacle=str(error))
-    files = tuple(Planned(file, file.exists()) for _, target in parts for file in entry.files(target, chosen))
+    files = tuple(Planned(file, file.exists()) for file in written)
     contents = [_contents(part, entry, chosen.rate) for part, _ in parts]
     if len(parts) > 1:
         contents = [f"{name.name}: {one}" for (_, name), one in zip(parts, contents, strict=True)]

@@ -17,6 +17,7 @@ from skelgen.app.export import (
     obstacle_to,
     preview_export,
 )
+from skelgen.app.files import NamedFile, open_input
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 
@@ -314,3 +315,11 @@ def test_a_folder_without_rights_is_a_sentence(small_project, tmp_path, monkeypa
     with pytest.raises(WriteError, match=r"out: cannot be (created|written): Permission denied"):
         export_project(small_project, entry, export_path(tmp_path / "out", "walk", entry), {})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_export_that_would_replace_the_recording_is_an_obstacle_before_it_begins(small_project, tmp_path):
+    entry, path = entry_of("trc"), tmp_path / "walk.trc"
+    export_project(small_project, entry, path, {})
+    recorded = open_input(NamedFile(path))
+    assert "is what is read" in preview_export(recorded, entry, path, {}).obstacle
+    assert not preview_export(recorded, entry, tmp_path / "other.trc", {}).obstacle
