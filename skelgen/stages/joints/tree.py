@@ -297,8 +297,8 @@ def tree_notices(
     n_never = len(topology.roots) - n_bodies - len(tree.cut)
     if n_never > 0:
         yield (
-            f"{n_never + 1} limbs or groups of limbs are never seen together, or may not be joined: they are separate "
-            "bodies"
+            f"{n_never + 1} limbs or groups of limbs are separate bodies: they are never seen together, or no joint "
+            "between them is allowed, or lasts"
         )
     yield from _doubtful_edges(topology)
     for first, second in topology.loops:
