@@ -254,10 +254,3 @@ def test_limbs_are_called_by_their_names_where_there_is_room(view, session, show
     numbers = tuple(f"limb{limb}" for limb in range(limbs.n_limbs))
     session.change(replace(session.project, _limbs=replace(limbs, names=numbers)))
     assert shown(view, 760, 660).grab().toImage() != named
-
-
-def test_names_that_would_cover_a_limb_are_left_out(view, session, has_colour):
-    limbs = session.project.limbs
-    long = tuple(f"the limb with the very long name that has the number {limb}" for limb in range(limbs.n_limbs))
-    session.change(replace(session.project, _limbs=replace(limbs, names=long)))
-    assert all(has_colour(view, colour_of_limb(limb, view.palette()), 250) for limb in range(limbs.n_limbs))
