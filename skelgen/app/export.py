@@ -179,10 +179,11 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     """
     marking = (registry.marking_sentence(entry, path) + ".",) if options.filled else ()
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
-    losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
+    losses = (f"{entry.title} cannot hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps or entry.marks_open else ()
     if choices and not entry.marks_open:
-        choices = (*choices, f"{entry.title} has no place to say that of its joints; a summary-json beside it does.")
+        what = "has no place to say that of its joints: write a summary (summary-json) beside it, which does"
+        choices = (*choices, f"{entry.title} {what}.")
     called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)
     resting = remarks_on_rest(project, options.rest)
     return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)

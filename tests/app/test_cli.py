@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -181,10 +182,17 @@ def test_convert_says_what_the_format_cannot_hold(small_project, tmp_path, capsy
     source = str(tmp_path / "walk.skelgen")
     assert main(["convert", source, str(tmp_path / "walk.bvh"), "--unit", "cm"]) == 0
     said = " ".join(capsys.readouterr().err.split())
-    assert "BVH does not hold" in said
+    assert "BVH cannot hold" in said
     assert "lengths are in cm" in said
     assert main(["convert", source, str(tmp_path / "copy.skelgen")]) == 0
-    assert "does not hold" not in capsys.readouterr().err
+    assert "cannot hold" not in capsys.readouterr().err
+
+
+def test_convert_repeats_no_note_of_the_reader_of_a_project(small_project, tmp_path, capsys):
+    noted = replace(small_project, take=replace(small_project.take, notices=("read with a guess",)))
+    skelgen.write(noted, tmp_path / "noted.skelgen")
+    assert main(["convert", str(tmp_path / "noted.skelgen"), str(tmp_path / "noted.bvh")]) == 0
+    assert "BVH cannot hold" in (said := capsys.readouterr().err) and "read with a guess" not in said
 
 
 def test_convert_gives_options_of_both_sides_to_the_file_written(tmp_path, monkeypatch, capsys):
@@ -209,7 +217,7 @@ def test_convert_writes_dropouts_of_csm_as_it_is_told(tmp_path, monkeypatch):
 
 def test_convert_says_that_labels_are_lost(wave, tmp_path, capsys):
     assert main(["convert", wave, "wave.mfml"]) == 0
-    assert "does not hold the names of the markers" in " ".join(capsys.readouterr().err.split())
+    assert "cannot hold the names of the markers" in " ".join(capsys.readouterr().err.split())
 
 
 def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
