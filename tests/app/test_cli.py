@@ -16,7 +16,7 @@ import skelgen
 from skelgen.app.configuration import parameters_class, write_defaults
 from skelgen.app.project_file.archive import open_project
 from skelgen.cli import main
-from skelgen.cli.options import parameter_options, reader_options
+from skelgen.cli.options import parameter_options, reader_options, writer_options
 from skelgen.model import Trajectories
 from skelgen.model.project import STAGES
 
@@ -373,6 +373,11 @@ def test_long_error_loses_its_middle(tmp_path, capsys):
     sentence = capsys.readouterr().err.strip().removeprefix(f"skelgen: error: {path}")
     assert len(sentence) <= 310
     assert "does not name" in sentence or "where the line above names" in sentence
+
+
+def test_help_tells_all_formats_and_choices_of_an_option_that_formats_share():
+    axes = next(option for option in writer_options() if option.name == "axes").default
+    assert "z-to-y" in axes.help and "auto" in axes.help and "bvh" in axes.help and "opensim" in axes.help
 
 
 @pytest.mark.parametrize("stage", STAGES)
