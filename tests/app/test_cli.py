@@ -195,6 +195,13 @@ def test_convert_repeats_no_note_of_the_reader_of_a_project(small_project, tmp_p
     assert "BVH cannot hold" in (said := capsys.readouterr().err) and "read with a guess" not in said
 
 
+def test_a_stage_repeats_no_note_of_the_reader_of_a_project(waving, tmp_path, capsys):
+    noted = replace(waving, notices=("read with a guess",))
+    skelgen.write(skelgen.reconstruct(noted, until="labels"), tmp_path / "noted.skelgen")
+    assert main(["limbs", str(tmp_path / "noted.skelgen")]) == 0
+    assert "read with a guess" not in capsys.readouterr().err
+
+
 def test_convert_gives_options_of_both_sides_to_the_file_written(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     take = skelgen.simulate("rods", n_frames=20, labelled=False).take
