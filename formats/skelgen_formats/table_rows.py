@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from skelgen.progress import counted
 from skelgen_formats.table_heads import Head
-from skelgen_formats.text import is_number, seconds_of, unquoted
+from skelgen_formats.text import is_number, unquoted
 
 
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -73,7 +73,7 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
 
 
 def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with seconds for the dates and times of a clock in the column of times.
+    """Yield lines with seconds for dates, times of a clock and seconds in two columns, in the column of times.
 
     Parameters
     ----------
@@ -83,9 +83,10 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         Of the table.
     """
     for number, line in numbered:
-        cells = line.split(head.delimiter) if head.times is not None and ":" in line else []
-        if head.times is not None and head.times < len(cells):
-            cells[head.times] = seconds_of(cells[head.times])
+        clock = head.clock
+        cells = line.split(head.delimiter) if clock and (":" in line or clock.fraction is not None) else []
+        if clock and len(cells) > max(clock.column, clock.fraction or 0):
+            cells[clock.column] = clock.moment(cells)
         yield number, (head.delimiter or " ").join(cells) if cells else line
 
 

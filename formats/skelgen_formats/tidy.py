@@ -4,7 +4,8 @@ One line of titles names, in any order and case, a column of frames (or of times
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
 they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. Rate, unit and order of angles are
-those of a wide table.
+those of a wide table. Cells are parted by commas, semicolons, tabs or blanks. Where frames are no numbers, as names of
+images, times tell them.
 """
 
 from array import array
@@ -19,11 +20,12 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import counted
-from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrices
+from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
+from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import number_in, seconds_of, unquoted
-from skelgen_formats.titles import axis_alone, bodies_of, is_frame, seconds_per_unit
+from skelgen_formats.text import is_number, number_in, seconds_of, unquoted
+from skelgen_formats.titles import axis_alone, bodies_of
 from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
@@ -61,8 +63,8 @@ _THINGS = (
     ),
 )
 _NAMES = (
-    *_THINGS,
-    *(f"{thing}{end}" for end in ("_name", "_label", "_id", "_index", "id") for thing in _THINGS),
+    *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),
+    *(f"{thing}{end}" for end in ("_id", "_index", "id") for thing in _THINGS),
     *("id", "target", "track_id"),
 )
 _GROUPS = (
@@ -84,7 +86,7 @@ _FLAGS = tuple(
     f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
 )
 _UNSEEN_FLAGS = ("0", "false", "0.0")
-_DELIMITERS = ",;\t"
+_DELIMITERS = (",", ";", "\t", None)
 _COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
@@ -98,6 +100,17 @@ class _Rows:
     numbers: "array[float]" = field(default_factory=lambda: array("d"))
     names: dict[tuple[str, ...], int] = field(default_factory=dict)
     times: dict[float, float] = field(default_factory=dict)
+
+
+@dataclass
+class _Head:
+    """The line of titles: its index, what parts cells (None: blanks), titles, which column is what, and the times."""
+
+    first: int
+    delimiter: str | None
+    titles: list[str]
+    at: dict[str, int]
+    clock: Clock | None
 
 
 def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
@@ -116,13 +129,13 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         If the titles name no frames and coordinates, or a row is not as long as they are.
     """
     lines = read_lines(path)
-    first, delimiter = _first_line(lines)
-    if not delimiter:
+    head = _find_head(lines)
+    if head is None:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at, titles = _columns(lines[first], delimiter), _titles(lines[first], delimiter)
-    at = at if options.points == AUTO else {what: column for what, column in at.items() if what[0] != "r"}
-    rows = _rows(path, lines, first + 1, at, delimiter)
+    if options.points != AUTO:
+        head.at = {what: column for what, column in head.at.items() if what[0] != "r"}
+    rows, at, titles = _rows(path, lines, head), head.at, head.titles
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
     if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
@@ -137,15 +150,16 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     numbers = np.full((len(every), n_names, width), np.nan)
     numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
     stamps = None
-    if rows.times:
+    if rows.times and head.clock:
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
-        stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
+        stamps = since_first(stamps, head.clock.second)
     _, unit = axis_alone(titles[at["x"]]) or ("", "")
     if width == len(AXES) * 2:
         _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
         order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
         numbers = with_quaternions(numbers, order, angle_unit, options, notices)
     elif width == len(AXES) * 4:
+        notices += [BY_ROWS] if "m8" in at else []
         numbers = with_quaternions_of_matrices(path, numbers)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
@@ -174,50 +188,52 @@ def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) 
     return [repeated] if twice else []
 
 
-def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: str) -> _Rows:
+def _rows(path: Path, lines: Lines, head: _Head) -> _Rows:
+    at, clock = head.at, head.clock
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
-    for number, line in lines.numbered(first):
-        cells = unquoted(line, delimiter).split(delimiter)
-        if len(cells) <= max(at.values()):
-            what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
+    for number, line in lines.numbered(head.first + 1):
+        cells = unquoted(line, head.delimiter).split(head.delimiter)
+        if len(cells) <= max(at.values()) or (not head.delimiter and len(cells) != len(head.titles)):
+            what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
             raise FormatError(path, number, what)
-        frame = _number(path, number, seconds_of(cells[at["frame"]]), "the frame")
+        time = clock.moment(cells) if clock else ""
+        if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
+            del at["frame"]  # names of images
+        frame = _number(path, number, seconds_of(cells[at["frame"]]) if "frame" in at else time, "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
-        if "time" in at and frame not in rows.times:
-            rows.times[frame] = _number(path, number, seconds_of(cells[at["time"]]), "the time")
+        if clock and frame not in rows.times:
+            rows.times[frame] = _number(path, number, time, "the time")
         is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
         seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
         rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)
     return rows
 
 
-def _first_line(lines: Iterable[str]) -> tuple[int, str]:
-    """Return the index of the line of titles, which comments may precede, and what parts its cells; empty if none."""
+def _find_head(lines: Iterable[str]) -> _Head | None:
+    """Return what the line of titles says, which comments may precede; None if there is none."""
     for index, line in enumerate(lines):
         for delimiter in _DELIMITERS:
-            if _columns(line, delimiter):
-                return index, delimiter
+            cells = unquoted(line.lstrip("#% "), delimiter).split(delimiter)
+            titles = [cell.strip().strip('"') for cell in cells]
+            clock = clock_of(titles)
+            if at := _columns(titles, clock):
+                return _Head(index, delimiter, titles, at, clock)
         if line.strip() and not line.startswith(_COMMENTS):
             break
-    return 0, ""
+    return None
 
 
-def _titles(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in unquoted(line.lstrip("#% "), delimiter).split(delimiter)]
-
-
-def _columns(line: str, delimiter: str) -> dict[str, int]:
+def _columns(titles: Sequence[str], clock: Clock | None) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    titles = _titles(line, delimiter)
     plain = [title.lower().replace(" ", "_") for title in titles]
     known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
-    found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
-    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)] + found["time"]
+    found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []
+    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)]
     for at, title in enumerate(titles):
         if angle := angle_alone(title):
             found.setdefault(f"r{angle[0]}", []).append(at)
@@ -228,8 +244,8 @@ def _columns(line: str, delimiter: str) -> dict[str, int]:
         elif axis := axis_alone(title):
             found.setdefault(axis[0], []).append(at)
     places = {what: columns[0] for what, columns in found.items() if columns}
-    is_tidy = places.keys() >= {*AXES, "frame"} and ("name" in places or not bodies_of(titles))
-    return places if is_tidy else {}
+    is_tidy = places.keys() >= {*AXES} and ("name" in places or not bodies_of(titles))
+    return places if is_tidy and (clock or "frame" in places) else {}
 
 
 def _number(path: Path, number: int, cell: str, what: str) -> float:
@@ -251,7 +267,7 @@ FORMAT = Format(
     title="Tidy table of points, CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: bool(_first_line(decoded_head(head).splitlines())[1]),
+    sniff=lambda head, path: _find_head(decoded_head(head).splitlines()) is not None,
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"

@@ -1,4 +1,4 @@
-"""Titles of columns as scripts write them: whose coordinate along which axis, in which unit, and which column is time.
+"""Titles of columns as scripts write them: whose coordinate along which axis, in which unit.
 
 A title is a name and an axis, in any case and with a blank, a point, an underscore, a colon, a hyphen or nothing
 between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``, ``knee_px``; or the axis first:
@@ -7,7 +7,8 @@ A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a po
 MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``, Python ``knee[0]`` and so on. Components of
 unit quaternions are ``knee_qw``, ``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``,
 ``Qy``, ``Qz``. Angles of a body are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``,
-``knee_euler_x``; a unit may follow. Cells of a matrix are ``knee_r11``, ``knee_R[0][0]`` or ``knee_rot_1_1``.
+``knee_euler_x``; a unit may follow. Cells of a matrix are ``knee_r11``, ``knee_R[0][0]``, ``knee_rot_1_1``, or
+numbered, ``knee_rot_0`` to ``knee_rot_8``. EuRoC names the frames: ``p_RS_R_x [m]``, ``q_RS_w []``.
 """
 
 import re
@@ -39,13 +40,7 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
-_TIME = re.compile(
-    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
-    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
-    re.IGNORECASE,
-)
-_SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
+_ASL = re.compile(r"\A([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?\Z")  # p_RS_R_x [m], q_RS_w [] of EuRoC
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
 _PLATE = re.compile(rf"(.{{1,200}}?){BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
@@ -116,7 +111,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled(titles)
+    titles = _undoubled([_ASL.sub(r"\1_\2", title.strip()) for title in titles])
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
@@ -179,32 +174,6 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     text, unit = _without_unit(title)
     match = _ALONE.fullmatch(text)
     return (match[1].lower(), unit) if match else None
-
-
-def is_frame(title: str) -> bool:
-    """Whether a title is that of a column of frame numbers, such as ``Frame#`` or ``frame_idx``.
-
-    Parameters
-    ----------
-    title : str
-        Without quotes.
-    """
-    return _FRAME.fullmatch(title.lower().replace(" ", "_")) is not None
-
-
-def seconds_per_unit(title: str) -> float | None:
-    """Return how many seconds the unit of a column of times has, 0 if the title names none; None of any other column.
-
-    Parameters
-    ----------
-    title : str
-        Without quotes.
-    """
-    match = _TIME.fullmatch(title)
-    if match is None:
-        return None
-    unit = (match[1] or ("s" if title.lower() == "seconds" else "")).lower()
-    return next((_SECONDS[key] for key in (unit[:3], unit[:2], unit[:1]) if key in _SECONDS), 0.0)
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title

@@ -24,7 +24,8 @@ _ABOUT_AXIS = re.compile(
 _MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
 _MATRIX = re.compile(
     rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-3])(?:\]\[|[ ,])?([0-3])[\])]?"
-    rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3]))",
+    rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3])"
+    rf"|(?-i:Rot)\[([0-8])\]|(?:{_MATRIX_WORD}|r(?=[\[(])){BETWEEN}?[\[(]?([0-9])[\])]?)",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
@@ -77,9 +78,12 @@ def cells_of(matrix: Mapping[str, int]) -> list[int]:
     Parameters
     ----------
     matrix : mapping of str to int
-        Column of each cell, such as ``12``, its row and column counted from 1 or 0.
+        Column of each cell, such as ``12``, its row and column, or ``7``, its number, counted from 1 or 0.
     """
     for first in (1, 0):
+        flat = [matrix[str(key)] for key in range(first, first + 9) if str(key) in matrix]
+        if len(flat) == 9:
+            return flat
         keys = [f"{row}{column}" for row in range(first, first + 3) for column in range(first, first + 3)]
         if matrix.keys() >= {*keys}:
             return [matrix[key] for key in keys]
@@ -128,7 +132,7 @@ def order_by_words(title: str) -> str:
 
 
 def cell_of(title: str) -> tuple[str, str] | None:
-    """Return the name, and row and column such as ``12``, of a title of a matrix's cell, or None.
+    """Return the name, and row and column such as ``12``, or the number, of a title of a matrix's cell, or None.
 
     Parameters
     ----------
@@ -136,7 +140,9 @@ def cell_of(title: str) -> tuple[str, str] | None:
         Without quotes.
     """
     match = _MATRIX.fullmatch(title.strip())
-    return (match[1] or "", f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
+    if match and match[6]:  # of Track Manager, column by column
+        return match[1] or "", f"{int(match[6]) % 3}{int(match[6]) // 3}"
+    return (match[1] or "", match[7] or f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
 
 
 def quaternion_of(title: str) -> tuple[str, str] | None:
@@ -148,6 +154,8 @@ def quaternion_of(title: str) -> tuple[str, str] | None:
         Without quotes.
     """
     text = title.strip()
+    if cell_of(text):
+        return None
     if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
         return match[1] or "", match[2].lower().replace("0", "w")
     if match := _QUATERNION_FIRST.fullmatch(text):

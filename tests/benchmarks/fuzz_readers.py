@@ -117,8 +117,9 @@ MORE_SEEDS = {
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
-    "qualisys-mat": ("packed.mat", "struct.mat"),
-    "wide-csv": ("angles.csv", "flags.csv"),
+    "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat"),
+    "tidy-csv": ("blanks.txt",),
+    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
     "vector-csv": ("vectors.sto",),
 }
 """Further sound files of a format."""
@@ -198,9 +199,11 @@ def _tables(folder: Path, take: Trajectories) -> None:
     savemat(
         folder / "struct.mat", {"markers": points, "info": {"freq": 100.0, "who": np.array(["a", "b"], dtype=object)}}
     )
+    elements = np.array([*points.items()], dtype=[("name", object), ("xyz", object)])
+    savemat(folder / "cells.mat", {"markers": elements, "FRAME_RATE": np.array([[100.0]], dtype=object)})
     np.savez(folder / "turned.npz", points=take.positions.transpose(2, 1, 0), labels=take.names, rate=take.rate)
     np.savez(folder / "poses.npz", poses=np.tile(np.eye(4), (N_FRAMES, 3, 1, 1)))
-    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat"):  # the header holds the time
+    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat", "cells.mat"):  # the header holds the time
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
@@ -286,6 +289,14 @@ _TEXT_SEEDS = {
     "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
     "flags.csv": "time,id,a_x,a_y,a_z,a_valid,r11,r12,r13,r21,r22,r23,r31,r32,r33,b_tx,b_ty,b_tz\n"
     "12:00:00.00,1,1.5,2.5,3.5,1,1,0,0,0,1,0,0,0,1,4,5,6\n12:00:00.02,1,1.6,2.6,3.6,0,1,0,0,0,1,0,0,0,1,4,5,6\n",
+    "stamps.csv": "sec,nanosec,a.name,a.pose.position.x,a.pose.position.y,a.pose.position.z,"
+    + ",".join(f"a.pose.rot_{k}" for k in range(9))
+    + "\n7,990000000,hip,1,2,3,1,0,0,0,1,0,0,0,1\n8,0,hip,1.5,2,3,0,-1,0,1,0,0,0,0,1\n8,10000000,hip,,,,,,,,,,,,\n",
+    "euroc.csv": "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m],"
+    " q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []\n"
+    "1403636580838555648,4.6,-1.7,0.7,0.6,0.8,0,0\n1403636580843555328,4.7,-1.7,0.7,0,0,0,0\n",
+    "blanks.txt": "# frame time marker x y z valid\n"
+    "0 0.00 7 1.5 2.5 3.5 1\n0 0.00 8 4.5 5.5 6.5 0\n1 0.02 7 1.6 2.6 3.6 1\n",
     "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
     '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"

@@ -117,3 +117,20 @@ def test_comments_may_stand_above_the_titles_and_rows_that_repeat_a_point_are_to
     take = read_take(put("points.csv", content))
     assert (take.names, take.n_frames) == (("knee", "ankle"), 3)
     assert any("1 row is of a point that its frame has already" in notice for notice in take.notices)
+
+
+def test_blanks_may_part_cells(put):
+    content = "# frame time marker x y z cond\n" + "".join(
+        f"{frame} {frame / 480:.6f} {marker} 100 200.5 300 4\n" for frame in range(3) for marker in (7, 8)
+    )
+    take = read_take(put("phase.txt", content))
+    assert (take.n_frames, take.names, take.rate) == (3, ("7", "8"), pytest.approx(480, rel=1e-3))
+
+
+def test_row_with_more_words_than_titles_is_refused_where_blanks_part_cells(refused, put):
+    assert ":3:" in refused(put("words.txt", "frame name x y z\n1 a 1 2 3\n1 left hand 1 2 3\n"))
+
+
+def test_names_count_before_numbers_of_points(put):
+    rows = "0,4,11,nose,1,2,3\n0,4,12,ear,1,2,4\n"
+    assert read_take(put("joints.csv", "frame,id,joint,joint_name,x,y,z\n" + rows)).names == ("nose", "ear")

@@ -387,3 +387,20 @@ def test_quoted_titles_may_hold_what_parts_cells(put):
     take = read_take(put("quoted.csv", f"__time,{titles}\n0,1,2,3,400,500,600\n0.01,1,2,3,400,500,600\n"))
     assert (take.rate, take.names) == (100.0, ("knee  left", "hip  left"))
     np.testing.assert_array_equal(take.positions[0, 1], [400, 500, 600])
+
+
+def test_derivatives_and_channels_of_force_plates_are_no_points(put):
+    """As D-Flow writes force plates."""
+    names = ("LASI.Pos", "RASI.Pos", "FP1.Cop", "FP1.For", "FP2.Mom", "hand_jerk")
+    titles = ",".join(f"{name}{axis}" for name in names for axis in "XYZ")
+    take = read_take(put("dflow.csv", f"{titles}\n0.1,0.9,0,-0.1,0.9,0,{'700,' * 12}\n"))
+    assert take.names == ("LASI", "RASI")
+    assert take.positions[0, 0].tolist() == [100, 900, 0]
+
+
+def test_directions_beside_points_are_left_out(put):
+    titles = ",".join(f"{name}_{axis}" for name in ("head", "hand", "gaze") for axis in "xyz")
+    rows = "".join(f"0.1,1.6,0.{n},0.4,1.1,0.{n},0,0.6,0.8\n" for n in range(3))
+    take = read_take(put("gaze.csv", f"{titles}\n{rows}"))
+    assert take.names == ("head", "hand")
+    assert any("directions" in notice and "gaze" in notice for notice in take.notices)

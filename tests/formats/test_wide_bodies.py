@@ -158,3 +158,45 @@ def test_axes_of_a_body_without_its_position_are_no_points(refused, put):
     content = "X1,X2,X3,Y1,Y2,Y3,Z1,Z2,Z3\n" + "0.6,-0.8,0,0.8,0.6,0,0,0,1\n" * 2
     assert "axes of a body without its position" in refused(put("axes.csv", content))
     assert read_take(put("points.csv", content.replace("0.6,-0.8", "0.6,-0.9"))).names == ("1", "2", "3")
+
+
+ASL = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+
+
+@pytest.mark.parametrize("more", ["", ", v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1]"])
+def test_trajectory_of_euroc_is_a_body(put, more):
+    rows = "".join(f"{stamp},1,2,3,0.6,0,0,0.8{',0' * more.count('x') * 3}\n" for stamp in (10**18, 10**18 + 5_000_000))
+    take = read_take(put("data.csv", f"{ASL}{more}\n{rows}"))
+    assert (take.names, take.rate) == (("body",), pytest.approx(200.0))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [1000, 2000, 3000])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [-0.28, 0.96])
+
+
+def test_body_without_a_rotation_is_unseen(put):
+    take = read_take(put("data.csv", f"{ASL}\n1000000000,1,2,3,0,0,0,0\n1010000000,1,2,3,1,0,0,0\n"))
+    assert np.isnan(take.world_from_body[:, 0, 0, 0]).tolist() == [True, False]
+
+
+QUARTER = [0, -1, 0, 1, 0, 0, 0, 0, 1]  # Rz(90), row by row
+
+
+@pytest.mark.parametrize(
+    ("cell", "first", "by_rows"),
+    [("{n}_rot_{k}", 0, True), ("{n} R({k})", 1, True), ("{n}_dcm{k}", 0, True), ("{n} Rot[{k}]", 0, False)],
+)
+def test_matrices_of_numbered_cells_turn_bodies(put, cell, first, by_rows):
+    """Track Manager calls cells Rot[0] to Rot[8], column by column."""
+    titles = "{n}_x,{n}_y,{n}_z," + ",".join(cell.replace("{k}", str(k)) for k in range(first, first + 9))
+    matrix = np.reshape(QUARTER, (3, 3))
+    cells = ",".join(map(str, (matrix if by_rows else matrix.T).ravel()))
+    take = read_take(put("flat.csv", two_rows(titles, f"100,2,3,{cells},400,5,6,{cells}")))
+    np.testing.assert_allclose(take.world_from_body[:, :, :3, :3], np.broadcast_to(matrix, (2, 2, 3, 3)), atol=1e-12)
+    assert any("row by row" in notice for notice in take.notices) == by_rows
+
+
+def test_bodies_of_ros_2_have_the_names_in_their_cells(put):
+    pose = "rigidbodies{0}.pose.position.{1},rigidbodies{0}.pose.orientation.{1}"
+    poses = [",".join(pose.format(n, axis) for axis in "xyz") + f",rigidbodies{n}.pose.orientation.w" for n in (0, 1)]
+    titles = ",".join(f"rigidbodies{n}.rigid_body_name,{poses[n]}" for n in (0, 1))
+    take = read_take(put("ros2.csv", f"{titles}\n" + 2 * "thigh,1,0,2,0,3,0,1,shank,1,0,2,0,4,0,1\n"))
+    assert take.names == ("thigh", "shank")
