@@ -76,3 +76,8 @@ def test_file_that_is_cut_off_is_refused(refused, put, size):
 def test_numbers_that_unpack_to_far_more_than_the_file_are_refused(refused, put):
     zeros = {"Labeled": {"Labels": LABELS, "Data": np.zeros((2, 4, 500_000))}}
     assert "far more numbers" in refused(put("bomb.mat", content(compressed=True, Trajectories=zeros)))
+
+
+def test_file_of_version_7_3_says_what_to_type(refused, put):
+    sentence = refused(put("walk.mat", b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n"))
+    assert "load('walk.mat'), and save('walk_7.mat', '-v7')" in sentence
