@@ -41,7 +41,7 @@ _BODY_TYPES = ("Rigid Body", "Bone")
 _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
 _FEWEST_TITLE_LINES = 3  # type, name, quantity
 _DEFAULT_UNIT = "meters"  # what Motive exports by default
-_QUATERNION = "Quaternion"
+_QUATERNION, _LOCAL = "Quaternion", "Local"  # type of rotations, and coordinates in the axes of the parent
 _ORDER = re.compile(r"(?!.*(.).*\1)[XYZ]{3}")  # of angles: XYZ, ZYX and so on
 _PLACE, _TURN, _ANGLES = ("Position", "XYZ"), ("Rotation", "WXYZ"), ("Rotation", "XYZ")
 
@@ -106,6 +106,8 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
         notices.append("the header names no length unit; metres are assumed")
     factor = mm_per_unit(path, 1, unit or _DEFAULT_UNIT)
     items = [] if bodies else _markers(titles, notices)
+    if items and header.get("Coordinate Space") == _LOCAL:
+        notices.append("the file says that its coordinates are local; those of markers are taken as the world's")
     order = header.get("Rotation Type", "").upper()
     turn = _ANGLES if _ORDER.fullmatch(order) else _TURN
     kinds = [_PLACE] if items else [_PLACE, turn]
@@ -193,7 +195,7 @@ def _bodies(
         found = ", ".join(sorted({kind for kind in titles.kinds[2:] if kind})) or "nothing"
         what = f"no Marker columns and no whole bodies, only {found}; export with markers switched on"
         raise FormatError(path, titles.first, what)
-    if space == "Local":
+    if space == _LOCAL:
         raise FormatError(path, 1, "coordinates are local to the parent; export with global (world) coordinates")
     if len(whole) < len(items):
         one, several = "body without a rotation is left out", "bodies without a rotation are left out"

@@ -30,6 +30,7 @@ _DELIMITERS = "\t;,"
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
 _SKELETON_KEY = "SOLVER"  # of skeletons' segments, which Track Manager computes from the markers
+_INCLUDED = {"3D", "6D"}  # of the data that can be read
 _LOOSE_KEYS = ("DESCRIPTION", "TIME_STAMP")  # of which nothing is read, and that scripts part from values by blanks
 _LEADING_TITLES = ("frame", "time")
 _MAX_LEADING = len(_LEADING_TITLES)
@@ -63,8 +64,10 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     header, first = _header(lines, delimiter)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
-    if "2D" in included or "SKELETON" in included or _SKELETON_KEY in header:
-        line, kind = header.get("DATA_INCLUDED", (1, []))[0], "2D data" if "2D" in included else "skeletons"
+    is_other = bool(included) and not _INCLUDED & {*included.split()}
+    if is_other or _SKELETON_KEY in header:
+        kind = included if is_other and "SKELETON" not in included else "skeletons"
+        line = header.get("DATA_INCLUDED", (1, []))[0]
         raise FormatError(path, line, f"holds {kind}; export the 3D data of the markers from Track Manager instead")
     if not header:
         what = "no header; export TSV from Track Manager with its header, in which the names stand"

@@ -166,3 +166,8 @@ def test_last_number_that_may_be_cut_is_left_out(put, motive_text):
     assert read_take(put("cut.csv", motive_text.removesuffix("72\r\n"))).n_frames == 3  # nothing says that it is cut
     announced = motive_text.replace("Frames,3", "Frames,4").removesuffix("2\r\n")
     assert read_take(put("cut2.csv", announced)).n_frames == 2
+
+
+def test_local_coordinates_beside_markers_are_told(edited, motive_text):
+    take = read_take(edited("local.csv", motive_text, "Coordinate Space,Global", "Coordinate Space,Local"))
+    assert any("coordinates are local" in notice for notice in take.notices)

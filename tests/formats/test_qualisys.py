@@ -124,3 +124,9 @@ def test_table_that_a_spreadsheet_saved_is_read(put, qualisys_text, delimiter):
     )
     assert saved.names == whole.names
     np.testing.assert_array_equal(saved.positions, whole.positions)
+
+
+def test_export_of_velocities_is_refused_with_advice(refused, edited, qualisys_text):
+    assert "holds VELOCITY; export the 3D data" in refused(
+        edited("v.tsv", qualisys_text, "INCLUDED\t3D", "INCLUDED\tVelocity")
+    )
