@@ -69,7 +69,7 @@ def notice_images(positions: Floats, notices: list[str]) -> None:
     if not len(points):
         return
     across, depth = np.abs(points[:, :2]).max(), np.abs(points[:, 2]).max()
-    if _span(some) > _LEAST_SPAN and points[:, :2].min() >= 0.0 and across <= 1.0:
+    if _span(some) > _LEAST_SPAN and points[:, :2].min() >= 0.0 and max(across, depth) <= 1.0:
         notices.append(
             "x and y lie between 0 and 1: fractions of an image, as MediaPipe's landmarks, are no positions;"
             " if they are that, give its world landmarks, in metres"

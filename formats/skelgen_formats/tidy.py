@@ -18,7 +18,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
@@ -82,6 +82,9 @@ _GROUPS = (
     ),
     *("body_id", "id"),
 )
+_SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_index")
+"""What parts points of one name where a frame has several."""
+
 _FLAGS = tuple(
     f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
 )
@@ -135,7 +138,10 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         raise FormatError(path, 1, what)
     if options.points != AUTO:
         head.at = {what: column for what, column in head.at.items() if what[0] != "r"}
-    rows, at, titles = _rows(path, lines, head), head.at, head.titles
+    rows, at = _rows(path, lines, head), head.at
+    if "side" in at and "group" not in at and len(rows.frames) > len({*zip(rows.frames, rows.points, strict=True)}):
+        at["group"] = at["side"]
+        rows = _rows(path, lines, head)
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
     if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
@@ -153,18 +159,25 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     if rows.times and head.clock:
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
         stamps = since_first(stamps, head.clock.second)
-    _, unit = axis_alone(titles[at["x"]]) or ("", "")
-    if width == len(AXES) * 2:
-        _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
-        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
-        numbers = with_quaternions(numbers, order, angle_unit, options, notices)
-    elif width == len(AXES) * 4:
-        notices += [BY_ROWS] if "m8" in at else []
-        numbers = with_quaternions_of_matrices(path, numbers)
+    _, unit = axis_alone(head.titles[at["x"]]) or ("", "")
+    numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     take = take_from_table(path, numbers, names, stamps, options, unit)
     return replace(take, notices=(*notices, *take.notices))
+
+
+def _turned(path: Path, numbers: Floats, head: _Head, options: Options, notices: list[str]) -> Floats:
+    """Return places alone, or with quaternions for angles and matrices."""
+    at = head.at
+    if numbers.shape[2] == len(AXES) * 2:
+        _, order, angle_unit = angle_alone(head.titles[at["rx"]]) or ("", "", "")
+        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
+        return with_quaternions(numbers, order, angle_unit, options, notices)
+    if numbers.shape[2] == len(AXES) * 4:
+        notices += [BY_ROWS] if "m8" in at else []
+        return with_quaternions_of_matrices(path, numbers)
+    return numbers
 
 
 def _numbered(at: dict[str, int]) -> list[int]:
@@ -230,7 +243,7 @@ def _find_head(lines: Iterable[str]) -> _Head | None:
 def _columns(titles: Sequence[str], clock: Clock | None) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
     plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
+    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []
     found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)]

@@ -36,5 +36,6 @@ def test_coordinates_in_images_are_told(put, scale, sentence):
     assert not any(sentence in notice for notice in read_take(path, recorded_unit="m").notices)
 
 
-def test_person_is_in_no_image(put):
-    assert not any("image" in notice for notice in read_take(put("person.csv", table(PERSON_M))).notices)
+@pytest.mark.parametrize("points", [PERSON_M, np.abs(PERSON_M[:, [0, 2, 1]])])
+def test_person_is_in_no_image(put, points):
+    assert not any("image" in notice for notice in read_take(put("person.csv", table(points))).notices)

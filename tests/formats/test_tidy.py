@@ -134,3 +134,15 @@ def test_row_with_more_words_than_titles_is_refused_where_blanks_part_cells(refu
 def test_names_count_before_numbers_of_points(put):
     rows = "0,4,11,nose,1,2,3\n0,4,12,ear,1,2,4\n"
     assert read_take(put("joints.csv", "frame,id,joint,joint_name,x,y,z\n" + rows)).names == ("nose", "ear")
+
+
+@pytest.mark.parametrize("title", ["handedness", "type"])
+def test_points_that_a_frame_has_twice_are_parted_by_their_side(put, title):
+    """As MediaPipe's hands; where each point is there once, such a column may be another in every row."""
+    rows = [f"{frame},{side},{point},1,{frame},{point}" for frame in (1, 2) for side in ("l", "r") for point in (0, 1)]
+    titles = f"frame,{title},landmark_index,x,y,z\n"
+    take = read_take(put("hands.csv", titles + "\n".join(rows)))
+    assert take.names == ("l_0", "l_1", "r_0", "r_1")
+    assert not any("already" in notice for notice in take.notices)
+    once = read_take(put("once.csv", titles + "1,seen,0,1,2,3\n1,seen,1,1,2,4\n2,filled,0,1,2,3\n2,seen,1,1,2,4\n"))
+    assert once.names == ("0", "1")
