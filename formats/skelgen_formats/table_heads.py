@@ -18,7 +18,7 @@ from operator import mul
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of
+from skelgen_formats.titles import Body, axis_alone, bodies_of, turned_without_place
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
 
 HEAD_LINES = 24
@@ -265,6 +265,8 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
+    if lost := [name for name in turned_without_place(titles) if name != "body"]:
+        found.notices.append(f"rotations without positions are left out: {', '.join(lost[:8])}")
     return found
 
 

@@ -28,9 +28,11 @@ from skelgen_formats.turn_titles import (
     quaternion_of,
 )
 
-_UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
+_UNIT = re.compile(
+    r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{0,2}[\[(]?)(mm|cm|m|(?:milli|centi)?met(?:er|re)s?)[\])]?", re.IGNORECASE
+)
 _PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
-_AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
+_AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
@@ -40,7 +42,18 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
-_ASL = re.compile(r"\A([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?\Z")  # p_RS_R_x [m], q_RS_w [] of EuRoC
+_SPELT = (
+    (
+        re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
+        r"\1_\2",
+    ),  # p_RS_R_x [m], q_RS_w [] of EuRoC
+    (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
+    (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(.{{1,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
+    (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
+    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:3d|filt\w*|smooth\w*|interp\w*|raw)", re.IGNORECASE), r"\1"),
+)
+"""What stands around an axis in other spellings, and how such titles are read."""
+
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
 _PLATE = re.compile(rf"(.{{1,200}}?){BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
@@ -111,7 +124,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled([_ASL.sub(r"\1_\2", title.strip()) for title in titles])
+    titles = _undoubled(_spelt(titles))
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
@@ -123,6 +136,16 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
         if found and (parsed is not numbered or len(found) >= _FEWEST):
             return _with_fourths(found, titles, fourth)
     return []
+
+
+def _spelt(titles: Sequence[str]) -> list[str]:
+    """Return titles in the usual spelling, but those that there are in it already: knee_x beside knee_x_raw."""
+    plain = []
+    for title in map(str.strip, titles):
+        found = (match.expand(usual) for spelling, usual in _SPELT if (match := spelling.fullmatch(title)))
+        other = next(found, title)
+        plain.append(title if other in titles else other)
+    return plain
 
 
 def _undoubled(titles: Sequence[str]) -> list[str]:

@@ -9,17 +9,17 @@ AXES = "xyz"
 COMPONENTS = "wxyz"
 """Of a unit quaternion, scalar first."""
 
-BETWEEN = r"[ _.:/-]"
+BETWEEN = r"[ _.:/|-]"
 """What stands between the name of a point and its axis, in a regular expression."""
 
-_TURN_WORD = rf"(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?"
+_TURN_WORD = rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?){{1,2}}"
 _QUATERNION = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNORECASE)
 _ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
 _NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
 _ABOUT_AXIS = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:euler|rotvec|{_TURN_WORD}|r){BETWEEN}?([xyz])", re.IGNORECASE
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])", re.IGNORECASE
 )
 _MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
 _MATRIX = re.compile(

@@ -120,7 +120,7 @@ MORE_SEEDS = {
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat"),
     "tidy-csv": ("blanks.txt",),
     "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
-    "vector-csv": ("vectors.sto",),
+    "vector-csv": ("vectors.sto", "turns.csv"),
 }
 """Further sound files of a format."""
 
@@ -299,6 +299,8 @@ _TEXT_SEEDS = {
     "0 0.00 7 1.5 2.5 3.5 1\n0 0.00 8 4.5 5.5 6.5 0\n1 0.02 7 1.6 2.6 3.6 1\n",
     "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
     '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
+    "turns.csv": "t;a.position;a.rotation;b.position;b.rotation\n"
+    "0;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);(0, 0, 0.6, 0.8)\n0.02;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);None\n",
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",

@@ -404,3 +404,31 @@ def test_directions_beside_points_are_left_out(put):
     take = read_take(put("gaze.csv", f"{titles}\n{rows}"))
     assert take.names == ("head", "hand")
     assert any("directions" in notice and "gaze" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "\"('{n}', '{a}')\"",
+        "{n} {a}-axis",
+        "{n}_{a}coord",
+        "{n} {a}-Koordinate [mm]",
+        "Pos_{a}_{n}",
+        "{n}_{a}_3d",
+        "{n}_{a}_filtered",
+        "{n}_{a} (millimeters)",
+        "{n}_{a}__mm",
+        "{n}|{a}",
+        "{n}: {a}",
+    ],
+)
+def test_axes_may_be_spelt_in_other_ways(put, title):
+    titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("spelt.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_points_in_the_usual_spelling_count_before_raw_ones(put):
+    raw = "a_x_raw,a_y_raw,a_z_raw"
+    assert read_take(put("raw.csv", f"a_x,a_y,a_z,b_x,b_y,b_z,{raw}\n{rows(after=',7,8,9')}")).names == ("a", "b")

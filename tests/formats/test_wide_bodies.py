@@ -22,6 +22,8 @@ def two_rows(titles: str, cells: str) -> str:
         "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
         "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
         "{n}-px,{n}-py,{n}-pz,{n}-qx,{n}-qy,{n}-qz,{n}-qw",
+        "{n}_pos_x,{n}_pos_y,{n}_pos_z,"
+        "{n}_orientation_Quat_x,{n}_orientation_Quat_y,{n}_orientation_Quat_z,{n}_orientation_Quat_w",
     ],
 )
 def test_points_with_quaternions_are_bodies(put, titles):
@@ -200,3 +202,9 @@ def test_bodies_of_ros_2_have_the_names_in_their_cells(put):
     titles = ",".join(f"rigidbodies{n}.rigid_body_name,{poses[n]}" for n in (0, 1))
     take = read_take(put("ros2.csv", f"{titles}\n" + 2 * "thigh,1,0,2,0,3,0,1,shank,1,0,2,0,4,0,1\n"))
     assert take.names == ("thigh", "shank")
+
+
+def test_rotations_of_others_than_the_points_are_told(put):
+    titles = "a_x,a_y,a_z,b_x,b_y,b_z,torso_qw,torso_qx,torso_qy,torso_qz"
+    take = read_take(put("torso.csv", f"{titles}\n" + "1,2,3,4,5,6,1,0,0,0\n" * 2))
+    assert "rotations without positions are left out: torso" in take.notices
