@@ -110,6 +110,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones, also with angles | layout |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
+| Qualisys TSV | skeletons in global coordinates | layout of public scripts |
 | Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
@@ -134,8 +135,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |
 
 Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
-sensors alone, Motive with local coordinates, skeletons of Qualisys, orientations alone. The error says what to export
-instead.
+sensors alone, Motive and skeletons of Qualisys with local coordinates, orientations alone. The error says what to
+export instead.
 
 What is written was opened with these, in every case by the tests:
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skelgen_formats.text import seconds_of
+from skelgen_formats.text import is_number, seconds_of
 
 _FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
 _UNIT = r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?"
@@ -35,7 +35,7 @@ class Clock:
     per_fraction: float = 0.0
 
     def moment(self, cells: Sequence[str]) -> str:
-        """Return the time of a row, of a clock or calendar in seconds.
+        """Return the time of a row, of a clock or calendar in seconds; an empty text if it is no number.
 
         Parameters
         ----------
@@ -46,7 +46,8 @@ class Clock:
         if self.fraction is not None:
             with contextlib.suppress(ValueError):
                 return repr(float(text) + float(cells[self.fraction]) * self.per_fraction)
-        return seconds_of(text)
+        moment = seconds_of(text)
+        return moment if is_number(moment.strip()) else ""
 
 
 def clock_of(titles: Sequence[str]) -> Clock | None:

@@ -75,6 +75,8 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
 def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
     """Yield lines with seconds for dates, times of a clock and seconds in two columns, in the column of times.
 
+    What is no time is left empty; where the first row has a number there, all are taken as they are.
+
     Parameters
     ----------
     numbered : iterable of (number, line)
@@ -82,11 +84,14 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     head : Head
         Of the table.
     """
+    clock, is_plain, is_first = head.clock, True, True
     for number, line in numbered:
-        clock = head.clock
-        cells = line.split(head.delimiter) if clock and (":" in line or clock.fraction is not None) else []
+        cells = line.split(head.delimiter) if clock and (is_first or not is_plain) else []
         if clock and len(cells) > max(clock.column, clock.fraction or 0):
-            cells[clock.column] = clock.moment(cells)
+            if is_first:
+                is_plain = clock.fraction is None and is_number(cells[clock.column].strip())
+            cells[clock.column] = cells[clock.column] if is_plain else clock.moment(cells)
+        is_first = False
         yield number, (head.delimiter or " ").join(cells) if cells else line
 
 

@@ -117,6 +117,7 @@ MORE_SEEDS = {
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
+    "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat"),
     "tidy-csv": ("blanks.txt",),
     "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
@@ -269,6 +270,10 @@ _TEXT_SEEDS = {
     "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
     "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
     "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",
+    "skeleton.tsv": "NO_OF_FRAMES\t2\nFREQUENCY\t85\nREFERENCE\tGLOBAL\nSCALE\t1.00000\nSOLVER\tAnimation\n"
+    "Frame\tTime\tHips\tX\tY\tZ\tQX\tQY\tQZ\tQW\tSpine\tX\tY\tZ\tQX\tQY\tQZ\tQW\n"
+    "1\t0.0\t\t10\t20\t900\t0\t0\t0\t1\t\t11\t20\t1000\t0\t0\t0.6\t0.8\n"
+    "2\t0.01\t\t10\t20\t900\t0\t0\t0\t1\t\t\t\t\t\t\t\t\n",
     "motive.csv": "Format Version,1.23,Take Name,walk,Export Frame Rate,120.0,Total Exported Frames,2,"
     "Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
     ",,Rigid Body,Marker,Marker,Marker,Marker,Marker,Marker\n"
