@@ -27,11 +27,11 @@ HEAD_LINES = 24
 _PREAMBLE = 16  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
-_DELIMITERS = (",", ";", "\t", None)
+_DELIMITERS = (",", ";", "\t", "|", None)
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
     r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
-    r"|jerk)([_ .:/-].*)?",
+    r"|jerk|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
 _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
@@ -265,6 +265,8 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
+    if any(titles.count(axis) > 1 for axis in AXES.upper() + AXES):
+        found.notices.append("X, Y and Z stand several times without names in their line: points are numbered")
     if lost := [name for name in turned_without_place(titles) if name != "body"]:
         found.notices.append(f"rotations without positions are left out: {', '.join(lost[:8])}")
     return found
@@ -285,6 +287,10 @@ def _under_names(rows: list[list[str]]) -> Head | None:
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
+    letters = [(axis_alone(axis) or ("", ""))[0] for axis in axes]
+    for column in range(len(axes) - 2):  # a name may stand over y alone, where cells were merged
+        if letters[column : column + 3] == [*AXES] and not names[column]:
+            names[column : column + 3] = [next(filter(None, names[column : column + 3]), "")] * 3
     for column in range(1, len(axes)):
         if not names[column] and (
             axis_alone(axes[column]) or angle_alone(axes[column]) or component_alone(axes[column])

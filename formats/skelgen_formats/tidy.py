@@ -3,14 +3,14 @@
 One line of titles names, in any order and case, a column of frames (or of times alone), one of names or numbers of
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
-they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. Rate, unit and order of angles are
-those of a wide table. Cells are parted by commas, semicolons, tabs or blanks. Where frames are no numbers, as names of
-images, times tell them.
+they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
+``axis`` and ``value``. Rate, unit and order of angles are those of a wide table. Cells are parted by commas,
+semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images, times tell them.
 """
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,76 +21,20 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
-from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import is_number, number_in, seconds_of, unquoted
-from skelgen_formats.titles import axis_alone, bodies_of
+from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
+from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
 from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
     angle_alone,
-    cell_alone,
     cells_of,
-    component_alone,
     order_of,
 )
 from skelgen_formats.wide import since_first, take_from_table
 
-_THINGS = (
-    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
-    *(
-        "body",
-        "rigid_body",
-        "rigidbody",
-        "object",
-        "segment",
-        "sensor",
-        "station",
-        "tool",
-        "device",
-        "tracker",
-        "asset",
-        "limb",
-        "bone",
-        "link",
-        "rb",
-        "tag",
-        "agent",
-        "part",
-        "actor",
-        "entity",
-    ),
-)
-_NAMES = (
-    *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),
-    *(f"{thing}{end}" for end in ("_id", "_index", "id") for thing in _THINGS),
-    *("id", "target", "track_id"),
-)
-_GROUPS = (
-    *(
-        "model",
-        "individual",
-        "person",
-        "subject",
-        "track",
-        "person_id",
-        "skeleton_id",
-        "subject_id",
-        "user_id",
-        "actor_id",
-    ),
-    *("body_id", "id"),
-)
-_SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_index")
-"""What parts points of one name where a frame has several."""
-
-_FLAGS = tuple(
-    f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
-)
 _UNSEEN_FLAGS = ("0", "false", "0.0")
-_DELIMITERS = (",", ";", "\t", None)
-_COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -103,17 +47,6 @@ class _Rows:
     numbers: "array[float]" = field(default_factory=lambda: array("d"))
     names: dict[tuple[str, ...], int] = field(default_factory=dict)
     times: dict[float, float] = field(default_factory=dict)
-
-
-@dataclass
-class _Head:
-    """The line of titles: its index, what parts cells (None: blanks), titles, which column is what, and the times."""
-
-    first: int
-    delimiter: str | None
-    titles: list[str]
-    at: dict[str, int]
-    clock: Clock | None
 
 
 def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
@@ -131,8 +64,20 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     FormatError
         If the titles name no frames and coordinates, or a row is not as long as they are.
     """
-    lines = read_lines(path)
-    head = _find_head(lines)
+    return read_tidy_lines(path, read_lines(path), options)
+
+
+def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a tidy table from its lines; errors as of `read_tidy`.
+
+    Parameters
+    ----------
+    path, options
+        As there.
+    lines : Lines
+        Of the table.
+    """
+    head = find_tidy_head(lines)
     if head is None:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
@@ -152,22 +97,27 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     width = len(_numbered(at))
     if "name" not in at and n_names == 1 and width == len(AXES):
         raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
-    notices = _doubts(path, rows, places, "name" in at, width)
+    notices = [] if "axis" in at else _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
-    numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
+    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
+    if "axis" in at:
+        for axis in range(width):
+            has = ~np.isnan(cells[:, axis])
+            numbers[places[has], points[has], axis] = cells[has, axis]
+    else:
+        numbers[places, points] = cells
     stamps = None
     if rows.times and head.clock:
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
         stamps = since_first(stamps, head.clock.second)
-    _, unit = axis_alone(head.titles[at["x"]]) or ("", "")
     numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
-    take = take_from_table(path, numbers, names, stamps, options, unit)
+    take = take_from_table(path, numbers, names, stamps, options, head.unit)
     return replace(take, notices=(*notices, *take.notices))
 
 
-def _turned(path: Path, numbers: Floats, head: _Head, options: Options, notices: list[str]) -> Floats:
+def _turned(path: Path, numbers: Floats, head: TidyHead, options: Options, notices: list[str]) -> Floats:
     """Return places alone, or with quaternions for angles and matrices."""
     at = head.at
     if numbers.shape[2] == len(AXES) * 2:
@@ -186,7 +136,7 @@ def _numbered(at: dict[str, int]) -> list[int]:
     angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
     matrix = cells_of({what[1:]: column for what, column in at.items() if what[0] == "m"})
     whole = (part for part, n in ((turn, len(COMPONENTS)), (matrix, 9), (angles, len(AXES))) if len(part) == n)
-    return [*(at[axis] for axis in AXES), *next(whole, [])]
+    return [*(at.get(axis, at.get("value", 0)) for axis in AXES), *next(whole, [])]
 
 
 def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) -> list[str]:
@@ -201,7 +151,7 @@ def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) 
     return [repeated] if twice else []
 
 
-def _rows(path: Path, lines: Lines, head: _Head) -> _Rows:
+def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
@@ -220,53 +170,20 @@ def _rows(path: Path, lines: Lines, head: _Head) -> _Rows:
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
         if clock and frame not in rows.times:
             rows.times[frame] = _number(path, number, time, "the time")
-        is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
-        seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
-        rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)
+        is_hidden = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
+        if "axis" in at:
+            along = cells[at["axis"]].strip().lower()
+            seen = [value if axis == along else np.nan for axis, value in zip(AXES, seen, strict=True)]
+        rows.numbers.extend([np.nan] * len(columns) if is_hidden else seen)
     return rows
-
-
-def _find_head(lines: Iterable[str]) -> _Head | None:
-    """Return what the line of titles says, which comments may precede; None if there is none."""
-    for index, line in enumerate(lines):
-        for delimiter in _DELIMITERS:
-            cells = unquoted(line.lstrip("#% "), delimiter).split(delimiter)
-            titles = [cell.strip().strip('"') for cell in cells]
-            clock = clock_of(titles)
-            if at := _columns(titles, clock):
-                return _Head(index, delimiter, titles, at, clock)
-        if line.strip() and not line.startswith(_COMMENTS):
-            break
-    return None
-
-
-def _columns(titles: Sequence[str], clock: Clock | None) -> dict[str, int]:
-    """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS}
-    found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
-    found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []
-    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)]
-    for at, title in enumerate(titles):
-        if angle := angle_alone(title):
-            found.setdefault(f"r{angle[0]}", []).append(at)
-        if cell := cell_alone(title):
-            found.setdefault(f"m{cell}", []).append(at)
-        if component := component_alone(title):
-            found.setdefault(f"q{component}", []).append(at)
-        elif axis := axis_alone(title):
-            found.setdefault(axis[0], []).append(at)
-    places = {what: columns[0] for what, columns in found.items() if columns}
-    is_tidy = places.keys() >= {*AXES} and ("name" in places or not bodies_of(titles))
-    return places if is_tidy and (clock or "frame" in places) else {}
 
 
 def _number(path: Path, number: int, cell: str, what: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        unseen = cell.strip().lower() in ("", "nan", "none", "null", "na")
-        return np.nan if unseen else number_in(path, number, cell, what)
+        return np.nan if is_unseen(cell.strip()) else number_in(path, number, cell, what)
 
 
 def _distinct(points: Sequence[tuple[str, ...]]) -> list[str]:
@@ -280,7 +197,7 @@ FORMAT = Format(
     title="Tidy table of points, CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: _find_head(decoded_head(head).splitlines()) is not None,
+    sniff=lambda head, path: find_tidy_head(decoded_head(head).splitlines()) is not None,
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"

@@ -12,6 +12,7 @@ numbered, ``knee_rot_0`` to ``knee_rot_8``. EuRoC names the frames: ``p_RS_R_x [
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -124,7 +125,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled(_spelt(titles))
+    titles = _undoubled(spelt(titles))
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
@@ -138,8 +139,14 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     return []
 
 
-def _spelt(titles: Sequence[str]) -> list[str]:
-    """Return titles in the usual spelling, but those that there are in it already: knee_x beside knee_x_raw."""
+def spelt(titles: Sequence[str]) -> list[str]:
+    """Return titles in the usual spelling, but those that there are in it already: knee_x beside knee_x_raw.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    """
     plain = []
     for title in map(str.strip, titles):
         found = (match.expand(usual) for spelling, usual in _SPELT if (match := spelling.fullmatch(title)))
@@ -149,9 +156,14 @@ def _spelt(titles: Sequence[str]) -> list[str]:
 
 
 def _undoubled(titles: Sequence[str]) -> list[str]:
-    """Return titles with ``X.0`` for X where ``X.1`` stands behind it: pandas numbers titles that stand twice."""
-    doubled = {axis for axis in AXES.upper() + AXES if axis in titles and f"{axis}.1" in titles}
-    return [f"{title}.0" if title in doubled else title for title in titles]
+    """Return titles with numbers behind X that stands twice: ``X.0``, ``X.1``, as pandas numbers all but the first."""
+    doubled = {axis for axis in AXES.upper() + AXES if titles.count(axis) > 1 or f"{axis}.1" in titles}
+    count = Counter[str]()
+    numbered = []
+    for title in titles:
+        numbered.append(f"{title}.{count[title]}" if title in doubled else title)
+        count[title] += 1
+    return numbered
 
 
 def _drop_numbers(bodies: Sequence[Body]) -> None:
@@ -197,6 +209,18 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     text, unit = _without_unit(title)
     match = _ALONE.fullmatch(text)
     return (match[1].lower(), unit) if match else None
+
+
+def translation_alone(title: str) -> str:
+    """Return the axis of a title such as ``tx`` or ``pz``, or an empty text.
+
+    Parameters
+    ----------
+    title : str
+        Without quotes.
+    """
+    text, _ = _without_unit(title)
+    return text[1].lower() if re.fullmatch(r"[tp][xyz]", text, re.IGNORECASE) else ""
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title

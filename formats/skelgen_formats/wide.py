@@ -197,6 +197,10 @@ def _take(
 ) -> Trajectories | PointCloud | Poses:
     names = [body.name for body in chosen]
     numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
+    for at, body in enumerate(chosen):
+        if body.unit and head.unit and body.unit != head.unit:
+            factors = [mm_per_unit(path, 1, unit) for unit in (body.unit, head.unit)]
+            numbers[:, at, : len(AXES)] *= factors[0] / factors[1]
     if numbers.shape[2] == len(AXES) * 2:
         first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
@@ -230,6 +234,7 @@ def take_from_table(
     """
     notices: list[str] = []
     numbers = np.array(numbers, dtype=np.float64)
+    numbers[np.isinf(numbers)] = np.nan
     if numbers.shape[2] > len(AXES):
         bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)

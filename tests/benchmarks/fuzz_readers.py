@@ -119,7 +119,7 @@ MORE_SEEDS = {
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat"),
-    "tidy-csv": ("blanks.txt",),
+    "tidy-csv": ("blanks.txt", "long.csv", "tf.csv"),
     "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
     "vector-csv": ("vectors.sto", "turns.csv"),
 }
@@ -300,6 +300,10 @@ _TEXT_SEEDS = {
     "euroc.csv": "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m],"
     " q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []\n"
     "1403636580838555648,4.6,-1.7,0.7,0.6,0.8,0,0\n1403636580843555328,4.7,-1.7,0.7,0,0,0,0\n",
+    "long.csv": "time,bodypart,axis,value_mm\n"
+    + "".join(f"{frame / 50},{name},{axis},{frame}.5\n" for frame in range(2) for name in "ab" for axis in "xyz"),
+    "tf.csv": "sec,nanosec,frame_id,tx,ty,tz,qx,qy,qz,qw\n7,990000000,hip,1,2,3,0,0,0,1\n"
+    "7,990000000,toe,1,2,3,0,0,0.6,0.8\n8,10000000,hip,1,2,3,0,0,0,1\n8,10000000,toe,1,2,3,0,0,0,1\n",
     "blanks.txt": "# frame time marker x y z valid\n"
     "0 0.00 7 1.5 2.5 3.5 1\n0 0.00 8 4.5 5.5 6.5 0\n1 0.02 7 1.6 2.6 3.6 1\n",
     "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'

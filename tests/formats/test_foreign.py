@@ -36,6 +36,7 @@ import pytest
         ("walk.calc", b"calc\n", "Perception Neuron; export BVH"),
         ("walk.htr", b"[Header]\nFileType htr\n", "segments of Cortex"),
         ("walk.bag", b"#ROSBAG V2.0\n", "a recording of ROS"),
+        ("walk.jsonl", b'{"frame": 1, "hip": [1, 2, 3]}\n{"frame": 2, "hip": [1, 2, 3]}\n', "this is JSON"),
         ("walk.xdf", b"XDF:\x01", "a recording of Lab Streaming Layer"),
         ("S001C001.skeleton", b"103\n1\n72057 0 1 1 1 1 0 0.02 0.05 2\n", "joints of a Kinect"),
         ("arm.urdf", b"<robot name='arm'>", "a model of a robot"),

@@ -146,3 +146,38 @@ def test_points_that_a_frame_has_twice_are_parted_by_their_side(put, title):
     assert not any("already" in notice for notice in take.notices)
     once = read_take(put("once.csv", titles + "1,seen,0,1,2,3\n1,seen,1,1,2,4\n2,filled,0,1,2,3\n2,seen,1,1,2,4\n"))
     assert once.names == ("0", "1")
+
+
+@pytest.mark.parametrize("titles", ["frame,marker,axis,value", "frame,bodypart,coord,position_mm"])
+def test_coordinates_may_stand_in_a_row_each(put, titles):
+    rows = "".join(
+        f"{frame},{name},{axis},{10 * place + frame}\n"
+        for frame in (1, 2)
+        for place, name in ((1, "hip"), (2, "toe"))
+        for axis in "xzy"[: 3 - (frame == 2 and place == 2)]
+    )
+    take = read_take(put("long.csv", f"{titles}\n{rows}"), **({} if "mm" in titles else {"recorded_unit": "mm"}))
+    assert take.names == ("hip", "toe")
+    np.testing.assert_array_equal(take.positions[0], [[11] * 3, [21] * 3])
+    assert take.seen.tolist() == [[True, True], [True, False]]
+    assert not any("already" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("titles", ["time,frame_id", "stamp.sec,stamp.nanosec,child_frame_id", "time,child"])
+def test_frames_of_ros_are_the_names_of_bodies(put, titles):
+    times = ["0", "0.02"] if "nano" not in titles else ["7,990000000", "8,10000000"]
+    rows = "".join(f"{time},{name},1,2,3,0,0,0,1\n" for time in times for name in ("hip", "toe"))
+    take = read_take(put("tf.csv", f"{titles},tx,ty,tz,qx,qy,qz,qw\n{rows}"))
+    assert (take.names, take.n_frames, take.rate) == (("hip", "toe"), 2, pytest.approx(50.0))
+
+
+def test_frame_ids_that_are_numbers_count_frames(put):
+    take = read_take(put("ids.csv", "frame_id,marker,x,y,z\n1,a,1,2,3\n1,b,1,2,4\n2,a,1,2,3\n2,b,1,2,4\n"))
+    assert (take.names, take.n_frames) == (("a", "b"), 2)
+
+
+def test_position_may_stand_in_one_cell(put):
+    rows = "".join(f'{frame},{name},"[1.0, 2.0, {frame}.5]"\n' for frame in (1, 2) for name in "ab")
+    take = read_take(put("lists.csv", f"frame,name,position\n{rows}"), recorded_unit="mm")
+    assert take.names == ("a", "b")
+    np.testing.assert_array_equal(take.positions[:, 0], [[1, 2, 1.5], [1, 2, 2.5]])
