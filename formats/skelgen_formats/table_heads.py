@@ -29,7 +29,7 @@ _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
 _DELIMITERS = (",", ";", "\t", "|", None)
 _NO_PLACES = re.compile(
-    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
+    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
     r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
     r"|jerk|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,

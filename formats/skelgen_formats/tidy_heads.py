@@ -91,7 +91,7 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
         Of the file.
     """
     for index, line in enumerate(lines):
-        for delimiter in _DELIMITERS:
+        for delimiter in (one for one in _DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
             cells = unquoted(line.lstrip("#% "), delimiter).split(delimiter)
             titles = spelt([cell.strip().strip('"') for cell in cells])
             following = unquoted(lines[index + 1], delimiter).split(delimiter) if index + 1 < len(lines) else []

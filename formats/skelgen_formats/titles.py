@@ -247,6 +247,10 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     beside = _beside_points(bodies, titles)
     bodies = [body for body in bodies if body not in beside]
     for body in bodies:
+        if not body.place and body.cells:  # of four rows and columns, the last of which is the place
+            first = 0 if "00" in body.matrix else 1
+            columns = [body.matrix.get(f"{first + row}{first + 3}") for row in range(3)]
+            body.place = {axis: column for axis, column in zip(AXES, columns, strict=True) if column is not None}
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
             body.angles, body.turn = body.turn, {}
     return bodies

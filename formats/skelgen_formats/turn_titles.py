@@ -13,23 +13,27 @@ BETWEEN = r"[ _.:/|-]"
 """What stands between the name of a point and its axis, in a regular expression."""
 
 _TURN_WORD = rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?){{1,2}}"
-_QUATERNION = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
+_QUATERNION = re.compile(
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?([wxyz0-3])|{_TURN_WORD}q?([wxyz0]))", re.IGNORECASE
+)
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNORECASE)
 _ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
 _NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
 _ABOUT_AXIS = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])", re.IGNORECASE
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler(?:{BETWEEN}?angles?)?|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])",
+    re.IGNORECASE,
 )
 _MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
 _MATRIX = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-3])(?:\]\[|[ ,])?([0-3])[\])]?"
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-4])(?:\]\[|[ ,])?([0-4])[\])]?"
     rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3])"
     rf"|(?-i:Rot)\[([0-8])\]|(?:{_MATRIX_WORD}|r(?=[\[(])){BETWEEN}?[\[(]?([0-9])[\])]?)",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
 _ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
+_UNITY_ORDER = "yxz"
 _NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
 
 
@@ -80,7 +84,7 @@ def cells_of(matrix: Mapping[str, int]) -> list[int]:
     matrix : mapping of str to int
         Column of each cell, such as ``12``, its row and column, or ``7``, its number, counted from 1 or 0.
     """
-    for first in (1, 0):
+    for first in (0, 1):
         flat = [matrix[str(key)] for key in range(first, first + 9) if str(key) in matrix]
         if len(flat) == 9:
             return flat
@@ -128,6 +132,8 @@ def order_by_words(title: str) -> str:
     """
     if "rotvec" in title.lower():
         return ROTATION_VECTOR
+    if "eulerangles" in title.lower():
+        return _UNITY_ORDER
     return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
 
 
@@ -156,8 +162,11 @@ def quaternion_of(title: str) -> tuple[str, str] | None:
     text = title.strip()
     if cell_of(text):
         return None
-    if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
-        return match[1] or "", match[2].lower().replace("0", "w")
+    if match := _QUATERNION.fullmatch(text):
+        component = (match[2] or match[3]).lower()
+        return match[1] or "", COMPONENTS[int(component)] if component.isdigit() else component
+    if match := _QUATERNION_IN_NAME.fullmatch(text):
+        return match[1], match[2].lower()
     if match := _QUATERNION_FIRST.fullmatch(text):
         return match[2], match[1].lower().replace("0", "w").replace("o", "w")
     return None

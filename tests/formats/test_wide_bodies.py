@@ -208,3 +208,35 @@ def test_rotations_of_others_than_the_points_are_told(put):
     titles = "a_x,a_y,a_z,b_x,b_y,b_z,torso_qw,torso_qx,torso_qy,torso_qz"
     take = read_take(put("torso.csv", f"{titles}\n" + "1,2,3,4,5,6,1,0,0,0\n" * 2))
     assert "rotations without positions are left out: torso" in take.notices
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_poses_of_four_rows_and_columns_are_bodies(put, first):
+    pose = np.array([[0, -1, 0, 4], [1, 0, 0, 5], [0, 0, 1, 6], [0, 0, 0, 1]])
+    cells = [f"{{n}}_m{row + first}{column + first}" for row in range(4) for column in range(4)]
+    values = ",".join(map(str, [*pose.ravel(), *pose.ravel()]))
+    take = read_take(put("poses.csv", two_rows(",".join(cells), values)), recorded_unit="mm")
+    assert take.names == ("thigh", "shank")
+    np.testing.assert_allclose(take.world_from_body[0, 1], pose, atol=1e-12)
+
+
+def test_components_of_quaternions_may_be_numbered(put):
+    titles = "{n}_x,{n}_y,{n}_z,{n}_q0,{n}_q1,{n}_q2,{n}_q3"
+    take = read_take(put("numbered.csv", two_rows(titles, "1,2,3,1,0,0,0,4,5,6,0.8,0,0,0.6")))
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+def test_angles_of_unity_turn_about_y_x_and_z(put):
+    titles = ",".join(f"{{n}}.{what}.{axis}" for what in ("position", "eulerAngles") for axis in "xyz")
+    take = read_take(put("unity.csv", two_rows(titles, "1,2,3,10,20,330,4,5,6,10,20,330")))
+    expected = Rotation.from_euler("YXZ", [20, 10, 330], degrees=True).as_matrix()
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], expected, atol=1e-12)
+
+
+def test_bodies_of_track_manager_without_its_header_are_read(put):
+    titles = [f"ship {axis}" for axis in "XYZ"] + ["ship Roll", "ship Pitch", "ship Yaw", "ship Residual"]
+    titles += [f"ship Rot[{k}]" for k in range(9)]
+    rows = "".join(f"{n}\t{n / 100}\t1\t2\t3\t0\t0\t90\t0.1\t0\t1\t0\t-1\t0\t0\t0\t0\t1\n" for n in (1, 2))
+    take = read_take(put("6d.tsv", "Frame\tTime\t" + "\t".join(titles) + "\n" + rows))
+    assert take.names == ("ship",)
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-12)
