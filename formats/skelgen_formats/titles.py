@@ -43,15 +43,17 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
+_NO_NAME = rf"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     (
         re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
         r"\1_\2",
     ),  # p_RS_R_x [m], q_RS_w [] of EuRoC
     (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
-    (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(.{{1,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
+    (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
     (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
-    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:3d|filt\w*|smooth\w*|interp\w*|raw)", re.IGNORECASE), r"\1"),
+    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
 )
 """What stands around an axis in other spellings, and how such titles are read."""
 
