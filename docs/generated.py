@@ -134,9 +134,9 @@ public repositories have, made by the tests. What is not named was not tried.
 | NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |
 | MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |
 
-Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
-sensors alone, Motive and skeletons of Qualisys with local coordinates, orientations alone. The error says what to
-export instead.
+Not read: Cortex .trb (its layout is not published), bodies beside trajectories in Qualisys .mat, MATLAB 7.3, TDF frame
+by frame, MVNX of sensors alone, Motive and skeletons of Qualisys with local coordinates, orientations alone. The error
+says what to export instead.
 
 What is written was opened with these, in every case by the tests:
 

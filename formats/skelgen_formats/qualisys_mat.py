@@ -25,9 +25,11 @@ from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.qualisys import transforms_of_bodies
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126
@@ -53,6 +55,9 @@ _NO_POINTS = (
     " (frames, 3) of each point; save one of these, or export C3D or TRC"
 )
 _MM = 1.0  # Track Manager exports mm
+_KEYS_OF_BODIES = {"RigidBodies", "Skeletons"}
+_SEGMENT_KEYS = {"SegmentLabels": 0, "PositionData": 3, "RotationData": 4}  # how many numbers a segment has in each
+_BODY_KEYS = {"Name": 0, "Positions": 3, "Rotations": 9}
 
 _Value = NDArray[np.generic] | str | Mapping[str, "_Value"] | Sequence["_Value"] | None
 
@@ -74,7 +79,7 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     Returns
     -------
     Trajectories
-        Positions in mm; a `PointCloud` if no trajectory has a label.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of bodies alone.
 
     Raises
     ------
@@ -95,6 +100,8 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
         raise FormatError(path, "", f"no MATLAB file, or a damaged one: {str(error)[:100]}") from error
     found = [one for one in variables if isinstance(one, Mapping) and isinstance(one.get("Trajectories"), Mapping)]
     if not found:
+        if of_bodies := [one for one in variables if isinstance(one, Mapping) and one.keys() & _KEYS_OF_BODIES]:
+            return _bodies(path, of_bodies[0])
         held = [*_flat(dict(zip(names, variables, strict=True)))]
         count = Counter(name for name, _, _ in held)
         arrays = {owner if owner and count[name] > 1 else name: array for name, owner, array in held}
@@ -107,6 +114,46 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     if frames is not None and 0 <= frames < 1e9:
         check_frames(path, "Frames", int(frames), len(positions), notices)
     return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
+
+
+def _bodies(path: Path, held: Mapping[str, _Value]) -> Poses:
+    """Return the segments of skeletons, or else the rigid bodies, of an export without trajectories."""
+    some = held.get("Skeletons")
+    skeletons = [one for one in (some if isinstance(some, list) else [some]) if isinstance(one, Mapping)]
+    if any(str(one.get("Reference", "")).upper() == "LOCAL" for one in skeletons):
+        what = "segments are in coordinates of their parents; export the skeleton with the reference Global"
+        raise FormatError(path, "Skeletons", what)
+    rigid, rate = held.get("RigidBodies"), _number(held.get("FrameRate"))
+    if rate is None or not 0 < rate < np.inf:
+        raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
+    names: list[str] = []
+    transforms: list[NDArray[np.float64]] = []
+    for one in skeletons:
+        labels, places, turns = _checked(path, one, _SEGMENT_KEYS, (2, 1, 0))
+        numbers = blank_unseen(np.concatenate([places, turns[..., [3, 0, 1, 2]]], axis=2))
+        names, transforms = [*names, *labels], [*transforms, transforms_of(path, numbers, _MM)]
+    if not skeletons:
+        names, places, turns = _checked(path, rigid if isinstance(rigid, Mapping) else {}, _BODY_KEYS, (2, 0, 1))
+        transforms = [transforms_of_bodies(path, places, turns)]
+    if len({len(one) for one in transforms}) > 1:
+        raise FormatError(path, "Skeletons", "skeletons of different numbers of frames; export each alone")
+    return take_from_bodies(path, np.concatenate(transforms, axis=1), names, rate)
+
+
+def _checked(
+    path: Path, held: Mapping[str, _Value], keys: Mapping[str, int], axes: tuple[int, int, int]
+) -> tuple[list[str], NDArray[np.float64], NDArray[np.float64]]:
+    """Return names, and two arrays, shape (n_frames, n_bodies, n), that stand under the keys with their axes so."""
+    labels, *arrays = (held.get(key) for key in keys)
+    names = [labels] if isinstance(labels, str) else labels if isinstance(labels, list) else []
+    ordered = [
+        one.astype(np.float64).transpose(axes) for one in arrays if isinstance(one, np.ndarray) and one.ndim == 3
+    ]
+    shapes = [one.shape[1:] for one in ordered]
+    if not names or shapes != [(len(names), n) for n in [*keys.values()][1:]] or len(ordered[0]) != len(ordered[1]):
+        what = "bodies without names, positions and rotations for each; export the 3D data from Track Manager"
+        raise FormatError(path, "", f"no trajectories, and {what}")
+    return [str(name) for name in names], ordered[0], ordered[1]
 
 
 def _flat(held: Mapping[str, _Value], owner: str = "") -> Iterator[tuple[str, str, NDArray[Any]]]:

@@ -118,7 +118,7 @@ MORE_SEEDS = {
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
-    "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat"),
+    "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
     "tidy-csv": ("blanks.txt", "long.csv", "tf.csv"),
     "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
     "vector-csv": ("vectors.sto", "turns.csv"),
@@ -200,11 +200,20 @@ def _tables(folder: Path, take: Trajectories) -> None:
     savemat(
         folder / "struct.mat", {"markers": points, "info": {"freq": 100.0, "who": np.array(["a", "b"], dtype=object)}}
     )
+    places, turns = np.zeros((3, 2, N_FRAMES)), np.ones((4, 2, N_FRAMES)) / 2
+    skeleton = {"SegmentLabels": np.array(["a", "b"], dtype=object), "PositionData": places, "RotationData": turns}
+    savemat(folder / "skeleton.mat", {"walk": {"FrameRate": take.rate, "Skeletons": skeleton}})
     elements = np.array([*points.items()], dtype=[("name", object), ("xyz", object)])
     savemat(folder / "cells.mat", {"markers": elements, "FRAME_RATE": np.array([[100.0]], dtype=object)})
     np.savez(folder / "turned.npz", points=take.positions.transpose(2, 1, 0), labels=take.names, rate=take.rate)
     np.savez(folder / "poses.npz", poses=np.tile(np.eye(4), (N_FRAMES, 3, 1, 1)))
-    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat", "cells.mat"):  # the header holds the time
+    for name in (
+        "qualisys-mat.mat",
+        "packed.mat",
+        "struct.mat",
+        "cells.mat",
+        "skeleton.mat",
+    ):  # the header holds the time
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
