@@ -14,13 +14,13 @@ from skelgen.stages.labels.confidence.label_quality import (
     labelling_of_cloud,
     labelling_of_markers,
 )
+from skelgen.stages.labels.merging.bridges import follow_over_gaps
 from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import filled_labels
 from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
-from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
     CorrectedLabels,
@@ -40,7 +40,7 @@ __all__ = [
     "check_labels",
     "corrected_quality",
     "filled_labels",
-    "follow_points",
+    "follow_over_gaps",
     "history_of",
     "label_markers",
     "labelling_of_cloud",

@@ -10,7 +10,7 @@ import numpy as np
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import LabelParameters, follow_points
+from skelgen.stages.labels import LabelParameters, follow_over_gaps
 from skelgen.stages.subject.posing import SubjectPoses
 
 
@@ -67,8 +67,8 @@ def tracked_points(
     """
     if isinstance(take, PointCloud):
         frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)
-        marker_of_point, _ = follow_points(take, parameters, monitor)
-        return FollowedPoints(take, frames, np.asarray(marker_of_point, dtype=np.intp), ())
+        tracks = follow_over_gaps(take, parameters, monitor)
+        return FollowedPoints(take, frames, np.asarray(tracks, dtype=np.intp), ())
     frames, columns = np.nonzero(~np.isnan(take.positions[:, :, 0]))
     starts = np.searchsorted(frames, np.arange(take.n_frames + 1))
     times = np.arange(take.n_frames) / take.rate

@@ -10,7 +10,7 @@ import pytest
 from skelgen.evaluation.matching import find_identity
 from skelgen.model import Limbs, Project, StageReport, Topology, Trajectories
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, follow_points, label_markers, refit_labels
+from skelgen.stages.labels import LabelParameters, label_markers, refit_labels
 from skelgen.stages.labels.explanations import Explanations, explain_points
 from skelgen.stages.labels.model_fit.assignment import (
     assign_tracks,
@@ -19,6 +19,7 @@ from skelgen.stages.labels.model_fit.assignment import (
 )
 from skelgen.stages.labels.model_fit.model import FoundStructure
 from skelgen.stages.labels.model_fit.refine import core_markers, same_core
+from skelgen.stages.labels.tracking.follow import follow_points
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
 

@@ -25,7 +25,9 @@ import numpy as np
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.input_checks import frame_rate
 from skelgen.stages.labels.merging.bridge_links import (
     BridgeWindow,
     Laws,
@@ -36,6 +38,9 @@ from skelgen.stages.labels.merging.bridge_links import (
 from skelgen.stages.labels.merging.continuity import LONGEST
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.windows import CHI_MEDIAN
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.statistics import typical_spacing
 
 ROUNDS = 3
 """Times that links are sought; what is linked carries others along the next time."""
@@ -60,6 +65,28 @@ NEAREST = 4
 
 LEAST_STRETCH = 0.01
 """Deviation of a distance that is expected at least, in spacings."""
+
+
+def follow_over_gaps(cloud: PointCloud, parameters: LabelParameters, monitor: Monitor = SILENT) -> Ints:
+    """Follow points into tracks, which go on over short gaps where that is sure.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    parameters : LabelParameters
+        How points are followed.
+    monitor : Monitor
+        Receives progress; may cancel.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    """
+    tracks, _ = follow_points(cloud, parameters, monitor)
+    rate, _ = frame_rate(cloud, parameters)
+    return with_bridges(FollowedCloud(cloud, tracks, rate, typical_spacing(cloud))).track_of_point
 
 
 def with_bridges(take: FollowedCloud) -> FollowedCloud:
