@@ -24,7 +24,7 @@ from skelgen.stages.joints.parameters import JointConstraints, JointParameters, 
 from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
-from skelgen.stages.joints.sliding import sliding_limbs
+from skelgen.stages.joints.sliding import sliding_limbs, sliding_loop_notices
 from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import (
     Parting,
@@ -166,6 +166,7 @@ class JointSearch:
         loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
         topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
         notices = [*tree_notices(topology, costs, guesses, tree, len(np.unique(body_of_limb)))]
+        notices += sliding_loop_notices(parting.slides if parting else {}, tree.parents, loops)
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
             [segment.markers for segment in segments],
