@@ -26,6 +26,9 @@ ON_LINE = 0.1
 INSIDE = 0.2
 """Of the same: how far the middle joint is from either, at least."""
 
+SIDE_BY_SIDE = 10.0
+"""Standard deviations of a joint by noise: axes that are farther apart are two."""
+
 DEARER = 2.0
 """Times the dearer of the other two joints, what the middle one costs at least."""
 
@@ -67,36 +70,56 @@ class _Joints:
     segments: Sequence[Segment]
 
     def are_parted_by(self, one: int, other: int, third: int) -> bool:
-        """Whether the joint of two limbs lies between those that both have with a third, and farther from both."""
-        places = [self._place(*pair) for pair in ((one, other), (one, third), (other, third))]
-        if {len(place) for place in places} != {len(self.segments[third].points)}:  # some are of other frames
-            return False
-        known = np.isfinite(np.stack(places)).all(axis=(0, 2))
-        if known.sum() < MIN_COMMON:
-            return False
-        middle, first, second = (place[known] for place in places)
-        ways = [np.linalg.norm(middle - place, axis=1) for place in (first, second)]
-        apart = np.linalg.norm(first - second, axis=1)
-        usual, *parts = (float(np.median(length)) for length in (apart, *ways))
-        if np.median(ways[0] + ways[1] - apart) > ON_LINE * usual or min(parts) < INSIDE * usual:
-            return False
-        far = [[self._far(limb, place) for place in places] for limb in (one, other)]
-        return far[0][1] < far[0][0] and far[1][2] < far[1][0]
+        """Whether the joint of two limbs lies between those that both have with a third, and farther from both.
 
-    def _place(self, one: int, other: int) -> Floats:
-        """Where a joint is [mm], shape (n_frames, 3): on the axis of a hinge, half-way between its limbs."""
+        Where a joint is on the axis of a hinge is not known: half-way between its limbs, if axes are one, or as far
+        along it as the joint between, if they are side by side.
+        """
+        pairs = (one, other), (one, third), (other, third)
+        given = [self.guesses[min(pair), max(pair)].positions for pair in pairs]
+        if {len(place) for place in given} != {len(self.segments[third].points)}:  # some are of other frames
+            return False
+        middles = [(_middle(self.segments[limb]) + _middle(self.segments[mate])) / 2 for limb, mate in pairs]
+        half_way = [self._slid(*pair, middle) for pair, middle in zip(pairs, middles, strict=True)]
+        beside = [given[0], *(self._slid(*pair, given[0]) for pair in pairs[1:])]
+        noise = max(self.guesses[min(pair), max(pair)].expected for pair in pairs[1:])
+        return any(
+            _is_first_between(places, least) and self._is_far(one, other, places)
+            for places, least in ((half_way, 0.0), (beside, SIDE_BY_SIDE * np.sqrt(noise)))
+        )
+
+    def _slid(self, one: int, other: int, goal: Floats) -> Floats:
+        """Where a joint is [mm], shape (n_frames, 3): that of a hinge as far along its axis as some places."""
         pair = min(one, other), max(one, other)
-        guess, limbs = self.guesses[pair], [self.segments[limb] for limb in pair]
-        if not guess.wobble <= CHANCE or len(guess.positions) != len(limbs[0].points):
+        guess = self.guesses[pair]
+        if not guess.wobble <= CHANCE:
             return guess.positions
-        axis = limbs[0].shape.world_from_limb[:, :3, :3] @ guess.axis_in_first
-        along = np.concatenate([((_middle(limb) - guess.positions) * axis).sum(axis=1) for limb in limbs])
+        axis = self.segments[pair[0]].shape.world_from_limb[:, :3, :3] @ guess.axis_in_first
+        along = ((goal - guess.positions) * axis).sum(axis=1)
         known = along[np.isfinite(along)]
         return np.asarray(guess.positions + (known.mean() if len(known) else 0.0) * axis)
+
+    def _is_far(self, one: int, other: int, places: Sequence[Floats]) -> bool:
+        """Whether the first of three is farther from both limbs than the second from one, the third from other."""
+        far = [[self._far(limb, place) for place in places] for limb in (one, other)]
+        return far[0][1] < far[0][0] and far[1][2] < far[1][0]
 
     def _far(self, limb: int, place: Floats) -> float:
         """Mean distance of a place from the markers of a limb [mm]."""
         return float(mean_distances(*contiguous(place, self.segments[limb].markers))[0].mean())
+
+
+def _is_first_between(places: Sequence[Floats], least: float) -> bool:
+    """Whether the first of three places is on the line between the others, which are so far apart [mm]."""
+    known = np.isfinite(np.stack(places)).all(axis=(0, 2))
+    if known.sum() < MIN_COMMON:
+        return False
+    middle, first, second = (place[known] for place in places)
+    ways = [np.linalg.norm(middle - place, axis=1) for place in (first, second)]
+    apart = np.linalg.norm(first - second, axis=1)
+    usual, *parts = (float(np.median(length)) for length in (apart, *ways))
+    is_on_line = bool(np.median(ways[0] + ways[1] - apart) <= ON_LINE * usual)
+    return is_on_line and min(parts) >= INSIDE * usual and usual > least
 
 
 def _middle(limb: Segment) -> Floats:

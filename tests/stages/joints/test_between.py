@@ -42,7 +42,14 @@ def wheels():
     return [swaying(0 * rolled, 0, TRUNK[:3]), swaying(rolled, 120, WHEEL), swaying(other, -120, WHEEL)]
 
 
-@pytest.mark.parametrize("limbs", [legs(), wheels()], ids=["legs", "wheels"])
+def hips():
+    """A trunk with two hips that turn about axes side by side, one against the other, by little."""
+    turned = np.outer(0.12 * np.sin(9 * TIMES), [1.0, 0.0, 0.0])
+    hip = np.array([[160.0, 0, 20], [220, 35, -10], [190, -30, -5]])
+    return [swaying(0 * turned, 0, TRUNK), swaying(turned, 50, hip), swaying(-turned, -50, hip * [1, -1, 1])]
+
+
+@pytest.mark.parametrize("limbs", [legs(), wheels(), hips()], ids=["legs", "wheels", "hips"])
 def test_limbs_on_either_side_of_a_third_are_joined_to_it(limbs):
     moved = np.stack([500 * np.sin(0.3 * TIMES), 300 * TIMES, 10 * np.cos(TIMES)], axis=1)
     positions = np.concatenate(limbs, axis=1) + moved[:, np.newaxis]
