@@ -110,6 +110,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones, also with angles | layout |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
+| Qualisys TSV | skeletons in global coordinates | layout of public scripts |
 | Qualisys MAT | level 5, packed or not; labelled and unidentified | layout that MATLAB scripts in public use |
 | Xsens MVNX | 4 | layout of a public recording |
 | BTS TDF | version 1, tracks with and without links | written by basictdf 0.1 |
@@ -126,15 +127,16 @@ public repositories have, made by the tests. What is not named was not tried.
 | Kinetics Toolkit, Venus3D, recorders of NatNet | vectors `[0]` to `[3]`, titles twice, rows that end early | layout |
 | OpenSim .sto, Unity, pandas | a vector in each cell | layout of their writers |
 | tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors | layout; a simulated person |
-| tables of bodies with matrices | r11 to r33, R[0][0] to R[2][2] | layout; skelgen's own |
+| tables of bodies with matrices | r11 to r33, R[0][0] to R[2][2], Rot[0] to Rot[8] | layout; skelgen's own |
 | CODA text, loggers of Kinect, NatNet, ArUco | flags of visibility, times of a clock, people by number | layout |
+| EuRoC, TUM, ROS 2, D-Flow, JARVIS | seconds and nanoseconds, names in cells, force plates, blanks | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
-| NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses 4 by 4 | by NumPy |
-| MATLAB .mat | level 5: structs with a field per marker, MoCap Toolbox, arrays | written by scipy |
+| NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |
+| MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |
 
-Not read: Cortex .trb (its layout is not published), bodies in Qualisys .mat, MATLAB 7.3, TDF frame by frame, MVNX of
-sensors alone, Motive with local coordinates, skeletons of Qualisys, orientations alone. The error says what to export
-instead.
+Not read: Cortex .trb (its layout is not published), bodies beside trajectories in Qualisys .mat, MATLAB 7.3, TDF frame
+by frame, MVNX of sensors alone, Motive and skeletons of Qualisys with local coordinates, orientations alone. The error
+says what to export instead.
 
 What is written was opened with these, in every case by the tests:
 

@@ -1,9 +1,10 @@
-"""What you know better is said once and obeyed by every later run: a correction by hand, kept in the project.
+"""What you know better is said once and obeyed by every later run, until you take it back: a correction by hand.
 
     python examples/06_own_correction.py [FOLDER]
 
-Hands and forearms of this human hardly move against each other, so that they are found as one limb. We say that two
-markers do not share a limb, and of which type a joint is; the stages from there on run again.
+The right hand of this human hardly moves against the forearm, so that they are found as one limb. We say that two
+markers do not share a limb, and of which type a joint is; the stages from there on run again. The project keeps what
+was said.
 """
 
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import skelgen
 
-STILLNESS = 0.2  # of the usual angles
+STILLNESS = 0.1  # of the usual angles
 
 
 def main() -> None:
@@ -21,7 +22,8 @@ def main() -> None:
     print(f"found: {project.limbs.n_limbs} limbs of 15")
 
     markers = take.names
-    hand, forearm = (next(name for name in markers if name.startswith(limb)) for limb in ("left hand", "left forearm"))
+    limbs = ("right hand", "right forearm")
+    hand, forearm = (next(name for name in markers if name.startswith(limb)) for limb in limbs)
     for kind, value in (("apart", ""), ("join", ""), ("kind", "ball")):
         project = skelgen.correct(project, kind, (hand, forearm), value)
         print(f"stated: {project.corrections[-1].sentence}")
@@ -33,6 +35,9 @@ def main() -> None:
     print(f"the joint between {forearm} and {hand} is a {kind}")
     (path,) = skelgen.write(project, folder / "corrected.skelgen")
     print(f"written with the corrections: {path}")
+
+    free = skelgen.take_back(project, -1)  # the last; the skeleton is to be found again
+    print(f"taken back: {project.corrections[-1].sentence}; {len(free.corrections)} corrections are left")
 
 
 if __name__ == "__main__":

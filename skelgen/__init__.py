@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from skelgen.app.face import run_batch as run_batch
     from skelgen.app.files import write as write
     from skelgen.app.subject import apply_subject as apply_subject
+    from skelgen.app.taking_back import take_back as take_back
     from skelgen.capture.live import MotionCapture as MotionCapture
     from skelgen.capture.simulated_rig import simulated_rig as simulated_rig
     from skelgen.errors import *  # noqa: F403 - all of them, and nothing else
@@ -62,6 +63,7 @@ _NAMES = {
     "skelgen.app.files": "write",
     "skelgen.app.bodies": "split_bodies",
     "skelgen.app.subject": "apply_subject",
+    "skelgen.app.taking_back": "take_back",
     "skelgen.simulation": "simulate",
     "skelgen.app.constraints": "RunOptions",
     "skelgen.app.batch.work": "Job",

@@ -23,6 +23,9 @@ _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
 _LARGEST_ANGLE = 1e6  # rad; nothing turns so often
 _LEAST_TURN = 1.0  # rad, of an angle from one frame to the next, beyond which orders differ in how bodies turn
 _SMOOTHER = 0.25  # of the turns of another order: poses that are smooth beside ones that jump
+BY_ROWS = "matrices, whose nine cells are numbered, are taken row by row"
+"""A notice where titles do not say which cell is which."""
+
 _MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
 
 

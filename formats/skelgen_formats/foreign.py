@@ -71,6 +71,14 @@ _FOREIGN = (
         (".bag", ".mcap", ".db3"),
         "a recording of ROS; write the topic with the markers or poses as CSV, e.g. with `rostopic echo -p`",
     ),
+    _Foreign(
+        (b"XDF:",), (".xdf",), "a recording of Lab Streaming Layer; write its stream of markers as CSV, e.g. with pyxdf"
+    ),
+    _Foreign(
+        (),
+        (".skeleton",),
+        "a file of joints of a Kinect, as of NTU RGB+D; write CSV with a row per joint: frame, joint, x, y, z",
+    ),
     _Foreign((), (".cmz", ".cmo", ".p3d"), f"a workspace of Visual3D; {_MARKERS}, or targets as ASCII, from Visual3D"),
     _Foreign((b"glTF",), (".glb", ".gltf"), f"a 3D scene; {_MARKERS}, or bones as BVH for `skelgen simulate --motion`"),
     _Foreign((b"PXR-USDC", b"#usda"), (".usd", ".usda", ".usdc"), f"a USD scene; {_MARKERS}"),

@@ -15,7 +15,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines
-from skelgen_formats.options import AUTO, MM_PER_UNIT
+from skelgen_formats.options import MM_PER_UNIT
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -26,7 +26,6 @@ COMPUTED = "left out because a model computed them (`--points all` takes them)"
 
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?)")
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
-_HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
 _MOST_NUMBERS = 3  # that a program writes for gaps
 _NUMBERS_AT_ONCE = 1 << 18
@@ -64,27 +63,6 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
         known = ", ".join(dict.fromkeys(MM_PER_UNIT))
         raise FormatError(path, place, f"the length unit is {unit.strip()[:20]!r}; it must be one of {known}")
     return factors.pop()
-
-
-def assumed_mm_per_unit(positions: Floats, notices: list[str], stated: str = AUTO) -> float:
-    """Return how many mm the unit of positions has that no file names: as stated, else metres for a room, or mm.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_markers, 3)
-        In the file's unit; NaN where unseen.
-    notices : list of str
-        Gets a sentence if it is assumed.
-    stated : str
-        By the user: one of `RECORDED_UNIT`.
-    """
-    if stated != AUTO:
-        return MM_PER_UNIT[stated]
-    far = max((float(np.nanmax(np.abs(block), initial=0.0)) for _, block in frames_in_blocks(positions)), default=0.0)
-    unit = "m" if far < _HUMAN_SIZE_M else "mm"
-    assumed = f"the file names no length unit; {unit} is assumed since coordinates reach {far:.3g}"
-    notices.append(f"{assumed}; `--recorded-unit` states another")
-    return MM_PER_UNIT[unit]
 
 
 def scaled(path: Path, positions: Floats, factor: float) -> Floats:

@@ -78,7 +78,8 @@ def read_mfml(
     starts = np.concatenate(([0], np.cumsum(headers["count"]))).astype(np.intp)
     _check_numbers(path, markers, starts)
     notices = [
-        f"the file does not say how it counts: points are read with numbers of {width} bytes, times in {timestamp_unit}"
+        f"mfml names no unit of time: time stamps are read as {timestamp_unit} (--timestamp-unit states another one), "
+        f"ids of points as {width} bytes"
     ]
     attributes = {
         "reprojection_error": markers["reprojection_error"],

@@ -16,21 +16,24 @@ Until 1.22 no line has a word such as Name or ID at its beginning; 1.25 has Type
 Motive's model puts the markers; where there are none of these, or with the option `bodies`, the bodies: columns of type
 ``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W, or with angles in degrees, X Y Z, which turn a
 body about its own axes in the order that Rotation Type names. Motive has y up; coordinates stay as they are.
+Where the first line is cut off the times tell the rate, and metres are assumed.
 Machines that use decimal commas export with semicolons; both are understood. A file that is cut off is read so far.
 """
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.model.rates import rate_of
 from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, quaternions_from_angles, take_from_bodies, transforms_of
-from skelgen_formats.lines import Sample, decoded_head, read_lines
+from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
 from skelgen_formats.text import count_in, parse_rows, rate_in, split_cells, whole_lines
@@ -38,10 +41,13 @@ from skelgen_formats.text import count_in, parse_rows, rate_in, split_cells, who
 _FIRST_CELL = "Format Version"
 _MARKER_TYPES = ("Marker", "Rigid Body Marker", "Bone Marker")  # in the order of preference: measured before modelled
 _BODY_TYPES = ("Rigid Body", "Bone")
+_AXES_LINE = re.compile(r'Frame"?([,;\t])"?Time')
+_MOST_QUANTITIES = 5  # Position, Rotation, errors, and nothing
+_TIMES_READ = 200
 _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
 _FEWEST_TITLE_LINES = 3  # type, name, quantity
 _DEFAULT_UNIT = "meters"  # what Motive exports by default
-_QUATERNION = "Quaternion"
+_QUATERNION, _LOCAL = "Quaternion", "Local"  # type of rotations, and coordinates in the axes of the parent
 _ORDER = re.compile(r"(?!.*(.).*\1)[XYZ]{3}")  # of angles: XYZ, ZYX and so on
 _PLACE, _TURN, _ANGLES = ("Position", "XYZ"), ("Rotation", "WXYZ"), ("Rotation", "XYZ")
 
@@ -95,17 +101,21 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
         parents.
     """
     lines = read_lines(path, sample)
-    delimiter = _delimiter(path, lines[0])
-    cells = split_cells(path, lines[0], 1, delimiter)
+    has_header = _has_header(lines[0])
+    delimiter = "" if has_header else _parting(lines[:_MAX_TITLE_LINES])
+    delimiter = delimiter or _delimiter(path, lines[0])
+    cells = split_cells(path, lines[0], 1, delimiter) if has_header else []
     header = dict(zip(cells[0::2], cells[1::2], strict=False))
-    titles = _titles(path, lines, delimiter)
+    titles = _titles(path, lines, delimiter, first=int(has_header))
     notices: list[str] = []
-    rate = _rate(path, header)
+    rate = _rate(path, header) if has_header else _rate_of_times(path, lines, titles, delimiter)
     unit = header.get("Length Units", "")
     if not unit:
         notices.append("the header names no length unit; metres are assumed")
     factor = mm_per_unit(path, 1, unit or _DEFAULT_UNIT)
     items = [] if bodies else _markers(titles, notices)
+    if items and header.get("Coordinate Space") == _LOCAL:
+        notices.append("the file says that its coordinates are local; those of markers are taken as the world's")
     order = header.get("Rotation Type", "").upper()
     turn = _ANGLES if _ORDER.fullmatch(order) else _TURN
     kinds = [_PLACE] if items else [_PLACE, turn]
@@ -128,9 +138,33 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
 
 def _delimiter(path: Path, line: str) -> str:
     rest = line.strip().lstrip('"').removeprefix(_FIRST_CELL).lstrip('"')
-    if not line.strip().lstrip('"').startswith(_FIRST_CELL) or rest[:1] not in (",", ";", "\t"):
+    if not _has_header(line) or rest[:1] not in (",", ";", "\t"):
         raise FormatError(path, 1, f"an export of Motive begins with {_FIRST_CELL!r}; this file does not")
     return rest[0]
+
+
+def _has_header(line: str) -> bool:
+    return line.strip().lstrip('"').startswith(_FIRST_CELL)
+
+
+def _parting(lines: Sequence[str]) -> str:
+    """Return what parts cells in an export without its header, as people cut it off; empty if this is none."""
+    for above, line in pairwise(line for line in lines if line.strip(",;\t ")):
+        found = _AXES_LINE.match(line.strip().lstrip('"'))
+        words = {cell.strip(' "') for cell in above.split(found[1])} if found else set()
+        if found and "Position" in words and len(words) <= _MOST_QUANTITIES:
+            return found[1]
+    return ""
+
+
+def _rate_of_times(path: Path, lines: Lines, titles: _Titles, delimiter: str) -> float:
+    """Return the frame rate of the column of times, which is all that an export without its header says."""
+    first = islice(lines.numbered(titles.first), _TIMES_READ)
+    has_times = titles.axes[1:2] == ["TIME (SECONDS)"]
+    times = parse_rows(path, first, len(titles.axes), delimiter, [1])[:, 0] if has_times else np.zeros(0)
+    if len(times) < 2 or not (np.diff(times) > 0).all():
+        raise FormatError(path, 1, f"the line that begins with {_FIRST_CELL!r} is missing, and no times tell the rate")
+    return rate_of(times)
 
 
 def _rate(path: Path, header: Mapping[str, str]) -> float:
@@ -140,9 +174,9 @@ def _rate(path: Path, header: Mapping[str, str]) -> float:
     raise FormatError(path, 1, "the header names neither an export nor a capture frame rate")
 
 
-def _titles(path: Path, lines: Sequence[str], delimiter: str) -> _Titles:
+def _titles(path: Path, lines: Sequence[str], delimiter: str, first: int) -> _Titles:
     rows: list[list[str]] = []
-    for index, line in enumerate(lines[1 : _MAX_TITLE_LINES + 1], start=1):
+    for index, line in enumerate(lines[first : _MAX_TITLE_LINES + 1], start=first):
         cells = split_cells(path, line, index + 1, delimiter)
         if cells and cells[0] == "Frame":
             return _arranged(path, rows, cells, index + 1)
@@ -193,7 +227,7 @@ def _bodies(
         found = ", ".join(sorted({kind for kind in titles.kinds[2:] if kind})) or "nothing"
         what = f"no Marker columns and no whole bodies, only {found}; export with markers switched on"
         raise FormatError(path, titles.first, what)
-    if space == "Local":
+    if space == _LOCAL:
         raise FormatError(path, 1, "coordinates are local to the parent; export with global (world) coordinates")
     if len(whole) < len(items):
         one, several = "body without a rotation is left out", "bodies without a rotation are left out"
@@ -215,12 +249,16 @@ def _items(titles: _Titles, kinds: Sequence[str]) -> list[_Item]:
     return sorted((item for same in items.values() for item in same), key=lambda item: min(item.columns.values()))
 
 
+def _is_motive(head: str) -> bool:
+    return _has_header(head.lstrip()) or bool(_parting(head.splitlines()[:_MAX_TITLE_LINES]))
+
+
 FORMAT = Format(
     name="motive",
     title="OptiTrack Motive CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL),
+    sniff=lambda head, path: _is_motive(decoded_head(head)),
     read=lambda path, options: read_motive(path, options.bodies, options.sample),
     options=(POINTS, BODIES),
     note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",

@@ -3,9 +3,10 @@
 Positions are an array with an axis of three (or of four, the last all ones, as ezc3d has them), an array for each
 point, or for each of x, y and z, or rows of all coordinates beside the points' names. Frames are along the axis that
 has not as many entries as there are names; without names they are first, unless these are fewer than the points and
-positions change far less from point to point.
+positions change far less from point to point. Bodies are poses of four rows, in one array, or in one for each.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +24,10 @@ from skelgen_formats.options import Options
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
-_POSITIONS = ("positions", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
+_POSITIONS = ("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
 _NAMES = (
     *("names", "labels", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames", "keypointnames"),
-    "markers",
+    *("bodynames", "jointnames", "bonenames", "markers"),
 )
 _RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")
 _TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
@@ -36,6 +37,8 @@ _SMOOTHER = 0.25  # of the changes along the other axis: frames follow each othe
 _LOOKED_AT = 256  # frames and points whose changes are compared
 _POSE, _UNIT_TOLERANCE = 7, 1e-3  # numbers of a place and a quaternion; of the length of these
 _FEWEST = 2  # points in arrays of their own
+_POSITION_WORDS = {"pos", "position", "positions", "xyz"}  # in names of arrays
+_POSE_ROWS = (16, 17)  # numbers of a matrix of four rows, and of one with a residual
 
 Arrays = Mapping[str, NDArray[Any]]
 """Arrays of numbers and texts by name."""
@@ -84,13 +87,17 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
     """Return positions, shape (n_frames, n_points, 3), and the names of points."""
     fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
     named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
+    if len(fitting) > 1 and not named:  # body_pos_w beside body_lin_vel_w
+        by_words = [key for key in fitting if {*key.lower().split("_")} & _POSITION_WORDS]
+        named = by_words if len(by_words) == 1 else []
     if fitting and not named and len(fitting) > 1:
         raise FormatError(
             path, "", f"several arrays of points: {', '.join(fitting)[:100]}; call the right one positions"
         )
     if not fitting:
-        return _joined(path, arrays, otherwise)
+        return _joined(path, arrays, notices, otherwise)
     key = (named or [*fitting])[0]
+    _notice_others([other for other in fitting if other != key], notices)
     names = _texts(arrays, key)
     positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
     if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):
@@ -154,7 +161,12 @@ def _with_frames_first(positions: NDArray[Any], n_names: int) -> NDArray[Any]:
     return positions.swapaxes(0, 1) if first < second and changes[1] < _SMOOTHER * changes[0] else positions
 
 
-def _joined(path: Path, arrays: Arrays, otherwise: str) -> tuple[NDArray[Any], list[str]]:
+def _notice_others(names: Sequence[str], notices: list[str]) -> None:
+    if names:
+        notices.append(f"arrays left out: {', '.join(names[:8])}")
+
+
+def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> tuple[NDArray[Any], list[str]]:
     """Return positions that stand in several arrays, or in rows beside the names of their points."""
     numbers = {key: array for key, array in arrays.items() if array.dtype.kind in "fiu" and array.ndim == 2}
     axes = [next((array for key, array in numbers.items() if key.lower() == axis), None) for axis in AXES]
@@ -165,14 +177,20 @@ def _joined(path: Path, arrays: Arrays, otherwise: str) -> tuple[NDArray[Any], l
     for array in numbers.values():
         if len(names) >= _FEWEST and array.shape[1] == len(names) * len(AXES):
             return array.reshape(len(array), len(names), len(AXES)), names
-    points = {
-        key: array if array.shape[1] == len(AXES) else array.T for key, array in numbers.items() if 3 in array.shape
-    }
+    upright = {key: array.T if 3 in array.shape and array.shape[1] != 3 else array for key, array in numbers.items()}
+    widths = [
+        w for w in (len(AXES), len(AXES) + 1) if sum(array.shape[1] == w for array in upright.values()) >= _FEWEST
+    ]
+    points = {key: array for key, array in upright.items() if array.shape[1] in widths[:1]}
     if set(arrays) >= _BODY_MODEL:
         what = "holds angles of a body model (AMASS, SMPL), no points; write the joints or some vertices that the model"
         raise FormatError(path, "", f"{what} gives for them as .npy, (frames, points, 3), or take the markers' C3D")
-    if len(points) >= _FEWEST and len({array.shape for array in points.values()}) == 1:
-        return np.stack([*points.values()], axis=1), [*points]
+    if points:  # beside them there may be forces, at another rate; behind x, y and z a residual
+        (shape, count), *_ = Counter(array.shape for array in points.values()).most_common(1)
+        _notice_others([key for key, array in points.items() if array.shape != shape], notices)
+        points = {key: array[:, : len(AXES)] for key, array in points.items() if array.shape == shape}
+        if count >= _FEWEST:
+            return np.stack([*points.values()], axis=1), [*points]
     held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
     raise FormatError(path, "", f"{otherwise}; arrays are {held}"[:280])
 
@@ -182,12 +200,24 @@ def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
     fitting = [
         one for one in arrays.values() if one.dtype.kind == "f" and one.ndim in (3, 4) and one.shape[-2:] == (4, 4)
     ]
+    apart = {key: array[:, :16].reshape(-1, 4, 4) for key, array in arrays.items() if _are_rows_of_poses(array)}
+    if len({len(one) for one in apart.values()}) == 1:
+        fitting = [np.stack([*apart.values()], axis=1)]
     if len(fitting) != 1 or any(map(_is_of_points, arrays.values())):
         return None
     poses = fitting[0].astype(np.float64).reshape(len(fitting[0]), -1, 4, 4)
     turns = poses[..., :3, :3].reshape(*poses.shape[:2], 9)
     numbers = with_quaternions_of_matrices(path, np.concatenate([poses[..., :3, 3], turns], axis=2))
-    return numbers, _filled(_texts(arrays, ""), poses.shape[1], "body")
+    names = [key.removesuffix("_4X4") for key in apart]
+    return numbers, names or _filled(_texts(arrays, ""), poses.shape[1], "body")
+
+
+def _are_rows_of_poses(array: NDArray[Any]) -> bool:
+    """Whether there is a pose per frame, as Visual3D and Theia export a body: its matrix row by row, and a residual."""
+    if array.ndim != 2 or array.shape[1] not in _POSE_ROWS or array.dtype.kind != "f":
+        return False
+    seen = array[np.isfinite(array).all(axis=1), :16]
+    return len(seen) > 0 and bool((seen[:, 12:] == (0, 0, 0, 1)).all())
 
 
 def _plain(key: str) -> str:

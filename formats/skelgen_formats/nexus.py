@@ -258,7 +258,9 @@ def _is_nexus(head: bytes, path: Path) -> bool:
     head_lines = decoded_head(head).splitlines()[:_TITLE_LINES]
     lines = [line for line in head_lines if line.strip(_DELIMITERS + ' "')][:2]
     titled = bool(lines) and _title(lines[0]) in BLOCKS
-    if any(line.strip().lstrip('"').startswith("Frame") and "Sub Frame" in line for line in head_lines):
+    if any(_title(line) in BLOCKS for line in head_lines) and any(
+        line.strip().lstrip('"').startswith("Frame") and "Sub Frame" in line for line in head_lines
+    ):
         return True
     rate = lines[1].replace("Hz", "").strip(_DELIMITERS + ' "') if titled and len(lines) > 1 else "0"
     return titled and rate.replace(".", "", 1).isdigit()

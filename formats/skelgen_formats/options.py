@@ -164,7 +164,7 @@ class Option:
 AXES = Option(
     "axes",
     AS_RECORDED,
-    "Axes of the world: as recorded; z-to-y turns what was up along z up along y, y-to-z the other way.",
+    "Which axis is up: as recorded; z-to-y turns a recording with z up so that y is up, y-to-z the other way.",
     tuple(TURNS),
     reading=False,
 )

@@ -8,6 +8,9 @@ Decimal commas, as some machines write them, are understood, and commas or semic
 
 With ``DATA_INCLUDED 6D`` the header has ``BODY_NAMES``, and a body has 16 columns: X Y Z [mm], three angles, residual,
 and the matrix that takes its axes to the world's, column by column (Rot[0] to Rot[8]).
+
+A skeleton (``walk_s_Ann.tsv``) has ``SOLVER``, and ``REFERENCE GLOBAL`` or ``LOCAL``; behind frame and time each
+segment has 8 columns, the first titled with its name and empty below: name X Y Z QX QY QZ QW.
 """
 
 import re
@@ -29,7 +32,9 @@ _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _DELIMITERS = "\t;,"
 _FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
-_SKELETON_KEY = "SOLVER"  # of skeletons' segments, which Track Manager computes from the markers
+_SKELETON_KEY, _REFERENCE_KEY = "SOLVER", "REFERENCE"  # of skeletons' segments; whose axes they are in
+_SEGMENT_TITLES = ("X", "Y", "Z", "QX", "QY", "QZ", "QW")
+_INCLUDED = {"3D", "6D"}  # of the data that can be read
 _LOOSE_KEYS = ("DESCRIPTION", "TIME_STAMP")  # of which nothing is read, and that scripts part from values by blanks
 _LEADING_TITLES = ("frame", "time")
 _MAX_LEADING = len(_LEADING_TITLES)
@@ -39,7 +44,7 @@ _Header = dict[str, tuple[int, list[str]]]  # key -> line number and values
 
 
 def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud | Poses:
-    """Read a 3D or a 6D export of Qualisys Track Manager.
+    """Read an export of markers, bodies or a skeleton of Qualisys Track Manager.
 
     Parameters
     ----------
@@ -51,7 +56,7 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     Returns
     -------
     Trajectories
-        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of a 6D export.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of a 6D export or a skeleton.
 
     Raises
     ------
@@ -63,9 +68,11 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     header, first = _header(lines, delimiter)
     included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
     of_bodies = "BODY_NAMES" in header or "6D" in included
-    if "2D" in included or "SKELETON" in included or _SKELETON_KEY in header:
-        line, kind = header.get("DATA_INCLUDED", (1, []))[0], "2D data" if "2D" in included else "skeletons"
-        raise FormatError(path, line, f"holds {kind}; export the 3D data of the markers from Track Manager instead")
+    if _SKELETON_KEY in header:
+        return _skeleton(path, lines, header, first, delimiter)
+    if included and not _INCLUDED & {*included.split()}:
+        what = f"holds {included}; export the 3D data of the markers from Track Manager instead"
+        raise FormatError(path, header["DATA_INCLUDED"][0], what)
     if not header:
         what = "no header; export TSV from Track Manager with its header, in which the names stand"
         raise FormatError(path, 1, f"{what}, or write titles over the columns (of BIDS, the names of its channels.tsv)")
@@ -76,8 +83,7 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     else:
         # the first line may hold titles
         names = _markers(path, lines[min(first + 1, len(lines) - 1)], header, delimiter, notices)
-    rate_line, rate_text = _entry(path, header, "FREQUENCY")
-    rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
+    rate = _rate(path, header)
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names), delimiter)
     n_cells = leading + width * len(names)
@@ -92,6 +98,34 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     return take_from_bodies(
         path, transforms_of_bodies(path, numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:]), names, rate
     )
+
+
+def _rate(path: Path, header: _Header) -> float:
+    line, values = _entry(path, header, "FREQUENCY")
+    return rate_in(path, line, values[0], "FREQUENCY")
+
+
+def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: str) -> Poses:
+    """Return the segments of a skeleton as bodies: a column that names each, then its place and quaternion."""
+    if " ".join(header.get(_REFERENCE_KEY, (0, []))[1]).upper() == "LOCAL":
+        what = "segments are in coordinates of their parents; export the skeleton with the reference Global"
+        raise FormatError(path, header[_REFERENCE_KEY][0], what)
+    titles = [cell.strip() for cell in lines[first].split(delimiter)] if first < len(lines) else []
+    found = [at for at in range(len(titles)) if tuple(titles[at + 1 : at + 8]) == _SEGMENT_TITLES]
+    if not found:
+        what = (
+            "a skeleton without the line of titles of its segments, which follows the header in Track Manager's export"
+        )
+        raise FormatError(path, first + 1, what)
+    notices: list[str] = []
+    whole = whole_lines(lines.rows(first + 1), len(lines), len(titles), delimiter, notices)
+    columns = [at + step for at in found for step in (1, 2, 3, 7, 4, 5, 6)]
+    rows = parse_rows(path, whole, len(titles), delimiter, columns)
+    line, values = _entry(path, header, _FIRST_KEY)
+    rows = uncut(lines, rows, count_in(path, line, values[0], _FIRST_KEY), notices)
+    numbers = blank_unseen(rows.reshape(len(rows), len(found), len(_SEGMENT_TITLES)))
+    names = [titles[at] for at in found]
+    return take_from_bodies(path, transforms_of(path, numbers, _MM), names, _rate(path, header), notices)
 
 
 def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats:
@@ -189,5 +223,5 @@ FORMAT = Format(
     sniff=_is_qualisys,
     read=lambda path, options: read_qualisys(path, options.sample),
     options=(POINTS,),
-    note="3D or 6D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen.",
+    note="3D, 6D or skeleton of Qualisys Track Manager, in mm; empty cells and three zeros are unseen.",
 )

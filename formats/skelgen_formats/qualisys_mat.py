@@ -3,9 +3,9 @@
 One variable of any name holds a struct: ``Frames``, ``FrameRate`` [Hz] and ``Trajectories``, in that ``Labeled`` and
 ``Unidentified``, each with ``Count``, ``Labels`` (a cell array of texts) and ``Data``, shape (markers, 4, frames): x,
 y, z [mm] and the residual; NaN is unseen. Newer exports have ``Type`` beside it. All else (force, analogue data,
-bodies) is left out. A file without such a struct may hold arrays, also in structs, of which
-`skelgen_formats.named_arrays` finds the positions: markers of a struct with a field for each, those of the MoCap
-Toolbox, or an array with names beside it.
+bodies) is left out. A file without such a struct may hold arrays, also in structs and cells, of which
+`skelgen_formats.named_arrays` finds the positions: markers of a struct with a field or an element for each (biomechZoo
+has a struct for each), those of the MoCap Toolbox, of Visual3D and Theia, or an array with names beside it.
 
 The file is of MATLAB's level 5: a header of 128 bytes, then elements of a type, a number of bytes, and these, padded to
 eight; see the MathWorks' *MAT-File Format*. Only what is wanted is read, so that damage elsewhere does not matter.
@@ -13,6 +13,7 @@ eight; see the MathWorks' *MAT-File Format*. Only what is wanted is read, so tha
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,11 @@ from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.qualisys import transforms_of_bodies
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126
@@ -52,6 +55,9 @@ _NO_POINTS = (
     " (frames, 3) of each point; save one of these, or export C3D or TRC"
 )
 _MM = 1.0  # Track Manager exports mm
+_KEYS_OF_BODIES = {"RigidBodies", "Skeletons"}
+_SEGMENT_KEYS = {"SegmentLabels": 0, "PositionData": 3, "RotationData": 4}  # how many numbers a segment has in each
+_BODY_KEYS = {"Name": 0, "Positions": 3, "Rotations": 9}
 
 _Value = NDArray[np.generic] | str | Mapping[str, "_Value"] | Sequence["_Value"] | None
 
@@ -73,7 +79,7 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     Returns
     -------
     Trajectories
-        Positions in mm; a `PointCloud` if no trajectory has a label.
+        Positions in mm; a `PointCloud` if no trajectory has a label; `Poses` of bodies alone.
 
     Raises
     ------
@@ -82,8 +88,9 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     """
     content = read_content(path)
     if not content.startswith(_MAGIC):
-        what = f"a file of MATLAB's level 5 begins with {_MAGIC.decode()!r}; save one of 7.3 with -v7"
-        raise FormatError(path, "byte 0", f"{what}, or export TSV or C3D from Track Manager")
+        what = "a MATLAB file of version 7.3 or older than 5; type in MATLAB"
+        again = f"load('{path.name}'), and save('{path.stem}_7.mat', '-v7')"
+        raise FormatError(path, "", f"{what} {again}, or export TSV or C3D from Track Manager")
     order = ">" if content[_ENDIAN_AT:_HEADER_BYTES] == b"MI" else "<"
     try:
         every = [*_variables(path, content[_HEADER_BYTES:], order)]
@@ -93,7 +100,11 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
         raise FormatError(path, "", f"no MATLAB file, or a damaged one: {str(error)[:100]}") from error
     found = [one for one in variables if isinstance(one, Mapping) and isinstance(one.get("Trajectories"), Mapping)]
     if not found:
-        arrays = dict(_flat(dict(zip(names, variables, strict=True))))
+        if of_bodies := [one for one in variables if isinstance(one, Mapping) and one.keys() & _KEYS_OF_BODIES]:
+            return _bodies(path, of_bodies[0])
+        held = [*_flat(dict(zip(names, variables, strict=True)))]
+        count = Counter(name for name, _, _ in held)
+        arrays = {owner if owner and count[name] > 1 else name: array for name, owner, array in held}
         return take_from_arrays(path, arrays, options, _NO_POINTS)
     rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
     if rate is None or not 0 < rate < np.inf:
@@ -105,18 +116,66 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
 
 
-def _flat(held: Mapping[str, _Value]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays of numbers and the texts, also those in structs, with their names; rows of one are flat."""
+def _bodies(path: Path, held: Mapping[str, _Value]) -> Poses:
+    """Return the segments of skeletons, or else the rigid bodies, of an export without trajectories."""
+    some = held.get("Skeletons")
+    skeletons = [one for one in (some if isinstance(some, list) else [some]) if isinstance(one, Mapping)]
+    if any(str(one.get("Reference", "")).upper() == "LOCAL" for one in skeletons):
+        what = "segments are in coordinates of their parents; export the skeleton with the reference Global"
+        raise FormatError(path, "Skeletons", what)
+    rigid, rate = held.get("RigidBodies"), _number(held.get("FrameRate"))
+    if rate is None or not 0 < rate < np.inf:
+        raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
+    names: list[str] = []
+    transforms: list[NDArray[np.float64]] = []
+    for one in skeletons:
+        labels, places, turns = _checked(path, one, _SEGMENT_KEYS, (2, 1, 0))
+        numbers = blank_unseen(np.concatenate([places, turns[..., [3, 0, 1, 2]]], axis=2))
+        names, transforms = [*names, *labels], [*transforms, transforms_of(path, numbers, _MM)]
+    if not skeletons:
+        names, places, turns = _checked(path, rigid if isinstance(rigid, Mapping) else {}, _BODY_KEYS, (2, 0, 1))
+        transforms = [transforms_of_bodies(path, places, turns)]
+    if len({len(one) for one in transforms}) > 1:
+        raise FormatError(path, "Skeletons", "skeletons of different numbers of frames; export each alone")
+    return take_from_bodies(path, np.concatenate(transforms, axis=1), names, rate)
+
+
+def _checked(
+    path: Path, held: Mapping[str, _Value], keys: Mapping[str, int], axes: tuple[int, int, int]
+) -> tuple[list[str], NDArray[np.float64], NDArray[np.float64]]:
+    """Return names, and two arrays, shape (n_frames, n_bodies, n), that stand under the keys with their axes so."""
+    labels, *arrays = (held.get(key) for key in keys)
+    names = [labels] if isinstance(labels, str) else labels if isinstance(labels, list) else []
+    ordered = [
+        one.astype(np.float64).transpose(axes) for one in arrays if isinstance(one, np.ndarray) and one.ndim == 3
+    ]
+    shapes = [one.shape[1:] for one in ordered]
+    if not names or shapes != [(len(names), n) for n in [*keys.values()][1:]] or len(ordered[0]) != len(ordered[1]):
+        what = "bodies without names, positions and rotations for each; export the 3D data from Track Manager"
+        raise FormatError(path, "", f"no trajectories, and {what}")
+    return [str(name) for name in names], ordered[0], ordered[1]
+
+
+def _flat(held: Mapping[str, _Value], owner: str = "") -> Iterator[tuple[str, str, NDArray[Any]]]:
+    """Yield arrays of numbers and texts, also those in structs and cells, with their names and that of their struct.
+
+    A struct of several elements has that of the first text in each. Rows of one are flat.
+    """
     for name, value in held.items():
         if isinstance(value, Mapping):
-            yield from _flat(value)
+            yield from _flat(value, name)
         elif isinstance(value, np.ndarray):
             is_row = value.ndim == 2 and 1 in value.shape and value.size > 1
-            yield name, value.ravel() if is_row else value
+            yield name, owner, value.ravel() if is_row else value
         elif isinstance(value, str):
-            yield name, np.array(value)
+            yield name, owner, np.array(value)
         elif isinstance(value, list) and all(isinstance(text, str) for text in value):
-            yield name, np.array(value, dtype=np.str_)
+            yield name, owner, np.array(value, dtype=np.str_)
+        elif isinstance(value, list) and len(value) == 1:
+            yield from _flat({name: value[0]}, owner)
+        elif isinstance(value, list):
+            for one in (one for one in value if isinstance(one, Mapping)):
+                yield from _flat(one, next((text for text in one.values() if isinstance(text, str)), name))
 
 
 def _trajectories(path: Path, held: _Value) -> tuple[NDArray[np.float64], list[str]]:
@@ -190,8 +249,10 @@ def _value(content: bytes, order: str, depth: int = 0) -> _Value:
         if length <= 0 or length > len(titles) + 1:
             raise _DamageError("a struct has no names")
         names = [titles[at : at + length].split(b"\0")[0].decode("latin-1") for at in range(0, len(titles), length)]
-        values = [_value(data, order, depth + 1) for _, data in zip(names, (data for _, data in parts), strict=False)]
-        return dict(zip(names, values, strict=False))
+        values = [_value(data, order, depth + 1) for _, data in parts]
+        starts = range(0, max(len(values), 1), max(len(names), 1))
+        elements = [dict(zip(names, values[at:], strict=False)) for at in starts]
+        return elements if len(elements) > 1 else elements[0]
     if kind == _CELL:
         return [_value(data, order, depth + 1) for _, data in parts]
     if kind not in _NUMBERS and kind != _CHARACTERS:

@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, groupby, product
 from operator import mul
 
+from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of, is_frame, seconds_per_unit
+from skelgen_formats.titles import Body, axis_alone, bodies_of, turned_without_place
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
 
 HEAD_LINES = 24
@@ -26,10 +27,11 @@ HEAD_LINES = 24
 _PREAMBLE = 16  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
-_DELIMITERS = (",", ";", "\t", None)
+_DELIMITERS = (",", ";", "\t", "|", None)
 _NO_PLACES = re.compile(
-    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|dir|direction|velo?|velocity|velocities|speed)([_ .:/-].*)?",
+    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
+    r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
+    r"|jerk|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
 _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
@@ -42,7 +44,7 @@ _OWNER = re.compile(
     r"[ _]?(?:id|index|no|number|name)?",
     re.IGNORECASE,
 )
-_NAME_WORDS = (".marker_name", "_marker_name", ".name", "_name")
+_NAMING = re.compile(r"(.+?)[._](?:(?:marker|rigid_?body|body|subject)_?)?(?:name|child_frame_id)")
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -59,10 +61,10 @@ class Head:
         Points and bodies, with their columns.
     delimiter : str or None
         What parts cells, None for blanks.
-    frames, times : int or None
-        Columns with frame numbers, and with times.
-    second : float
-        Seconds per unit of that column, 0 if it names none.
+    frames : int or None
+        Column with frame numbers.
+    clock : Clock or None
+        Columns with times.
     unit, rate : str
         Unit of length and frame rate as stated, empty if they are not.
     n_cells, n_lines : int
@@ -76,8 +78,7 @@ class Head:
     bodies: list[Body]
     delimiter: str | None = None
     frames: int | None = None
-    times: int | None = None
-    second: float = 0.0
+    clock: Clock | None = None
     unit: str = ""
     rate: str = ""
     n_cells: int = 0
@@ -109,7 +110,8 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _read_rows(head, every)
                 if _stand_over_rows(head, every):
                     rows = every[head.n_lines :]
-                    return _without_no_places(_without_axes(_without_quaternions(head, rows), rows))
+                    placed = _without_directions(_without_axes(_without_quaternions(head, rows), rows), rows)
+                    return _without_no_places(placed)
     return None
 
 
@@ -158,11 +160,12 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
 
 def _read_names(head: Head, every: list[list[str]]) -> None:
     """Call points as cells of the first row do where a column is theirs: ROS has ``markers0.marker_name``."""
-    titles, row = {title.lower(): at for at, title in enumerate(every[head.n_lines - 1])}, [*every, []][head.n_lines]
+    row = [*every, []][head.n_lines]
+    cells = [(title.lower(), cell) for title, cell in zip(every[head.n_lines - 1], row, strict=False) if cell]
+    named = [(match[1], cell) for title, cell in cells if (match := _NAMING.fullmatch(title))]
     for body in head.bodies:
-        columns = [titles[title] for word in _NAME_WORDS if (title := body.name.lower() + word) in titles]
-        named = [row[column] for column in columns if column < len(row) and row[column]]
-        body.name = named[0] if named else body.name
+        owners = (body.name.lower(), body.name.lower().rpartition(".")[0])  # rigidbodies0.pose
+        body.name = next((cell for owner in owners for name, cell in named if name == owner), body.name)
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:
@@ -203,15 +206,34 @@ def _without_axes(head: Head, rows: Sequence[Sequence[str]]) -> Head:
     return head
 
 
+def _without_directions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
+    """Return it without points of unit length in every row, beside others: directions of gazes, noses or normals."""
+    found = [
+        body
+        for body in head.bodies
+        if not body.turn
+        and len(lengths := _lengths([*body.place.values()], rows)) > 2
+        and max(abs(length - 1.0) for length in lengths) < _UNIT_TOLERANCE
+    ]
+    if 0 < len(found) < len(head.bodies):
+        head.notices.append(f"directions, of the length 1, and left out: {', '.join(body.name for body in found[:8])}")
+        head.bodies = [body for body in head.bodies if body not in found]
+    return head
+
+
 def _is_unit(body: Body, fourth: int, rows: Sequence[Sequence[str]]) -> bool:
     """Whether four columns have unit length in the first row in which they hold numbers."""
-    columns = [*body.place.values(), fourth]
+    lengths = _lengths([*body.place.values(), fourth], rows)
+    return any(abs(length - 1.0) < _UNIT_TOLERANCE for length in lengths[:1])
+
+
+def _lengths(columns: Sequence[int], rows: Sequence[Sequence[str]]) -> list[float]:
+    """Return the lengths of the vectors in some columns, of the rows in which they hold numbers."""
+    lengths = []
     for row in rows:
         with contextlib.suppress(ValueError, IndexError):
-            length = math.hypot(*(float(row[column].replace(",", ".")) for column in columns))
-            if math.isfinite(length):
-                return abs(length - 1.0) < _UNIT_TOLERANCE
-    return False
+            lengths.append(math.hypot(*(float(row[column].replace(",", ".")) for column in columns)))
+    return [length for length in lengths if math.isfinite(length)]
 
 
 def _without_no_places(head: Head) -> Head:
@@ -243,14 +265,16 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
+    if any(titles.count(axis) > 1 for axis in AXES.upper() + AXES):
+        found.notices.append("X, Y and Z stand several times without names in their line: points are numbered")
+    if lost := [name for name in turned_without_place(titles) if name != "body"]:
+        found.notices.append(f"rotations without positions are left out: {', '.join(lost[:8])}")
     return found
 
 
 def _find_times(head: Head, titles: Sequence[str]) -> None:
     head.frames = next((at for at, title in enumerate(titles) if is_frame(title)), None)
-    units = ((at, seconds_per_unit(title)) for at, title in enumerate(titles))
-    head.times, second = next(((at, unit) for at, unit in units if unit is not None), (None, 0.0))
-    head.second = second or 0.0
+    head.clock = clock_of(titles)
 
 
 def _under_names(rows: list[list[str]]) -> Head | None:
@@ -263,6 +287,10 @@ def _under_names(rows: list[list[str]]) -> Head | None:
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
+    letters = [(axis_alone(axis) or ("", ""))[0] for axis in axes]
+    for column in range(len(axes) - 2):  # a name may stand over y alone, where cells were merged
+        if letters[column : column + 3] == [*AXES] and not names[column]:
+            names[column : column + 3] = [next(filter(None, names[column : column + 3]), "")] * 3
     for column in range(1, len(axes)):
         if not names[column] and (
             axis_alone(axes[column]) or angle_alone(axes[column]) or component_alone(axes[column])
@@ -274,9 +302,7 @@ def _under_names(rows: list[list[str]]) -> Head | None:
         return None
     unit = units.pop() if has_units else bodies[0].unit
     found = Head(bodies, n_cells=len(axes), n_lines=2 + has_units, unit=unit)
-    _find_times(
-        found, [axis if seconds_per_unit(axis) is not None else name for name, axis in zip(names, axes, strict=True)]
-    )
+    _find_times(found, [axis if clock_of([axis]) else name for name, axis in zip(names, axes, strict=True)])
     return found
 
 
@@ -319,5 +345,6 @@ def _visual3d(rows: list[list[str]]) -> Head | None:
             found.bodies.append(body)
     if left_out:
         found.notices.append(f"{left_out} signals of further trials or folders are left out; export them alone")
-    found.times = next((at for at, name in enumerate(names) if at and name.upper() == "TIME"), None)
+    times = (at for at, name in enumerate(names) if at and name.upper() == "TIME")
+    found.clock = next((Clock(at, 0.0) for at in times), None)
     return found if found.bodies else None

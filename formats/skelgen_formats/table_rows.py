@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from skelgen.progress import counted
 from skelgen_formats.table_heads import Head
-from skelgen_formats.text import is_number, seconds_of, unquoted
+from skelgen_formats.text import is_number, unquoted
 
 
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -73,7 +73,9 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
 
 
 def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with seconds for the dates and times of a clock in the column of times.
+    """Yield lines with seconds for dates, times of a clock and seconds in two columns, in the column of times.
+
+    What is no time is left empty; where the first row has a number there, all are taken as they are.
 
     Parameters
     ----------
@@ -82,10 +84,14 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     head : Head
         Of the table.
     """
+    clock, is_plain, is_first = head.clock, True, True
     for number, line in numbered:
-        cells = line.split(head.delimiter) if head.times is not None and ":" in line else []
-        if head.times is not None and head.times < len(cells):
-            cells[head.times] = seconds_of(cells[head.times])
+        cells = line.split(head.delimiter) if clock and (is_first or not is_plain) else []
+        if clock and len(cells) > max(clock.column, clock.fraction or 0):
+            if is_first:
+                is_plain = clock.fraction is None and is_number(cells[clock.column].strip())
+            cells[clock.column] = cells[clock.column] if is_plain else clock.moment(cells)
+        is_first = False
         yield number, (head.delimiter or " ").join(cells) if cells else line
 
 

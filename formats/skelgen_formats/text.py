@@ -15,10 +15,12 @@ from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 
-_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a"})
+_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a", "<na>", ".", "missing", "undefined"})
 _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
-_CLOCK = re.compile(r"(\d{1,3}):(\d\d):(\d\d(?:\.\d+)?)")
+_CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)
+_LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
+_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -58,23 +60,28 @@ def unquoted(line: str, delimiter: str | None) -> str:
 
 
 def seconds_of(text: str) -> str:
-    """Return the seconds that a date and time, such as 2024-05-06T12:00:01.5, or 12:00:01.5, stands for; others as is.
+    """Return the seconds that a date, a time or a duration stands for, such as 2024-05-06T12:00:01.5 or 0.5 sec.
+
+    Dates in other orders count by the time behind them; other texts are returned as they are.
 
     Parameters
     ----------
     text : str
         A cell.
     """
+    if lasted := _LASTED.fullmatch(text.strip()):
+        return repr(float(lasted[1]) * _SECONDS[lasted[2].lower()])
     if ":" not in text:
         return text
-    if clock := _CLOCK.fullmatch(text.strip()):
-        return repr(60.0 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3]))
-    try:
+    with contextlib.suppress(ValueError, TypeError, OverflowError):
         moment = datetime.fromisoformat(text.strip())
-        since = moment.replace(tzinfo=UTC) - datetime(moment.year, 1, 1, tzinfo=UTC)
-    except (ValueError, TypeError, OverflowError):
+        return repr((moment.replace(tzinfo=UTC) - datetime(moment.year, 1, 1, tzinfo=UTC)).total_seconds())
+    clock = _CLOCK.fullmatch(text.strip())
+    if clock is None:
         return text
-    return repr(since.total_seconds())
+    days, hours, half = int(clock[1] or 0), int(clock[2]), clock[5]
+    hours = hours % 12 + 12 * (half.upper() == "P") if half else hours
+    return repr(60.0 * (60 * (24 * days + hours) + int(clock[3])) + float(clock[4].replace(",", ".")))
 
 
 def defused(text: str) -> str:

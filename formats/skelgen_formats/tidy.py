@@ -3,13 +3,14 @@
 One line of titles names, in any order and case, a column of frames (or of times alone), one of names or numbers of
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
-they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. Rate, unit and order of angles are
-those of a wide table.
+they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
+``axis`` and ``value``. Rate, unit and order of angles are those of a wide table. Cells are parted by commas,
+semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images, times tell them.
 """
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,75 +18,23 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.bodies import with_quaternions, with_quaternions_of_matrices
+from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import number_in, seconds_of, unquoted
-from skelgen_formats.titles import axis_alone, bodies_of, is_frame, seconds_per_unit
+from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
+from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
 from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
     angle_alone,
-    cell_alone,
     cells_of,
-    component_alone,
     order_of,
 )
 from skelgen_formats.wide import since_first, take_from_table
 
-_THINGS = (
-    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
-    *(
-        "body",
-        "rigid_body",
-        "rigidbody",
-        "object",
-        "segment",
-        "sensor",
-        "station",
-        "tool",
-        "device",
-        "tracker",
-        "asset",
-        "limb",
-        "bone",
-        "link",
-        "rb",
-        "tag",
-        "agent",
-        "part",
-        "actor",
-        "entity",
-    ),
-)
-_NAMES = (
-    *_THINGS,
-    *(f"{thing}{end}" for end in ("_name", "_label", "_id", "_index", "id") for thing in _THINGS),
-    *("id", "target", "track_id"),
-)
-_GROUPS = (
-    *(
-        "model",
-        "individual",
-        "person",
-        "subject",
-        "track",
-        "person_id",
-        "skeleton_id",
-        "subject_id",
-        "user_id",
-        "actor_id",
-    ),
-    *("body_id", "id"),
-)
-_FLAGS = tuple(
-    f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
-)
 _UNSEEN_FLAGS = ("0", "false", "0.0")
-_DELIMITERS = ",;\t"
-_COMMENTS = ("#", "%")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -115,14 +64,29 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     FormatError
         If the titles name no frames and coordinates, or a row is not as long as they are.
     """
-    lines = read_lines(path)
-    first, delimiter = _first_line(lines)
-    if not delimiter:
+    return read_tidy_lines(path, read_lines(path), options)
+
+
+def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a tidy table from its lines; errors as of `read_tidy`.
+
+    Parameters
+    ----------
+    path, options
+        As there.
+    lines : Lines
+        Of the table.
+    """
+    head = find_tidy_head(lines)
+    if head is None:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at, titles = _columns(lines[first], delimiter), _titles(lines[first], delimiter)
-    at = at if options.points == AUTO else {what: column for what, column in at.items() if what[0] != "r"}
-    rows = _rows(path, lines, first + 1, at, delimiter)
+    if options.points != AUTO:
+        head.at = {what: column for what, column in head.at.items() if what[0] != "r"}
+    rows, at = _rows(path, lines, head), head.at
+    if "side" in at and "group" not in at and len(rows.frames) > len({*zip(rows.frames, rows.points, strict=True)}):
+        at["group"] = at["side"]
+        rows = _rows(path, lines, head)
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names = len(rows.names)
     if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
@@ -133,24 +97,37 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     width = len(_numbered(at))
     if "name" not in at and n_names == 1 and width == len(AXES):
         raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
-    notices = _doubts(path, rows, places, "name" in at, width)
+    notices = [] if "axis" in at else _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
-    numbers[places, np.frombuffer(rows.points, dtype=np.int64)] = np.frombuffer(rows.numbers).reshape(-1, width)
+    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
+    if "axis" in at:
+        for axis in range(width):
+            has = ~np.isnan(cells[:, axis])
+            numbers[places[has], points[has], axis] = cells[has, axis]
+    else:
+        numbers[places, points] = cells
     stamps = None
-    if rows.times:
+    if rows.times and head.clock:
         stamps = np.array([rows.times[frame] for frame in every.tolist()])
-        stamps = since_first(stamps, seconds_per_unit(titles[at["time"]]) or 0.0)
-    _, unit = axis_alone(titles[at["x"]]) or ("", "")
-    if width == len(AXES) * 2:
-        _, order, angle_unit = angle_alone(titles[at["rx"]]) or ("", "", "")
-        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
-        numbers = with_quaternions(numbers, order, angle_unit, options, notices)
-    elif width == len(AXES) * 4:
-        numbers = with_quaternions_of_matrices(path, numbers)
+        stamps = since_first(stamps, head.clock.second)
+    numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
-    take = take_from_table(path, numbers, names, stamps, options, unit)
+    take = take_from_table(path, numbers, names, stamps, options, head.unit)
     return replace(take, notices=(*notices, *take.notices))
+
+
+def _turned(path: Path, numbers: Floats, head: TidyHead, options: Options, notices: list[str]) -> Floats:
+    """Return places alone, or with quaternions for angles and matrices."""
+    at = head.at
+    if numbers.shape[2] == len(AXES) * 2:
+        _, order, angle_unit = angle_alone(head.titles[at["rx"]]) or ("", "", "")
+        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
+        return with_quaternions(numbers, order, angle_unit, options, notices)
+    if numbers.shape[2] == len(AXES) * 4:
+        notices += [BY_ROWS] if "m8" in at else []
+        return with_quaternions_of_matrices(path, numbers)
+    return numbers
 
 
 def _numbered(at: dict[str, int]) -> list[int]:
@@ -159,7 +136,7 @@ def _numbered(at: dict[str, int]) -> list[int]:
     angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
     matrix = cells_of({what[1:]: column for what, column in at.items() if what[0] == "m"})
     whole = (part for part, n in ((turn, len(COMPONENTS)), (matrix, 9), (angles, len(AXES))) if len(part) == n)
-    return [*(at[axis] for axis in AXES), *next(whole, [])]
+    return [*(at.get(axis, at.get("value", 0)) for axis in AXES), *next(whole, [])]
 
 
 def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) -> list[str]:
@@ -174,70 +151,39 @@ def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) 
     return [repeated] if twice else []
 
 
-def _rows(path: Path, lines: Lines, first: int, at: dict[str, int], delimiter: str) -> _Rows:
+def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
+    at, clock = head.at, head.clock
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
-    for number, line in lines.numbered(first):
-        cells = unquoted(line, delimiter).split(delimiter)
-        if len(cells) <= max(at.values()):
-            what = f"{counted(len(cells), 'cell is', 'cells are')} too few; the file may be cut off"
+    for number, line in lines.numbered(head.first + 1):
+        cells = unquoted(line, head.delimiter).split(head.delimiter)
+        if len(cells) <= max(at.values()) or (not head.delimiter and len(cells) != len(head.titles)):
+            what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
             raise FormatError(path, number, what)
-        frame = _number(path, number, seconds_of(cells[at["frame"]]), "the frame")
+        time = clock.moment(cells) if clock else ""
+        if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
+            del at["frame"]  # names of images
+        frame = _number(path, number, seconds_of(cells[at["frame"]]) if "frame" in at else time, "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)))
-        if "time" in at and frame not in rows.times:
-            rows.times[frame] = _number(path, number, seconds_of(cells[at["time"]]), "the time")
-        is_unseen = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
-        seen = (_number(path, number, cells[column], "a coordinate") for column in columns)
-        rows.numbers.extend([np.nan] * len(columns) if is_unseen else seen)
+        if clock and frame not in rows.times:
+            rows.times[frame] = _number(path, number, time, "the time")
+        is_hidden = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
+        if "axis" in at:
+            along = cells[at["axis"]].strip().lower()
+            seen = [value if axis == along else np.nan for axis, value in zip(AXES, seen, strict=True)]
+        rows.numbers.extend([np.nan] * len(columns) if is_hidden else seen)
     return rows
-
-
-def _first_line(lines: Iterable[str]) -> tuple[int, str]:
-    """Return the index of the line of titles, which comments may precede, and what parts its cells; empty if none."""
-    for index, line in enumerate(lines):
-        for delimiter in _DELIMITERS:
-            if _columns(line, delimiter):
-                return index, delimiter
-        if line.strip() and not line.startswith(_COMMENTS):
-            break
-    return 0, ""
-
-
-def _titles(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in unquoted(line.lstrip("#% "), delimiter).split(delimiter)]
-
-
-def _columns(line: str, delimiter: str) -> dict[str, int]:
-    """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    titles = _titles(line, delimiter)
-    plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "flag": _FLAGS}
-    found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
-    found["time"] = [at for at, title in enumerate(titles) if seconds_per_unit(title) is not None]
-    found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)] + found["time"]
-    for at, title in enumerate(titles):
-        if angle := angle_alone(title):
-            found.setdefault(f"r{angle[0]}", []).append(at)
-        if cell := cell_alone(title):
-            found.setdefault(f"m{cell}", []).append(at)
-        if component := component_alone(title):
-            found.setdefault(f"q{component}", []).append(at)
-        elif axis := axis_alone(title):
-            found.setdefault(axis[0], []).append(at)
-    places = {what: columns[0] for what, columns in found.items() if columns}
-    is_tidy = places.keys() >= {*AXES, "frame"} and ("name" in places or not bodies_of(titles))
-    return places if is_tidy else {}
 
 
 def _number(path: Path, number: int, cell: str, what: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        unseen = cell.strip().lower() in ("", "nan", "none", "null", "na")
-        return np.nan if unseen else number_in(path, number, cell, what)
+        return np.nan if is_unseen(cell.strip()) else number_in(path, number, cell, what)
 
 
 def _distinct(points: Sequence[tuple[str, ...]]) -> list[str]:
@@ -251,7 +197,7 @@ FORMAT = Format(
     title="Tidy table of points, CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: bool(_first_line(decoded_head(head).splitlines())[1]),
+    sniff=lambda head, path: find_tidy_head(decoded_head(head).splitlines()) is not None,
     read=read_tidy,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"

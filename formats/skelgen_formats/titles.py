@@ -1,4 +1,4 @@
-"""Titles of columns as scripts write them: whose coordinate along which axis, in which unit, and which column is time.
+"""Titles of columns as scripts write them: whose coordinate along which axis, in which unit.
 
 A title is a name and an axis, in any case and with a blank, a point, an underscore, a colon, a hyphen or nothing
 between: ``knee_x``, ``kneeX``, ``knee (X)``, ``knee.position.x``, ``knee_tx``, ``knee_px``; or the axis first:
@@ -7,10 +7,12 @@ A unit of length may follow: ``knee_x_mm``, ``knee X [mm]``. The columns of a po
 MATLAB calls the columns of a matrix ``knee_1``, ``knee_2``, ``knee_3``, Python ``knee[0]`` and so on. Components of
 unit quaternions are ``knee_qw``, ``knee.orientation.w``, ``knee_rot_w`` or ``qw_knee``; NDI calls them ``Q0``, ``Qx``,
 ``Qy``, ``Qz``. Angles of a body are ``knee_roll``, ``knee_pitch``, ``knee_yaw``, or ``knee_rx``, ``knee_rot_x``,
-``knee_euler_x``; a unit may follow. Cells of a matrix are ``knee_r11``, ``knee_R[0][0]`` or ``knee_rot_1_1``.
+``knee_euler_x``; a unit may follow. Cells of a matrix are ``knee_r11``, ``knee_R[0][0]``, ``knee_rot_1_1``, or
+numbered, ``knee_rot_0`` to ``knee_rot_8``. EuRoC names the frames: ``p_RS_R_x [m]``, ``q_RS_w []``.
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -27,9 +29,11 @@ from skelgen_formats.turn_titles import (
     quaternion_of,
 )
 
-_UNIT = re.compile(r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]?[\[(]?)(mm|cm|m)[\])]?", re.IGNORECASE)
+_UNIT = re.compile(
+    r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{0,2}[\[(]?)(mm|cm|m|(?:milli|centi)?met(?:er|re)s?)[\])]?", re.IGNORECASE
+)
 _PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
-_AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}?[\[(]?([xyz])[\])]?", re.IGNORECASE)
+_AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
@@ -39,13 +43,20 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
-_TIME = re.compile(
-    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
-    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?",
-    re.IGNORECASE,
+_VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
+_NO_NAME = rf"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|std\w*|err\w*|{_VERSION})"
+_SPELT = (
+    (
+        re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
+        r"\1_\2",
+    ),  # p_RS_R_x [m], q_RS_w [] of EuRoC
+    (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
+    (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
+    (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
+    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
 )
-_SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
+"""What stands around an axis in other spellings, and how such titles are read."""
+
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
 _PLATE = re.compile(rf"(.{{1,200}}?){BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
@@ -116,7 +127,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled(titles)
+    titles = _undoubled(spelt(titles))
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
@@ -130,10 +141,31 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     return []
 
 
+def spelt(titles: Sequence[str]) -> list[str]:
+    """Return titles in the usual spelling, but those that there are in it already: knee_x beside knee_x_raw.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    """
+    plain = []
+    for title in map(str.strip, titles):
+        found = (match.expand(usual) for spelling, usual in _SPELT if (match := spelling.fullmatch(title)))
+        other = next(found, title)
+        plain.append(title if other in titles else other)
+    return plain
+
+
 def _undoubled(titles: Sequence[str]) -> list[str]:
-    """Return titles with ``X.0`` for X where ``X.1`` stands behind it: pandas numbers titles that stand twice."""
-    doubled = {axis for axis in AXES.upper() + AXES if axis in titles and f"{axis}.1" in titles}
-    return [f"{title}.0" if title in doubled else title for title in titles]
+    """Return titles with numbers behind X that stands twice: ``X.0``, ``X.1``, as pandas numbers all but the first."""
+    doubled = {axis for axis in AXES.upper() + AXES if titles.count(axis) > 1 or f"{axis}.1" in titles}
+    count = Counter[str]()
+    numbered = []
+    for title in titles:
+        numbered.append(f"{title}.{count[title]}" if title in doubled else title)
+        count[title] += 1
+    return numbered
 
 
 def _drop_numbers(bodies: Sequence[Body]) -> None:
@@ -181,30 +213,16 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     return (match[1].lower(), unit) if match else None
 
 
-def is_frame(title: str) -> bool:
-    """Whether a title is that of a column of frame numbers, such as ``Frame#`` or ``frame_idx``.
+def translation_alone(title: str) -> str:
+    """Return the axis of a title such as ``tx`` or ``pz``, or an empty text.
 
     Parameters
     ----------
     title : str
         Without quotes.
     """
-    return _FRAME.fullmatch(title.lower().replace(" ", "_")) is not None
-
-
-def seconds_per_unit(title: str) -> float | None:
-    """Return how many seconds the unit of a column of times has, 0 if the title names none; None of any other column.
-
-    Parameters
-    ----------
-    title : str
-        Without quotes.
-    """
-    match = _TIME.fullmatch(title)
-    if match is None:
-        return None
-    unit = (match[1] or ("s" if title.lower() == "seconds" else "")).lower()
-    return next((_SECONDS[key] for key in (unit[:3], unit[:2], unit[:1]) if key in _SECONDS), 0.0)
+    text, _ = _without_unit(title)
+    return text[1].lower() if re.fullmatch(r"[tp][xyz]", text, re.IGNORECASE) else ""
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title
@@ -231,6 +249,10 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     beside = _beside_points(bodies, titles)
     bodies = [body for body in bodies if body not in beside]
     for body in bodies:
+        if not body.place and body.cells:  # of four rows and columns, the last of which is the place
+            first = 0 if "00" in body.matrix else 1
+            columns = [body.matrix.get(f"{first + row}{first + 3}") for row in range(3)]
+            body.place = {axis: column for axis, column in zip(AXES, columns, strict=True) if column is not None}
         if body.turn.keys() == {*AXES} and _IS_ANGLE.fullmatch(titles[body.turn["x"]]):
             body.angles, body.turn = body.turn, {}
     return bodies

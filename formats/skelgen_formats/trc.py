@@ -36,10 +36,10 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen_formats.assumed_units import assumed_mm_per_unit
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
     are_outputs,
-    assumed_mm_per_unit,
     equal_unseen,
     mm_per_unit,
     more_than_announced,

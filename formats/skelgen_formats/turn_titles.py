@@ -9,26 +9,31 @@ AXES = "xyz"
 COMPONENTS = "wxyz"
 """Of a unit quaternion, scalar first."""
 
-BETWEEN = r"[ _.:/-]"
+BETWEEN = r"[ _.:/|-]"
 """What stands between the name of a point and its axis, in a regular expression."""
 
-_TURN_WORD = rf"(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?"
-_QUATERNION = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?|{_TURN_WORD}q?)([wxyz0])", re.IGNORECASE)
+_TURN_WORD = rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?){{1,2}}"
+_QUATERNION = re.compile(
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?([wxyz0-3])|{_TURN_WORD}q?([wxyz0]))", re.IGNORECASE
+)
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNORECASE)
 _ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
 _NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
 _ABOUT_AXIS = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:euler|rotvec|{_TURN_WORD}|r){BETWEEN}?([xyz])", re.IGNORECASE
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler(?:{BETWEEN}?angles?)?|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])",
+    re.IGNORECASE,
 )
 _MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
 _MATRIX = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-3])(?:\]\[|[ ,])?([0-3])[\])]?"
-    rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3]))",
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-4])(?:\]\[|[ ,])?([0-4])[\])]?"
+    rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3])"
+    rf"|(?-i:Rot)\[([0-8])\]|(?:{_MATRIX_WORD}|r(?=[\[(])){BETWEEN}?[\[(]?([0-9])[\])]?)",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
 _ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
+_UNITY_ORDER = "yxz"
 _NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
 
 
@@ -77,9 +82,12 @@ def cells_of(matrix: Mapping[str, int]) -> list[int]:
     Parameters
     ----------
     matrix : mapping of str to int
-        Column of each cell, such as ``12``, its row and column counted from 1 or 0.
+        Column of each cell, such as ``12``, its row and column, or ``7``, its number, counted from 1 or 0.
     """
-    for first in (1, 0):
+    for first in (0, 1):
+        flat = [matrix[str(key)] for key in range(first, first + 9) if str(key) in matrix]
+        if len(flat) == 9:
+            return flat
         keys = [f"{row}{column}" for row in range(first, first + 3) for column in range(first, first + 3)]
         if matrix.keys() >= {*keys}:
             return [matrix[key] for key in keys]
@@ -124,11 +132,13 @@ def order_by_words(title: str) -> str:
     """
     if "rotvec" in title.lower():
         return ROTATION_VECTOR
+    if "eulerangles" in title.lower():
+        return _UNITY_ORDER
     return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
 
 
 def cell_of(title: str) -> tuple[str, str] | None:
-    """Return the name, and row and column such as ``12``, of a title of a matrix's cell, or None.
+    """Return the name, and row and column such as ``12``, or the number, of a title of a matrix's cell, or None.
 
     Parameters
     ----------
@@ -136,7 +146,9 @@ def cell_of(title: str) -> tuple[str, str] | None:
         Without quotes.
     """
     match = _MATRIX.fullmatch(title.strip())
-    return (match[1] or "", f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
+    if match and match[6]:  # of Track Manager, column by column
+        return match[1] or "", f"{int(match[6]) % 3}{int(match[6]) // 3}"
+    return (match[1] or "", match[7] or f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
 
 
 def quaternion_of(title: str) -> tuple[str, str] | None:
@@ -148,8 +160,13 @@ def quaternion_of(title: str) -> tuple[str, str] | None:
         Without quotes.
     """
     text = title.strip()
-    if match := _QUATERNION.fullmatch(text) or _QUATERNION_IN_NAME.fullmatch(text):
-        return match[1] or "", match[2].lower().replace("0", "w")
+    if cell_of(text):
+        return None
+    if match := _QUATERNION.fullmatch(text):
+        component = (match[2] or match[3]).lower()
+        return match[1] or "", COMPONENTS[int(component)] if component.isdigit() else component
+    if match := _QUATERNION_IN_NAME.fullmatch(text):
+        return match[1], match[2].lower()
     if match := _QUATERNION_FIRST.fullmatch(text):
         return match[2], match[1].lower().replace("0", "w").replace("o", "w")
     return None

@@ -2,9 +2,12 @@
 
 In OpenSim's files, behind a header that ends with ``endheader``, cells are parted by tabs, and hold ``0.1,0.2,0.3``. In
 others they hold ``(0.1, 0.2, 0.3)`` or ``[0.1 0.2 0.3]``, in quotes or not, below titles that are names of points. Each
-vector is spread over three columns, name_x, name_y, name_z, and the table is read as `skelgen_formats.wide` does.
+vector is spread over three columns, name_x, name_y, name_z, one of four numbers and unit length, as Unity writes
+rotations, over name_qx, name_qy, name_qz, name_qw; and the table is read as `skelgen_formats.wide` does.
 """
 
+import contextlib
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,9 +16,11 @@ from pathlib import Path
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.options import BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.table_heads import HEAD_LINES
 from skelgen_formats.text import is_number, unquoted
+from skelgen_formats.tidy import read_tidy_lines
+from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import read_table
 
@@ -23,6 +28,8 @@ _END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", r
 _VECTOR = re.compile(r"(?:array|Vector3?)?[\[(]{1,3}([^\[\]()]{0,200})[\])]{1,3}")
 _PARTING = re.compile(r"[,;\s]+")
 _DELIMITERS = ";\t,"
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_UNIT_TOLERANCE = 1e-3  # of the length of quaternions
 _PATH_IN_NAME = re.compile(r"(?:.*/)?([^/|]+)(?:\|.*)?")  # of OpenSim's outputs: /markerset/LASI|location
 
 
@@ -47,15 +54,15 @@ def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Po
         raise FormatError(path, 1, "no cells with vectors such as (1.0, 2.0, 3.0) below titles were found")
     names, delimiter = _titles(lines, at)
     first = [_cells(line, delimiter) for line in lines[at : at + HEAD_LINES]]
-    sizes = [
-        max((len(row[column].split()) for row in first if column < len(row)), default=0) for column in range(len(names))
-    ]
-    are_vectors = [size == len(AXES) for size in sizes]
-    others = [name for name, size in zip(names, sizes, strict=True) if size > len(AXES)]
-    text = "\n".join(_spread(path, lines, at, delimiter, are_vectors))
-    take = read_table(path, Lines(path, text.encode(), "utf-8"), options)
-    left_out = [f"vectors of more than three numbers are left out: {', '.join(others[:8])}"] if others else []
-    return replace(take, notices=(*left_out, *take.notices))
+    columns = [[row[column].split() for row in first if column < len(row)] for column in range(len(names))]
+    sizes, ends = [max(map(len, column), default=0) for column in columns], [_ends(column) for column in columns]
+    others = [name for name, size, end in zip(names, sizes, ends, strict=True) if size > len(AXES) and not end]
+    text = "\n".join(_spread(path, lines, at, delimiter, ends))
+    spread = Lines(path, text.encode(), "utf-8")
+    take = (read_table if find_tidy_head(spread) is None else read_tidy_lines)(path, spread, options)
+    notices = [f"vectors of more than three numbers are left out: {', '.join(others[:8])}"] if others else []
+    notices += ["vectors of four numbers are taken as quaternions x, y, z, w"] if _QUATERNION in ends else []
+    return replace(take, notices=(*notices, *take.notices))
 
 
 def _first_row(lines: Sequence[str]) -> int | None:
@@ -90,26 +97,39 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip().strip('"') for cell in unquoted(plain, delimiter).split(delimiter)]
 
 
-def _spread(path: Path, lines: Lines, at: int, delimiter: str, are_vectors: Sequence[bool]) -> Iterator[str]:
-    """Yield the lines with three columns for each vector, parted by tabs; those above the titles as they are."""
+def _ends(cells: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return how the titles of a column's numbers end: those of a vector, a quaternion, or none."""
+    size = max(map(len, cells), default=0)
+    lengths = []
+    for cell in (cell for cell in cells if size == len(cell) == len(_QUATERNION)):
+        with contextlib.suppress(ValueError):
+            lengths.append(math.hypot(*map(float, cell)))
+    if lengths and all(abs(length - 1.0) < _UNIT_TOLERANCE for length in lengths):
+        return _QUATERNION
+    return tuple(AXES) if size == len(AXES) else ()
+
+
+def _spread(path: Path, lines: Lines, at: int, delimiter: str, ends: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Yield the lines with columns of such ends for each vector, parted by tabs; those above the titles as they are."""
     for index in range(at - 1):
         yield "" if lines[index].strip(",;\t ") == _END_OF_HEADER else lines[index]
     names, _ = _titles(lines, at)
-    titled = [[f"{_plain(name)}_{axis}" for axis in AXES] for name in names]
-    yield "\t".join(_row(titled, names, are_vectors))
+    titled = [[f"{_plain(name)}_{end}" for end in some] for name, some in zip(names, ends, strict=True)]
+    yield "\t".join(_row(titled, names))
     for index in range(at, len(lines)):
         cells = _cells(lines[index], delimiter)
         if any(cells) and len(cells) != len(names):
             raise FormatError(path, index + 1, f"{len(cells)} cells where {len(names)} belong; the file may be cut off")
-        unseen = [""] * len(AXES)
-        vectors = [cell.split() if len(cell.split()) == len(AXES) else unseen for cell in cells]
-        yield "\t".join(_row(vectors, cells, are_vectors)) if any(cells) else ""
+        parts = [cell.split() for cell in cells]
+        vectors = [
+            part if len(part) == len(some) else [""] * len(some) for part, some in zip(parts, ends, strict=False)
+        ]
+        yield "\t".join(_row(vectors, cells)) if any(cells) else ""
 
 
-def _row(vectors: Sequence[list[str]], cells: Sequence[str], are_vectors: Sequence[bool]) -> list[str]:
-    """Return the cells of a row, vectors as three of them."""
-    every = zip(vectors, cells, are_vectors, strict=True)
-    return [part for vector, cell, is_vector in every for part in (vector if is_vector else [cell])]
+def _row(vectors: Sequence[list[str]], cells: Sequence[str]) -> list[str]:
+    """Return the cells of a row, those of vectors as their numbers."""
+    return [part for vector, cell in zip(vectors, cells, strict=False) for part in vector or [cell]]
 
 
 def _plain(name: str) -> str:
@@ -119,7 +139,8 @@ def _plain(name: str) -> str:
 
 
 def _has_vectors(head: bytes, path: Path) -> bool:
-    return _first_row(decoded_head(head).splitlines()[:HEAD_LINES]) is not None
+    is_json = head.lstrip().startswith((b"{", b"["))
+    return not is_json and _first_row(decoded_head(head).splitlines()[:HEAD_LINES]) is not None
 
 
 FORMAT = Format(
@@ -129,6 +150,6 @@ FORMAT = Format(
     holds="markers",
     sniff=_has_vectors,
     read=read_vectors,
-    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
+    options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT),
     note="A vector per cell: .sto of OpenSim with DataType=Vec3, or (1.0, 2.0, 3.0) as scripts write lists.",
 )

@@ -26,7 +26,9 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 from skelgen.progress import counted
+from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images
 from skelgen_formats.bodies import (
+    BY_ROWS,
     blank_unseen,
     take_from_bodies,
     transforms_of,
@@ -36,7 +38,6 @@ from skelgen_formats.bodies import (
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
     are_outputs,
-    assumed_mm_per_unit,
     equal_unseen,
     mm_per_unit,
     scaled,
@@ -143,7 +144,7 @@ def _numbers_of(
     path: Path, lines: Lines, head: Head, wanted: Sequence[int], options: Options
 ) -> tuple[Floats, Floats | None]:
     """Return the wanted columns, shape (n_rows, n_wanted), and times [s, or of a unit that no title names], if any."""
-    times = [head.times] if head.times is not None else []
+    times = [head.clock.column] if head.clock else []
     numbered = list(islice(lines.numbered(), head.n_lines))
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
@@ -151,7 +152,7 @@ def _numbers_of(
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
     whole = with_seconds(in_order(padded_rows(numbers, len(lines), head), head), head)
     rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
-    if not times:
+    if not head.clock:
         return rows, None
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
@@ -159,7 +160,7 @@ def _numbers_of(
         some = with_seconds(padded_rows(few, len(lines), replace(head, notices=[])), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
-    return rows[:, :-1], since_first(stamps, head.second)
+    return rows[:, :-1], since_first(stamps, head.clock.second)
 
 
 def since_first(times: Floats, second: float) -> Floats:
@@ -196,10 +197,15 @@ def _take(
 ) -> Trajectories | PointCloud | Poses:
     names = [body.name for body in chosen]
     numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
+    for at, body in enumerate(chosen):
+        if body.unit and head.unit and body.unit != head.unit:
+            factors = [mm_per_unit(path, 1, unit) for unit in (body.unit, head.unit)]
+            numbers[:, at, : len(AXES)] *= factors[0] / factors[1]
     if numbers.shape[2] == len(AXES) * 2:
         first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
     elif numbers.shape[2] == len(AXES) * 4:
+        head.notices += [BY_ROWS] if "8" in chosen[0].matrix else []
         numbers = with_quaternions_of_matrices(path, numbers)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     return replace(take, notices=(*head.notices, *take.notices))
@@ -228,21 +234,24 @@ def take_from_table(
     """
     notices: list[str] = []
     numbers = np.array(numbers, dtype=np.float64)
+    numbers[np.isinf(numbers)] = np.nan
     if numbers.shape[2] > len(AXES):
         bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
         return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
+    if not unit and options.recorded_unit == AUTO:
+        notice_images(positions, notices)
     computed = None if options.points == ALL_POINTS else are_outputs(names)
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices, computed)
 
 
 def _lost_unseen(bodies: Floats) -> Floats:
-    """Make bodies NaN at exactly (0, 0, 0), where trackers put one that they lost, but one that never leaves it."""
+    """Make bodies NaN at (0, 0, 0), where trackers put one that they lost and that leaves it, or with no rotation."""
     at_origin = (bodies[:, :, : len(AXES)] == 0.0).all(axis=2)
     leaves = (~at_origin & ~np.isnan(bodies[:, :, 0])).any(axis=0)
-    bodies[at_origin & leaves] = np.nan
+    bodies[(at_origin & leaves) | (bodies[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
     return bodies
 
 
@@ -321,7 +330,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
                 raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
             chosen, are_bodies = _chosen(head, options)
             wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-            names = [titles[column] for column in [*wanted, *([] if head.times is None else [head.times])]]
+            names = [titles[column] for column in [*wanted, *([head.clock.column] if head.clock else [])]]
             twice = [name for name in names if titles.count(name) > 1]
             if twice:
                 raise FormatError(path, "", f"two columns are called {twice[0]}")
@@ -334,7 +343,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
         raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
-    times = None if head.times is None else since_first(numbers[:, -1], head.second)
+    times = since_first(numbers[:, -1], head.clock.second) if head.clock else None
     return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
 
 

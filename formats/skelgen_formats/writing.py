@@ -180,7 +180,7 @@ _GRAVITY = 9.80665  # m/s^2, the standard
 
 UPRIGHTABLE = replace(
     AXES,
-    help="Axes of the world: as recorded; auto: what is found to be up is up as the format has it; or turned by hand.",
+    help="Which axis is up: as recorded; auto turns what is found to be up to where the format has it; z-to-y, y-to-z.",
     choices=(*TURNS, AUTO),
 )
 UPRIGHT = replace(UPRIGHTABLE, default=AUTO)

@@ -42,8 +42,11 @@ def with_correction(project: Project, correction: Correction) -> Project:
     Raises
     ------
     InputError
-        If it names a marker that does not exist, says what is so already, or contradicts another one.
+        If it names a marker or a frame that does not exist, says what is so already, or contradicts another one.
     """
+    last = max(correction.first_frame or 0, correction.last_frame or 0)
+    if last >= project.take.n_frames:
+        raise InputError(f"{correction.kind}: there is no frame {last}; the last one is {project.take.n_frames - 1}")
     if correction.kind == "move" and project.has("limbs"):
         correction = _with_whole_limb(project, correction)
     if project.has("labels"):

@@ -143,9 +143,11 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
         parts = body_files(with_segment_names(project, chosen.bone_names), path)
         for part, _ in parts:
             entry.check(part, chosen)
+        written = [file for _, target in parts for file in entry.files(target, chosen)]
+        check_outputs(written, (recording_of(project),), written)
     except SkelgenError as error:
         return Preview(obstacle=str(error))
-    files = tuple(Planned(file, file.exists()) for _, target in parts for file in entry.files(target, chosen))
+    files = tuple(Planned(file, file.exists()) for file in written)
     contents = [_contents(part, entry, chosen.rate) for part, _ in parts]
     if len(parts) > 1:
         contents = [f"{name.name}: {one}" for (_, name), one in zip(parts, contents, strict=True)]
@@ -177,10 +179,11 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     """
     marking = (registry.marking_sentence(entry, path) + ".",) if options.filled else ()
     lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
-    losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
+    losses = (f"{entry.title} cannot hold {listed(lost)}.",) if lost else ()
     choices = choices_in(project) if "joints" in entry.keeps or entry.marks_open else ()
     if choices and not entry.marks_open:
-        choices = (*choices, f"{entry.title} has no place to say that of its joints; a summary-json beside it does.")
+        what = "has no place to say that of its joints: write a summary (summary-json) beside it, which does"
+        choices = (*choices, f"{entry.title} {what}.")
     called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)
     resting = remarks_on_rest(project, options.rest)
     return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)

@@ -222,7 +222,8 @@ def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT
         check_outputs(planned, (recording_of(project),), planned)
     files = [file for part, path in parts for file in write_any(part, path, target.format, **target.options)]
     remarked = [(part, path) for part, path in parts if isinstance(part, Project)] or [(project, target.path)]
-    return (*project.take.notices, *_remarks(remarked, target)), files
+    read_now = () if _is_project(find_result(source.path), source.format) else project.take.notices
+    return (*read_now, *_remarks(remarked, target)), files
 
 
 def _writer_options(target: NamedFile) -> set[str]:

@@ -274,6 +274,7 @@ _R = TypeVar("_R")
 _KINDS: Mapping[str, tuple[type, ...]] = {
     "format": (str,),
     "identities": (Identities, Path, str),
+    "index": (int,),
     "inputs": (Iterable,),
     "joined": (Iterable,),
     "kind": (str,),

@@ -176,7 +176,7 @@ def check_outputs(
         if not output.exists():
             continue
         if any(output.samefile(path) for path in given):
-            raise WriteError(f"{output} is read by this command and would be replaced; choose another name or folder")
+            raise WriteError(f"{output} is what is read, and would be replaced; choose another name or folder")
         if not overwrite and output not in free:
             what = "is there already and was not named; remove it, choose another name, or say --overwrite"
             raise WriteError(f"{output} {what}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from skelgen.app.constraints import joints_of_person
 from skelgen.model import Limbs, Project, Topology
+from skelgen.model.limbs import with_names_of_limbs
 from skelgen.progress import Monitor
 
 if TYPE_CHECKING:
@@ -62,10 +63,10 @@ class HeldNotices:
         """Keep a notice."""
         self._notices.append(sentence)
 
-    def release(self) -> None:
-        """Pass the kept notices on."""
+    def release(self, limbs: Limbs | None = None) -> None:
+        """Pass the kept notices on, with the names of limbs where these are known by now."""
         for sentence in self._notices:
-            self._monitor.notice(sentence)
+            self._monitor.notice(sentence if limbs is None else with_names_of_limbs(sentence, limbs))
 
 
 def with_segments(

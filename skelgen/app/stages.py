@@ -30,7 +30,7 @@ from skelgen.app.inputs import (
 )
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
-from skelgen.app.stated_bodies import bodies_by_joints
+from skelgen.app.stated_bodies import bodies_by_joints, near_limbs
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -194,7 +194,9 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
 
     n_limbs = options.n_limbs or stated_number(project, "n_limbs")
     stated = limb_constraints(project, settings.limbs.marker_set, monitor)
-    find = partial(find_limbs, parameters=settings.limbs, n_limbs=n_limbs, seed=project.seed, monitor=monitor)
+    is_open = settings.limbs.method == "rigidity" and settings.limbs.n_bodies < 2
+    first = None if is_open else n_limbs
+    find = partial(find_limbs, parameters=settings.limbs, n_limbs=first, seed=project.seed, monitor=monitor)
     split = project.labelling.split if project.has_labelling else ()
     held = HeldNotices(monitor)
     limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
@@ -202,13 +204,19 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     if parted is not None:
         stated, held = parted, HeldNotices(monitor)
         limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
-    prior = None
-    if settings.limbs.marker_set == "auto" and n_limbs is None:
+    if settings.limbs.marker_set == "auto" and first is None:
         prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)
-    if prior is None:
-        held.release()
-    else:
-        limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior))
+        if prior is not None:
+            held = HeldNotices(monitor)
+            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior, monitor=held))
+    if n_limbs not in {None, limbs.n_limbs}:
+        held, near = HeldNotices(monitor), near_limbs(project.trajectories.names, limbs, split, stated, n_limbs)
+        find = partial(find, n_limbs=n_limbs, monitor=held)
+        try:
+            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
+        except InputError:  # the limbs that are found cannot be parted into so few
+            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
+    held.release()
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
@@ -294,7 +302,8 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         return SkeletonResult(replace(skeleton, limb_names=project.limbs.names), motion)
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    types, parameters = joint_types(project, monitor), settings.skeleton
+    held = HeldNotices(monitor)  # limbs get their names at the end
+    types, parameters = joint_types(project, held), settings.skeleton
     if settings.limbs.marker_set == "none":
         parameters = replace(parameters, known_build=False)
     skeleton, motion = fit_skeleton(
@@ -302,10 +311,11 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
         project.limbs,
         project.topology,
         parameters.with_joint_types(types) if types else parameters,
-        monitor=monitor,
+        monitor=held,
         are_poses=isinstance(project.take, Poses),
     )
     names = names_in_motion(project, skeleton, motion, marker_set_of(project), monitor)
+    held.release(replace(project.limbs, names=names))
     return SkeletonResult(with_joint_names(project, replace(skeleton, limb_names=names)), motion)
 
 

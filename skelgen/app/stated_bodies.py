@@ -1,12 +1,15 @@
-"""Bodies of which the number is stated and that stay too near each other to be parted by distances: joints part them.
+"""Bodies and limbs of which the number is stated.
 
-Limbs are found as if all were one body, with the joints between them. Two bodies are held together by no joint, so that
-the joints that fit worst are those between bodies.
+Bodies that stay too near each other to be parted by distances are parted by joints: limbs are found as if all were one
+body, with the joints between them. Two bodies are held together by no joint, so that the joints that fit worst are
+those between bodies. A number of limbs is reached from the limbs that are found: some are merged, or some parted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +71,34 @@ def bodies_by_joints(
         f"{parted.gap_ratio:.1f} times the gap of any other joint"
     )
     return replace(stated, bodies=bodies, body_probability=parted.probability)
+
+
+def near_limbs(
+    names: Sequence[str], limbs: Limbs, split: Sequence[Sequence[str]], stated: LimbConstraints, n_limbs: int
+) -> LimbConstraints:
+    """Return constraints by which another number of limbs only merges, or only parts, those that are found.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the markers.
+    limbs : Limbs
+        Those that are found.
+    split : sequence of sequence of str
+        Names of parts of one marker, of which the first stands for it.
+    stated : LimbConstraints
+        What the user states.
+    n_limbs : int
+        The number that is stated.
+    """
+    parts = {name for group in split for name in group[1:]}
+    kept = [name not in parts for name in names]
+    markers = [
+        [names[marker] for marker in limbs.markers_of(limb).tolist() if kept[marker]] for limb in range(limbs.n_limbs)
+    ]
+    if n_limbs < limbs.n_limbs:
+        return replace(stated, together=(*stated.together, *(group for group in markers if len(group) > 1)))
+    return replace(stated, apart=(*stated.apart, *(pair for two in combinations(markers, 2) for pair in product(*two))))
 
 
 def _across(as_one: Limbs, limbs: Limbs) -> Bools:

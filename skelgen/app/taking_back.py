@@ -4,15 +4,62 @@ from dataclasses import replace
 
 import numpy as np
 
-from skelgen.app.configuration import Settings
+from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.corrections import EDITS, is_by_subject, without_correction
+from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.subject import run_with_subject
+from skelgen.errors import InputError
 from skelgen.model import Limbs, Project, Skeleton
 from skelgen.model.arrays import Bools
 from skelgen.model.corrections import names_after
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import stated_positions
 from skelgen.stages.subject import reposed_subject
+
+
+@with_checked_arguments
+def take_back(
+    project: Project, index: int, parameters: ParameterValues = None, monitor: Monitor | None = None
+) -> Project:
+    """Take back something that you stated with `skelgen.correct`; later runs no longer obey it.
+
+    Parameters
+    ----------
+    project : Project
+        Its ``corrections`` say what was stated.
+    index : int
+        Which of them, from 0; -1 is the last.
+    parameters : mapping, Path or str, optional
+        As for `skelgen.reconstruct`, where a calibrated skeleton labels the take again.
+    monitor : Monitor, optional
+        Receives progress and notices; may cancel.
+
+    Returns
+    -------
+    Project
+        Results that rested on it are dropped, and `reconstruct` finds them anew; a calibrated skeleton that labelled
+        the take stays.
+
+    Raises
+    ------
+    InputError
+        If there is no such correction.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+    >>> project = skelgen.correct(project, "root", project.trajectories.names[:1])
+    >>> [correction.sentence for correction in project.corrections]
+    ['the limb of middle rod 1 is the root']
+    >>> skelgen.take_back(project, 0).corrections
+    ()
+    """
+    n_stated = len(project.corrections)
+    if not -n_stated <= index < n_stated:
+        there = f"0 to {n_stated - 1}" if n_stated else "none"
+        raise InputError(f"there is no correction {index} that could be taken back; there are {there}")
+    return taken_back(project, index % n_stated, Settings(parameters), monitor or SILENT)
 
 
 def taken_back(project: Project, index: int, settings: Settings | None = None, monitor: Monitor = SILENT) -> Project:

@@ -1,11 +1,11 @@
-"""Commands around files: `convert`, `info`, `evaluate`, `compare`, `formats`, `config`, `report`, `view`, `fill`."""
+"""Commands around files and projects: `convert`, `info`, `evaluate`, `compare`, `report`, `fill`, `correct` ..."""
 
 import importlib
 import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +22,9 @@ from skelgen.cli.screen import (
 )
 from skelgen.errors import InputError, ParameterError
 from skelgen.parameters import ParameterValue
+
+if TYPE_CHECKING:
+    from skelgen.model import Project
 
 OutputFile = Annotated[
     Path,
@@ -287,6 +290,10 @@ def fill(
     show_files(screen, files)
 
 
+_KINDS_HELP = (
+    "What is stated. Of markers: merge, split, rename, delete, swap, confirm, smooth, fill. Of limbs, named by their "
+    "markers: together, apart, move, name, join, part, root, name-joint, kind. Numbers: n_markers, n_limbs."
+)
 _MODULE = "skelgen_gui.main"  # found by name: the command line does not depend on the window
 
 
@@ -308,38 +315,65 @@ def gui(
 
 def correct(
     result: ProjectFile,
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="What is stated: rename, merge, fill, smooth, …")],
+    kind: Annotated[str, typer.Argument(metavar="[KIND]", help=_KINDS_HELP, show_default=False)] = "",
     names: Annotated[
         list[str] | None, typer.Argument(metavar="MARKER", help="Markers that it is about.", show_default=False)
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Project to write.", show_default=False)
-    ] = Path(),
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Project to write.", show_default=False)
+    ] = None,
     value: Annotated[
         str, typer.Option("--value", metavar="VALUE", help="Name, type, number, Hz, or way of filling.")
     ] = "",
     frames: Annotated[
         str, typer.Option("--frames", metavar="FIRST-LAST", help="Where it holds.", show_default="whole take")
     ] = "",
+    listed: Annotated[bool, typer.Option("--list", help="List what is stated so far, with its numbers.")] = False,
+    back: Annotated[
+        int | None, typer.Option("--take-back", metavar="N", help="Take back what has this number in the list.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """State something that you know better, as the window's corrections do; later runs and exports obey it."""
+    """State something that you know better, or take it back, as the window's corrections do; later runs obey it."""
     from skelgen.app import face
     from skelgen.app.outputs import check_outputs
     from skelgen.app.project_file.archive import find_result, save_project
+    from skelgen.app.taking_back import take_back
     from skelgen.model.project import STAGES
 
-    if output == Path():
+    if bool(kind) + listed + (back is not None) != 1:
+        raise ParameterError("give one of three: the KIND of what you state, --list, or --take-back N")
+    source = find_result(result)
+    if listed:
+        return _show_corrections(Screen(quiet), face.load(source))
+    if output is None:
         raise ParameterError("say where the corrected project goes: --output FILE.skelgen")
+    span = _span(frames)
+    check_outputs((output,), (source,), (output,))
+    screen, project = Screen(quiet), face.load(source)
+    with screen.watching() as monitor:
+        corrected = (
+            face.correct(project, kind, names or (), value, span)
+            if back is None
+            else take_back(project, back, monitor=monitor)
+        )
+    stated = corrected.corrections[-1].sentence if back is None else f"taken back: {project.corrections[back].sentence}"
+    dropped = [stage for stage in STAGES if project.has(stage) and not corrected.has(stage)]
+    again = [f"to be run again: {', '.join(dropped)} (skelgen run {output})"] if dropped else []
+    screen.note((stated, *again))
+    show_files(screen, [save_project(corrected, output)])
+
+
+def _show_corrections(screen: Screen, project: "Project") -> None:
+    rows = [{"number": n, "stated": one.sentence, "obeyed by": one.stage} for n, one in enumerate(project.corrections)]
+    if rows:
+        screen.table("Corrections", rows)
+    else:
+        screen.say("nothing is stated yet")
+
+
+def _span(frames: str) -> tuple[int | None, int | None]:
     first, hyphen, last = frames.partition("-")
     if not all(not part or part.isdecimal() for part in (first, last)) or (frames and not hyphen):
         raise ParameterError(f"--frames {frames}: a first and a last frame with a hyphen between them belong there")
-    source = find_result(result)
-    check_outputs((output,), (source,), (output,))
-    project = face.load(source)
-    span = int(first) if first else None, int(last) if last else None
-    corrected = face.correct(project, kind, names or (), value, span)
-    screen = Screen(quiet)
-    dropped = [stage for stage in STAGES if project.has(stage) and not corrected.has(stage)]
-    screen.note((corrected.corrections[-1].sentence, *(["to be run again: " + ", ".join(dropped)] if dropped else [])))
-    show_files(screen, [save_project(corrected, output)])
+    return int(first) if first else None, int(last) if last else None

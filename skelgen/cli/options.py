@@ -5,11 +5,14 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 from skelgen.parameters import Declaration, StageParameters
+
+if TYPE_CHECKING:
+    from skelgen_formats.options import Option
 
 _Value = TypeVar("_Value")
 _ASKED = "_SKELGEN_COMPLETE"
@@ -196,15 +199,23 @@ def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
 
     from skelgen.app.files import readable_formats
 
-    found: dict[str, inspect.Parameter] = {}
-    for entry in readable_formats() if reading else [entry for entry in known_formats() if entry.write is not None]:
+    formats = readable_formats() if reading else [entry for entry in known_formats() if entry.write is not None]
+    offered: dict[str, dict[str, Option]] = {}
+    for entry in formats:
         for option in entry.options:
-            if not (option.reading if reading else option.writing):
-                continue
-            text = f"{entry.name}: {option.help}" + (f" ({' | '.join(option.choices)})" if option.choices else "")
-            kind = type(option.default) if option.default is not None else str
-            found.setdefault(option.name, _option(option.name, kind, text, option.default, panel))
-    return list(found.values())
+            if option.reading if reading else option.writing:
+                offered.setdefault(option.name, {})[entry.name] = option
+    return [_shared_option(name, by_format, panel) for name, by_format in offered.items()]
+
+
+def _shared_option(name: str, by_format: "Mapping[str, Option]", panel: str) -> inspect.Parameter:
+    """The option of one or several formats, told as by the one that has most choices."""
+    richest = max(by_format.values(), key=lambda option: len(option.choices))
+    choices = f" ({' | '.join(richest.choices)})" if richest.choices else ""
+    text = f"{richest.help.rstrip('.')}{choices}. For {', '.join(by_format)}."
+    defaults = {option.default for option in by_format.values()}
+    default = richest.default if len(defaults) == 1 else "as the format has it"
+    return _option(name, str if richest.default is None else type(richest.default), text, default, panel)
 
 
 def _option(name: str, kind: type, text: str, default: object, panel: str) -> inspect.Parameter:

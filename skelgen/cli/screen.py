@@ -104,7 +104,7 @@ class Screen:
         table = Table(title=Text(title), title_justify="left", title_style="bold")
         for name in rows[0]:
             numeric = all(isinstance(row.get(name), int | float | None) for row in rows)
-            table.add_column(Text(_heading(name)), justify="right" if numeric else "left")
+            table.add_column(Text(_heading(name)), justify="right" if numeric else "left", overflow="fold")
         for row in rows:
             table.add_row(*(Text(printable(_cell(row.get(name)))) for name in rows[0]))
         Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
@@ -207,11 +207,13 @@ def _heading(name: str) -> str:
 def _cell(value: object) -> str:
     if value is None:
         return _MISSING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         shown = 0.0 if abs(value) <= _ROUNDING else value
         return f"{shown:.4g}" if 0 < abs(shown) < 0.01 else f"{shown:.3f}"
     if isinstance(value, list | tuple):
-        return ", ".join(_cell(item) for item in value)
+        return ", ".join(f"{item:.4g}" if isinstance(item, float) else _cell(item) for item in value)
     return str(value)
 
 
@@ -228,10 +230,11 @@ _KINDS = {"points": ("point",), "markers": ("marker",), "poses": ("body", "bodie
 """What one, and several, of what a take holds are called."""
 
 _MOST_ASKED = 3  # questions; all are in the JSON and more in the report
-_LONG = (
-    "not_determined",
-    "to_do",
-)  # sentences: they are said as notes while the stages run, and are too long for a column
+_ELSEWHERE = {
+    *("cost_mm2", "margin_mm2", "rival", "rival_probability", "child_std_mm", "axis", "axis_std_deg"),
+    *("is_determined", "not_determined", "to_do"),
+}
+"""Columns that no terminal has room for: they stand in the JSON and in the report; sentences are said as notes, too."""
 
 
 def show_take(screen: Screen, facts: TakeFacts) -> None:
@@ -263,7 +266,7 @@ def show_project(screen: Screen, tables: ProjectTables) -> None:
         _show_labelling(screen, tables["labelling"])
     found = cast("Mapping[str, Sequence[Row]]", tables)
     for key, title in _TITLES.items():
-        rows = [{name: value for name, value in row.items() if name not in _LONG} for row in found.get(key, ())]
+        rows = [{name: value for name, value in row.items() if name not in _ELSEWHERE} for row in found.get(key, ())]
         rows = [] if key == "bodies" and len(rows) == 1 else rows
         screen.table(title, rows)
     if "residuals" in tables:

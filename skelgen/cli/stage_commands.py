@@ -307,7 +307,7 @@ def _run_and_write(screen: Screen, project: Project, work: _Work, target: _Targe
 
     inputs = (*target.inputs, recording_of(project))
     check_run(target.folder, (target.stem, target.result_name), inputs, overwrite=target.overwrite)
-    screen.note(project.take.notices)
+    screen.note(() if project.reports else project.take.notices)  # a project with results has told them before
     with screen.watching() as monitor:
         project = work(project, monitor)
         files = write_outputs(project, target.folder, target.stem, result_name=target.result_name, monitor=monitor)

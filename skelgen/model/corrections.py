@@ -10,6 +10,7 @@ import numpy as np
 from skelgen.errors import FormatError, InputError, SkelgenError
 from skelgen.model.arrays import Floats, check_whole, set_fields
 from skelgen.model.limbs import body_and_limb
+from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.progress import listed
 
 SAME_PLACE = 1e-3
@@ -154,15 +155,15 @@ class Correction:
             raise InputError(f"{self.kind}: frames {first} to {last} are none")
         if rule.needs_value != bool(self.value.strip()):
             raise InputError(f"{self.kind}: a value {'is missing' if rule.needs_value else 'has no meaning'}")
-        if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
-            raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
-
         self._check_value()
 
     def _check_value(self) -> None:
         """Refuse values that a kind does not know."""
         if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
             raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
+        stated_types = [kind for kind in JOINT_TYPES if kind != "undetermined"]
+        if self.kind == "kind" and self.value not in stated_types:
+            raise InputError(f"kind: {self.value!r} is no type of a joint; there are {', '.join(stated_types)}")
         if self.kind == "fill" and self.value not in FILL_METHODS:
             raise InputError(f"fill: {self.value!r} is no way of filling; there are {', '.join(FILL_METHODS)}")
         if self.kind == "fill":

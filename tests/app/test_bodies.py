@@ -1,6 +1,7 @@
 """A take of several bodies: a project and a file for each."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -147,6 +148,7 @@ def test_what_bodies_look_like_is_told_of_each(two_people):
     project = skelgen.reconstruct(bare)
     told = " ".join(project.reports["skeleton"].notices)
     assert all(f"the limbs of {body.name} are those of a person" in told for body in project.bodies)
+    assert not re.search(r"limbs? \d", told)
 
 
 def test_a_tool_beside_rods_is_the_second_body_where_two_are_stated():

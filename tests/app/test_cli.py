@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import skelgen
 from skelgen.app.configuration import parameters_class, write_defaults
 from skelgen.app.project_file.archive import open_project
 from skelgen.cli import main
-from skelgen.cli.options import parameter_options, reader_options
+from skelgen.cli.options import parameter_options, reader_options, writer_options
 from skelgen.model import Trajectories
 from skelgen.model.project import STAGES
 
@@ -125,7 +126,8 @@ class TestRunning:
     def test_info_of_a_project_shows_its_results(self, done, capsys):
         capsys.readouterr()
         assert main(["info", str(done / "wave.skelgen")]) == 0
-        assert "limb0-limb1" in capsys.readouterr().out
+        shown = capsys.readouterr().out
+        assert "limb0-limb1" in shown and "…" not in shown
 
     def test_report_goes_beside_the_project(self, done):
         (done / "wave.html").unlink()
@@ -180,10 +182,24 @@ def test_convert_says_what_the_format_cannot_hold(small_project, tmp_path, capsy
     source = str(tmp_path / "walk.skelgen")
     assert main(["convert", source, str(tmp_path / "walk.bvh"), "--unit", "cm"]) == 0
     said = " ".join(capsys.readouterr().err.split())
-    assert "BVH does not hold" in said
+    assert "BVH cannot hold" in said
     assert "lengths are in cm" in said
     assert main(["convert", source, str(tmp_path / "copy.skelgen")]) == 0
-    assert "does not hold" not in capsys.readouterr().err
+    assert "cannot hold" not in capsys.readouterr().err
+
+
+def test_convert_repeats_no_note_of_the_reader_of_a_project(small_project, tmp_path, capsys):
+    noted = replace(small_project, take=replace(small_project.take, notices=("read with a guess",)))
+    skelgen.write(noted, tmp_path / "noted.skelgen")
+    assert main(["convert", str(tmp_path / "noted.skelgen"), str(tmp_path / "noted.bvh")]) == 0
+    assert "BVH cannot hold" in (said := capsys.readouterr().err) and "read with a guess" not in said
+
+
+def test_a_stage_repeats_no_note_of_the_reader_of_a_project(waving, tmp_path, capsys):
+    noted = replace(waving, notices=("read with a guess",))
+    skelgen.write(skelgen.reconstruct(noted, until="labels"), tmp_path / "noted.skelgen")
+    assert main(["limbs", str(tmp_path / "noted.skelgen")]) == 0
+    assert "read with a guess" not in capsys.readouterr().err
 
 
 def test_convert_gives_options_of_both_sides_to_the_file_written(tmp_path, monkeypatch, capsys):
@@ -208,7 +224,7 @@ def test_convert_writes_dropouts_of_csm_as_it_is_told(tmp_path, monkeypatch):
 
 def test_convert_says_that_labels_are_lost(wave, tmp_path, capsys):
     assert main(["convert", wave, "wave.mfml"]) == 0
-    assert "does not hold the names of the markers" in " ".join(capsys.readouterr().err.split())
+    assert "cannot hold the names of the markers" in " ".join(capsys.readouterr().err.split())
 
 
 def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
@@ -364,6 +380,11 @@ def test_long_error_loses_its_middle(tmp_path, capsys):
     sentence = capsys.readouterr().err.strip().removeprefix(f"skelgen: error: {path}")
     assert len(sentence) <= 310
     assert "does not name" in sentence or "where the line above names" in sentence
+
+
+def test_help_tells_all_formats_and_choices_of_an_option_that_formats_share():
+    axes = next(option for option in writer_options() if option.name == "axes").default
+    assert "z-to-y" in axes.help and "auto" in axes.help and "bvh" in axes.help and "opensim" in axes.help
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
+import skelgen
 from skelgen.app.corrections import place_of, with_correction, without_correction
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import open_project, save_project
+from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.model import Project, Trajectories
 from skelgen.model.corrections import RULES, Correction
@@ -292,14 +295,14 @@ SENTENCES = {
     "part": "the limbs of a and b are not joined",
     "root": "the limb of a is the root",
     "name-joint": "the joint between the limbs of a and b is called x",
-    "kind": "the joint between the limbs of a and b is of the type x",
+    "kind": "the joint between the limbs of a and b is of the type hinge",
 }
 
 
 @pytest.mark.parametrize("kind", RULES)
 def test_every_kind_says_what_it_means(kind):
     rule = RULES[kind]
-    values = {"n_markers": "3", "n_limbs": "3", "smooth": "6", "fill": "spline"}
+    values = {"n_markers": "3", "n_limbs": "3", "smooth": "6", "fill": "spline", "kind": "hinge"}
     value = values.get(kind, "x") if rule.needs_value else ""
     assert Correction(kind, tuple("abc"[: rule.least]), value=value).sentence == SENTENCES[kind]
 
@@ -307,3 +310,56 @@ def test_every_kind_says_what_it_means(kind):
 def test_frames_are_said_too():
     correction = Correction("swap", ("a", "b"), 3, None)
     assert correction.sentence == "a and b change places, from frame 3 to the end"
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    """Three rods with a stated root and all stages done, in a file."""
+    folder = tmp_path_factory.mktemp("rods")
+    stated = Correction("root", ("rear rod 1",))
+    project = run_stages(Project(simulate("rods", n_frames=100).take, corrections=(stated,)))
+    return save_project(project, folder / "stated.skelgen")
+
+
+def test_what_is_stated_is_listed_and_taken_back_by_its_number(rods, tmp_path, capsys):
+    target = tmp_path / "back.skelgen"
+    assert main(["correct", str(rods), "--list"]) == 0
+    assert re.search(r"0 .* the limb of rear rod 1 is the root .* joints", capsys.readouterr().out)
+    assert main(["correct", str(rods), "--take-back", "0", "-o", str(target)]) == 0
+    assert f"to be run again: joints, skeleton (skelgen run {target})" in " ".join(capsys.readouterr().err.split())
+    back = skelgen.load(target)
+    assert back.corrections == () and back.has("limbs") and not back.has("joints")
+    assert main(["correct", str(target), "--list"]) == 0
+    assert "nothing is stated" in capsys.readouterr().out
+
+
+def test_what_was_never_stated_cannot_be_taken_back(rods, tmp_path, capsys):
+    for index in (1, -2):
+        with pytest.raises(InputError, match=f"no correction {index} .* there are 0 to 0"):
+            skelgen.take_back(skelgen.load(rods), index)
+    assert main(["correct", str(rods), "--take-back", "7", "-o", str(tmp_path / "back.skelgen")]) == 2
+    assert main(["correct", str(rods), "root", "rear rod 1", "--take-back", "0"]) == 2
+    assert "--take-back N" in capsys.readouterr().err
+
+
+def test_the_last_correction_is_taken_back_by_minus_one(rods):
+    twice = skelgen.correct(skelgen.load(rods), "rename", ["rear rod 1"], "tip")
+    assert [one.kind for one in skelgen.take_back(twice, -1).corrections] == ["root"]
+
+
+def test_help_of_the_command_names_every_kind(capsys):
+    assert main(["correct", "--help"]) == 0
+    words = set(re.findall(r"[\w-]+", capsys.readouterr().out))
+    assert set(RULES) - words == set()
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "value", "frames", "said"),
+    [
+        ("kind", ["rear rod 1", "middle rod 1"], "knee", (None, None), "'knee' is no type of a joint; there are ball"),
+        ("delete", ["rear rod 1"], "", (5, 100), "no frame 100; the last one is 99"),
+    ],
+)
+def test_what_no_run_could_obey_is_refused_when_it_is_stated(rods, kind, names, value, frames, said):
+    with pytest.raises(InputError, match=said):
+        skelgen.correct(skelgen.load(rods), kind, names, value, frames)

@@ -17,6 +17,7 @@ from skelgen.app.export import (
     obstacle_to,
     preview_export,
 )
+from skelgen.app.files import NamedFile, open_input
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 
@@ -119,12 +120,12 @@ def test_what_is_lost_is_said(small_project, tmp_path):
         return preview_export(small_project, entry, export_path(tmp_path, "walk", entry), options).remarks
 
     assert remarks("joints-csv") == (
-        "Joint positions, CSV does not hold the positions of the markers, the names of the markers, which marker is on "
+        "Joint positions, CSV cannot hold the positions of the markers, the names of the markers, which marker is on "
         "which limb, the angles of the joints with their deviations, types and axes of the joints, how sure the joints "
         "are and how the limbs turn.",
     )
     assert remarks("classic-xml") == (
-        "Skeleton and motion, XML does not hold the angles of the joints with their deviations.",
+        "Skeleton and motion, XML cannot hold the angles of the joints with their deviations.",
         "Skeleton and motion, XML is written without tracked markers and joints before the fit; the detail `all` has "
         "them.",
     )
@@ -197,7 +198,7 @@ def test_long_tables_have_a_column_of_joints_that_motion_determines(with_open_jo
 
 def test_bvh_says_that_it_has_no_place_for_joints_left_open(with_open_joint, tmp_path):
     remarks = preview_export(with_open_joint, entry_of("bvh"), tmp_path / "x.bvh", {}).remarks
-    assert any("a summary-json beside it does" in sentence for sentence in remarks)
+    assert any("a summary (summary-json) beside it" in sentence for sentence in remarks)
 
 
 @pytest.mark.parametrize("name", ["cal3d", "opensim", "gltf", "usd", "c3d-joints", "summary-json", "classic-xml"])
@@ -314,3 +315,11 @@ def test_a_folder_without_rights_is_a_sentence(small_project, tmp_path, monkeypa
     with pytest.raises(WriteError, match=r"out: cannot be (created|written): Permission denied"):
         export_project(small_project, entry, export_path(tmp_path / "out", "walk", entry), {})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_export_that_would_replace_the_recording_is_an_obstacle_before_it_begins(small_project, tmp_path):
+    entry, path = entry_of("trc"), tmp_path / "walk.trc"
+    export_project(small_project, entry, path, {})
+    recorded = open_input(NamedFile(path))
+    assert "is what is read" in preview_export(recorded, entry, path, {}).obstacle
+    assert not preview_export(recorded, entry, tmp_path / "other.trc", {}).obstacle

@@ -227,5 +227,5 @@ def test_scripts_may_run_twice_and_replace_no_stranger(folder):
 
 
 def test_export_never_replaces_the_recording(folder):
-    with pytest.raises(WriteError, match=r"walk\.trc is read by this command"):
+    with pytest.raises(WriteError, match=r"walk\.trc is what is read"):
         export_project(skelgen.load("walk.skelgen"), find_format("trc"), folder / "walk.trc", {})

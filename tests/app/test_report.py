@@ -19,7 +19,7 @@ from skelgen.app.drawing.scales import envelope, limb_colour, ramp_rgba, ticks
 from skelgen.app.drawing.wording import as_many_as_fit, digits, duration, percent
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
-from skelgen.app.report.pictures import png_uri
+from skelgen.app.report.pictures import cost_figure, png_uri
 from skelgen.app.report.skeleton import tree_figure
 from skelgen.errors import WriteError
 from skelgen.model import Limbs, PointCloud, Poses, Project, StageReport, Topology, Trajectories
@@ -370,3 +370,13 @@ def test_joints_of_the_tree_that_motion_leaves_open_are_coloured_and_say_who_pla
     assert "<title>joint J0: its place is a choice</title>" in tree
     assert "<title>joint J1: placed by the marker set</title>" in tree
     assert tree.count('class="small doubtful"') == 2
+
+
+def test_colours_of_costs_begin_at_the_dearest_joint_that_is_kept():
+    project = build_project()
+    parents = project.topology.parents
+    costs = np.full((len(parents), len(parents)), 4e9)
+    for child, parent in enumerate(parents.tolist()):
+        costs[child, parent] = costs[parent, child] = 7.0
+    drawn = cost_figure(replace(project, _topology=replace(project.topology, joint_costs=costs)))
+    assert "≤ 7<" in drawn

@@ -34,6 +34,23 @@ def test_limbs_and_tree_are_those_of_the_set(walking):
     assert edges_of(project) <= {frozenset(pair) for pair in PARENTS.items()}
 
 
+def test_the_number_of_limbs_that_are_found_changes_nothing_when_it_is_stated(walking):
+    found = skelgen.reconstruct(walking.take, until="limbs").limbs
+    stated = skelgen.reconstruct(walking.take, until="limbs", n_limbs=found.n_limbs).limbs
+    np.testing.assert_array_equal(stated.limb_of_marker, found.limb_of_marker)
+    assert stated.names == found.names
+
+
+@pytest.mark.parametrize("more", [-2, 2])
+def test_another_number_of_limbs_merges_or_parts_those_that_are_found(walking, more):
+    take = replace(walking.take, names=tuple(f"m{marker}" for marker in range(walking.take.n_markers)))
+    found = skelgen.reconstruct(take, until="limbs").limbs
+    stated = skelgen.reconstruct(take, until="limbs", n_limbs=found.n_limbs + more).limbs
+    assert stated.n_limbs == found.n_limbs + more
+    pairs = set(zip(found.limb_of_marker.tolist(), stated.limb_of_marker.tolist(), strict=True))
+    assert len(pairs) == max(found.n_limbs, stated.n_limbs)
+
+
 def test_joints_that_motion_alone_does_not_determine_are_placed_by_the_set(walking):
     project = skelgen.reconstruct(walking.take)
     placed = {joint.child for joint in project.skeleton.joints if joint.is_placed_by_marker_set}

@@ -11,7 +11,6 @@ import pytest
 import skelgen
 from skelgen.app.several_takes import calibrate_together
 from skelgen.app.subject import run_with_subject
-from skelgen.app.taking_back import taken_back
 from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
@@ -258,7 +257,7 @@ def test_a_take_that_a_skeleton_labelled_keeps_it_when_a_correction_is_taken_bac
     stated = skelgen.correct(stated, "swap", ["tip", second], frames=(50, 80))
     stated = skelgen.correct(stated, "split", [third], "glove", frames=(150, None))
     for _ in range(3):
-        stated = taken_back(stated, 0)
+        stated = skelgen.take_back(stated, 0)
     assert stated.trajectories.names == project.trajectories.names
     np.testing.assert_array_equal(stated.trajectories.positions, project.trajectories.positions)
     np.testing.assert_allclose(stated.motion.world_from_limb, project.motion.world_from_limb, atol=1e-6)
@@ -270,7 +269,7 @@ def test_taking_back_what_a_skeleton_decides_changes_no_result(folder):
     take = skelgen.read(folder / "walk.mfml")
     stated = Project(take, corrections=(Correction("n_limbs", value="2"),))
     project = run_with_subject(stated, skelgen.load(folder / "rom"))
-    before = taken_back(project, 0)
+    before = skelgen.take_back(project, 0)
     assert before.skeleton is project.skeleton and not before.corrections
     assert not any("not obeyed" in notice for notice in before.reports["labels"].notices)
 

@@ -117,9 +117,11 @@ MORE_SEEDS = {
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
-    "qualisys-mat": ("packed.mat", "struct.mat"),
-    "wide-csv": ("angles.csv", "flags.csv"),
-    "vector-csv": ("vectors.sto",),
+    "qualisys": ("skeleton.tsv",),
+    "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
+    "tidy-csv": ("blanks.txt", "long.csv", "tf.csv"),
+    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
+    "vector-csv": ("vectors.sto", "turns.csv"),
 }
 """Further sound files of a format."""
 
@@ -198,9 +200,20 @@ def _tables(folder: Path, take: Trajectories) -> None:
     savemat(
         folder / "struct.mat", {"markers": points, "info": {"freq": 100.0, "who": np.array(["a", "b"], dtype=object)}}
     )
+    places, turns = np.zeros((3, 2, N_FRAMES)), np.ones((4, 2, N_FRAMES)) / 2
+    skeleton = {"SegmentLabels": np.array(["a", "b"], dtype=object), "PositionData": places, "RotationData": turns}
+    savemat(folder / "skeleton.mat", {"walk": {"FrameRate": take.rate, "Skeletons": skeleton}})
+    elements = np.array([*points.items()], dtype=[("name", object), ("xyz", object)])
+    savemat(folder / "cells.mat", {"markers": elements, "FRAME_RATE": np.array([[100.0]], dtype=object)})
     np.savez(folder / "turned.npz", points=take.positions.transpose(2, 1, 0), labels=take.names, rate=take.rate)
     np.savez(folder / "poses.npz", poses=np.tile(np.eye(4), (N_FRAMES, 3, 1, 1)))
-    for name in ("qualisys-mat.mat", "packed.mat", "struct.mat"):  # the header holds the time
+    for name in (
+        "qualisys-mat.mat",
+        "packed.mat",
+        "struct.mat",
+        "cells.mat",
+        "skeleton.mat",
+    ):  # the header holds the time
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + content[116:])
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
@@ -266,6 +279,10 @@ _TEXT_SEEDS = {
     "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
     "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
     "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",
+    "skeleton.tsv": "NO_OF_FRAMES\t2\nFREQUENCY\t85\nREFERENCE\tGLOBAL\nSCALE\t1.00000\nSOLVER\tAnimation\n"
+    "Frame\tTime\tHips\tX\tY\tZ\tQX\tQY\tQZ\tQW\tSpine\tX\tY\tZ\tQX\tQY\tQZ\tQW\n"
+    "1\t0.0\t\t10\t20\t900\t0\t0\t0\t1\t\t11\t20\t1000\t0\t0\t0.6\t0.8\n"
+    "2\t0.01\t\t10\t20\t900\t0\t0\t0\t1\t\t\t\t\t\t\t\t\n",
     "motive.csv": "Format Version,1.23,Take Name,walk,Export Frame Rate,120.0,Total Exported Frames,2,"
     "Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
     ",,Rigid Body,Marker,Marker,Marker,Marker,Marker,Marker\n"
@@ -286,8 +303,22 @@ _TEXT_SEEDS = {
     "0.0,1.5,2.5,3.5,10,20,30,4.5,5.5,6.5,0,0,0\n0.02,1.6,2.6,3.6,11,21,31,,,,,,\n",
     "flags.csv": "time,id,a_x,a_y,a_z,a_valid,r11,r12,r13,r21,r22,r23,r31,r32,r33,b_tx,b_ty,b_tz\n"
     "12:00:00.00,1,1.5,2.5,3.5,1,1,0,0,0,1,0,0,0,1,4,5,6\n12:00:00.02,1,1.6,2.6,3.6,0,1,0,0,0,1,0,0,0,1,4,5,6\n",
+    "stamps.csv": "sec,nanosec,a.name,a.pose.position.x,a.pose.position.y,a.pose.position.z,"
+    + ",".join(f"a.pose.rot_{k}" for k in range(9))
+    + "\n7,990000000,hip,1,2,3,1,0,0,0,1,0,0,0,1\n8,0,hip,1.5,2,3,0,-1,0,1,0,0,0,0,1\n8,10000000,hip,,,,,,,,,,,,\n",
+    "euroc.csv": "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m],"
+    " q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []\n"
+    "1403636580838555648,4.6,-1.7,0.7,0.6,0.8,0,0\n1403636580843555328,4.7,-1.7,0.7,0,0,0,0\n",
+    "long.csv": "time,bodypart,axis,value_mm\n"
+    + "".join(f"{frame / 50},{name},{axis},{frame}.5\n" for frame in range(2) for name in "ab" for axis in "xyz"),
+    "tf.csv": "sec,nanosec,frame_id,tx,ty,tz,qx,qy,qz,qw\n7,990000000,hip,1,2,3,0,0,0,1\n"
+    "7,990000000,toe,1,2,3,0,0,0.6,0.8\n8,10000000,hip,1,2,3,0,0,0,1\n8,10000000,toe,1,2,3,0,0,0,1\n",
+    "blanks.txt": "# frame time marker x y z valid\n"
+    "0 0.00 7 1.5 2.5 3.5 1\n0 0.00 8 4.5 5.5 6.5 0\n1 0.02 7 1.6 2.6 3.6 1\n",
     "vector-csv.csv": 't,"nose","tail","hand"\n0.0,"(1.5, 2.5, 3.5)","(4.5, 5.5, 6.5)",None\n'
     '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
+    "turns.csv": "t;a.position;a.rotation;b.position;b.rotation\n"
+    "0;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);(0, 0, 0.6, 0.8)\n0.02;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);None\n",
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",

@@ -327,9 +327,10 @@ def beside(one: np.ndarray, other: np.ndarray, apart: float) -> np.ndarray:
 def with_false_points(take: Take, random: np.random.Generator) -> Take:
     """A take with points of no marker around the body, the first of their frame."""
     cloud = take.cloud
-    counts = random.poisson(FALSE_POINTS, cloud.n_frames)
+    counts = np.where(cloud.points_per_frame > 0, random.poisson(FALSE_POINTS, cloud.n_frames), 0)
     frames = np.repeat(np.arange(cloud.n_frames), counts)
-    centre = np.add.reduceat(cloud.points, cloud.frame_starts[:-1]) / cloud.points_per_frame[:, np.newaxis]
+    sums = np.cumsum(np.append(np.zeros((1, 3)), cloud.points, axis=0), axis=0)[cloud.frame_starts]
+    centre = np.diff(sums, axis=0) / np.maximum(cloud.points_per_frame, 1)[:, np.newaxis]
     false = centre[frames] + random.uniform(-FALSE_REACH, FALSE_REACH, (len(frames), 3))
     where = cloud.frame_starts[frames]
     starts = cloud.frame_starts + np.concatenate([[0], np.cumsum(counts)])

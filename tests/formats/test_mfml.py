@@ -40,7 +40,7 @@ def test_id_width_is_found_and_said(cloud, tmp_path, width):
     path = tmp_path / "cloud.mfml"
     write_file(cloud, path, id_width=width)
     back = read_take(path)
-    assert f"with numbers of {width} bytes, times in " in back.notices[0]
+    assert f"ids of points as {width} bytes" in back.notices[0]
     np.testing.assert_array_equal(back.points, cloud.points)
     np.testing.assert_array_equal(back.frame_starts, cloud.frame_starts)
     np.testing.assert_allclose(back.times, cloud.times, atol=HALF_MICROSECOND)

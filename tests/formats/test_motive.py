@@ -166,3 +166,15 @@ def test_last_number_that_may_be_cut_is_left_out(put, motive_text):
     assert read_take(put("cut.csv", motive_text.removesuffix("72\r\n"))).n_frames == 3  # nothing says that it is cut
     announced = motive_text.replace("Frames,3", "Frames,4").removesuffix("2\r\n")
     assert read_take(put("cut2.csv", announced)).n_frames == 2
+
+
+def test_local_coordinates_beside_markers_are_told(edited, motive_text):
+    take = read_take(edited("local.csv", motive_text, "Coordinate Space,Global", "Coordinate Space,Local"))
+    assert any("coordinates are local" in notice for notice in take.notices)
+
+
+def test_export_without_its_first_line_is_read_by_its_titles_and_times(put, motive_text):
+    take = read_take(put("cut.csv", motive_text.partition("\r\n\r\n")[2]))
+    assert (take.names, take.rate) == (("LKNE", "RKNE"), pytest.approx(120.0, rel=1e-2))
+    np.testing.assert_allclose(take.positions[0], FIRST_MM, atol=EXACT)
+    assert any("metres are assumed" in notice for notice in take.notices)

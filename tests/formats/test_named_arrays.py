@@ -83,3 +83,53 @@ def test_structs_and_arrays_of_matlab_are_read(tmp_path, held):
     take = read_take(tmp_path / "points.mat")
     assert (list(take.names), take.rate) == (NAMES, pytest.approx(50.0))
     np.testing.assert_array_equal(take.positions, POSITIONS)
+
+
+def cell(value: object) -> np.ndarray:
+    """A cell array of one, as Visual3D puts around each signal."""
+    held = np.empty((1, 1), dtype=object)
+    held[0, 0] = value
+    return held
+
+
+RESIDUALS = np.zeros((N_FRAMES, 1))
+ELEMENTS = [(name, POSITIONS[:, n]) for n, name in enumerate(NAMES)]
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {name: cell(np.hstack([POSITIONS[:, n], RESIDUALS])) for n, name in enumerate(NAMES)}
+        | {"FRAME_RATE": cell(50.0), "FILE_NAME": cell("a.c3d")},
+        {"data": {name: {"line": POSITIONS[:, n], "event": {}} for n, name in enumerate(NAMES)}, "freq": 50.0},
+        {"markers": np.array(ELEMENTS, dtype=[("name", object), ("xyz", object)]), "fs": 50.0},
+        {name: POSITIONS[:, n] for n, name in enumerate(NAMES)} | {"grf": np.ones((N_FRAMES * 10, 3)), "fs": 50.0},
+    ],
+    ids=("Visual3D", "biomechZoo", "a struct of several elements", "beside forces"),
+)
+def test_structs_and_cells_of_programs_are_read(tmp_path, held):
+    savemat(tmp_path / "points.mat", held)
+    take = read_take(tmp_path / "points.mat")
+    assert (list(take.names), take.rate) == (NAMES, pytest.approx(50.0))
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert any("arrays left out: grf" in notice for notice in take.notices) == ("grf" in held)
+
+
+def test_poses_of_theia_are_bodies(tmp_path):
+    poses = np.tile(np.eye(4), (N_FRAMES, len(NAMES), 1, 1))
+    poses[..., :3, 3] = POSITIONS / 1e3
+    held = {f"{name}_4X4": cell(np.hstack([poses[:, n].reshape(-1, 16), RESIDUALS])) for n, name in enumerate(NAMES)}
+    savemat(tmp_path / "theia.mat", held | {"FRAME_RATE": cell(85.0)})
+    take = read_take(tmp_path / "theia.mat")
+    assert (list(take.names), take.rate) == (NAMES, pytest.approx(85.0))
+    np.testing.assert_allclose(take.world_from_body[..., :3, 3], POSITIONS)
+
+
+@pytest.mark.parametrize("key", ["body_pos_w", "position", "joint_positions"])
+def test_positions_are_told_from_velocities_by_their_name(tmp_path, key):
+    arrays = {key: POSITIONS, "body_lin_vel_w": np.gradient(POSITIONS, axis=0)}
+    np.savez(tmp_path / "robot.npz", body_names=NAMES, fps=50, **arrays)
+    take = read_take(tmp_path / "robot.npz")
+    assert list(take.names) == NAMES
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert "arrays left out: body_lin_vel_w" in take.notices

@@ -153,3 +153,10 @@ def test_blocks_without_frames_or_names_are_refused(refused, put):
     head = "Trajectories\n100\n,,A:LASI,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
     assert "holds no frame" in refused(put("a.csv", head))
     assert "not exported" in refused(put("b.csv", head.replace("A:LASI", "") + "1,0,1,2,3\n"))
+
+
+def test_trajectories_whose_first_lines_are_cut_off_are_a_wide_table(put):
+    path = put("cut.csv", TRAJECTORIES.partition("100,,,,,,,\n")[2])
+    take = read_take(path)
+    assert (recognise(path).name, take.names) == ("wide-csv", ("LASI", "RASI"))
+    np.testing.assert_array_equal(take.positions[0], FIRST)

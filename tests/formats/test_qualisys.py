@@ -124,3 +124,30 @@ def test_table_that_a_spreadsheet_saved_is_read(put, qualisys_text, delimiter):
     )
     assert saved.names == whole.names
     np.testing.assert_array_equal(saved.positions, whole.positions)
+
+
+def test_export_of_velocities_is_refused_with_advice(refused, edited, qualisys_text):
+    assert "holds VELOCITY; export the 3D data" in refused(
+        edited("v.tsv", qualisys_text, "INCLUDED\t3D", "INCLUDED\tVelocity")
+    )
+
+
+SEGMENTS = (
+    "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t12\nFREQUENCY\t85\nTIME_STAMP\t\nREFERENCE\tGLOBAL\nSCALE\t1.00000\n"
+    "SOLVER\tAnimation\nFrame\tTime\tHips\tX\tY\tZ\tQX\tQY\tQZ\tQW\tSpine\tX\tY\tZ\tQX\tQY\tQZ\tQW\n"
+    "1\t0.0\t\t10\t20\t900\t0\t0\t0\t1\t\t11\t20\t1000\t0\t0\t0.6\t0.8\n"
+    "2\t0.01176\t\t10\t20\t900\t0\t0\t0\t1\t\t\t\t\t\t\t\t\n"
+)
+
+
+def test_segments_of_a_skeleton_are_bodies(put):
+    take = read_take(put("walk_s_Ann.tsv", SEGMENTS))
+    assert (take.names, take.rate) == (("Hips", "Spine"), 85.0)
+    np.testing.assert_allclose(take.world_from_body[0, 1, :3, 3], [11, 20, 1000])
+    np.testing.assert_allclose(take.world_from_body[0, 1, :2, 0], [0.28, 0.96])
+    assert np.isnan(take.world_from_body[:, :, 0, 0]).tolist() == [[False, False], [False, True]]
+
+
+def test_segments_in_coordinates_of_their_parents_are_refused_with_advice(refused, put):
+    sentence = refused(put("local.tsv", SEGMENTS.replace("GLOBAL", "LOCAL")))
+    assert "export the skeleton with the reference Global" in sentence

@@ -76,3 +76,42 @@ def test_file_that_is_cut_off_is_refused(refused, put, size):
 def test_numbers_that_unpack_to_far_more_than_the_file_are_refused(refused, put):
     zeros = {"Labeled": {"Labels": LABELS, "Data": np.zeros((2, 4, 500_000))}}
     assert "far more numbers" in refused(put("bomb.mat", content(compressed=True, Trajectories=zeros)))
+
+
+def test_file_of_version_7_3_says_what_to_type(refused, put):
+    sentence = refused(put("walk.mat", b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n"))
+    assert "load('walk.mat'), and save('walk_7.mat', '-v7')" in sentence
+
+
+TURN = np.array([[0.28, -0.96, 0], [0.96, 0.28, 0], [0, 0, 1]])  # about z, of which (0, 0, 0.6, 0.8) is the quaternion
+SKELETON = {
+    "SkeletonName": "Ann",
+    "Reference": "Global",
+    "SegmentLabels": np.array(["Hips", "Spine"], dtype=object),
+    "PositionData": np.broadcast_to(np.arange(6.0).reshape(3, 2, 1), (3, 2, 5)),
+    "RotationData": np.broadcast_to(np.array([0, 0, 0.6, 0.8]).reshape(4, 1, 1), (4, 2, 5)),
+}
+RIGID = {
+    "Bodies": 2,
+    "Name": np.array(["Hips", "Spine"], dtype=object),
+    "Positions": np.broadcast_to(np.arange(6.0).reshape(3, 2).T[..., np.newaxis], (2, 3, 5)),
+    "Rotations": np.broadcast_to(TURN.T.reshape(1, 9, 1), (2, 9, 5)),
+}
+
+
+@pytest.mark.parametrize("held", [{"Skeletons": SKELETON}, {"RigidBodies": RIGID}])
+def test_bodies_are_read_where_there_are_no_trajectories(put, held):
+    take = read_take(put("bodies.mat", content(Trajectories=[], **held)))
+    assert (take.names, take.rate) == (("Hips", "Spine"), 200.0)
+    np.testing.assert_allclose(take.world_from_body[3, 1, :3], np.column_stack([TURN, [1, 3, 5]]), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("held", "sentence"),
+    [
+        ({"Skeletons": SKELETON | {"Reference": "Local"}}, "with the reference Global"),
+        ({"RigidBodies": RIGID | {"Positions": np.zeros((3, 3))}}, "export the 3D data"),
+    ],
+)
+def test_bodies_that_cannot_be_read_say_what_to_export(refused, put, held, sentence):
+    assert sentence in refused(put("bodies.mat", content(Trajectories=[], **held)))

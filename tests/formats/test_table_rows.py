@@ -35,7 +35,14 @@ def test_rows_of_people_that_take_turns_are_refused(refused, put):
 
 @pytest.mark.parametrize(
     "times",
-    [("12:00:59.98", "12:01:00.00"), ("2024-05-06T12:00:59.98Z", "2024-05-06T12:01:00Z"), ("0.98", "1.00")],
+    [
+        ("12:00:59.98", "12:01:00.00"),
+        ("2024-05-06T12:00:59.98Z", "2024-05-06T12:01:00Z"),
+        ("0.98", "1.00"),
+        ("0.98 sec", "1 sec"),
+        ("0 days 00:00:59.98", "0 days 00:01:00"),
+        ("5/6/2024 12:59:59.98 PM", "5/6/2024 1:00:00 PM"),
+    ],
 )
 @pytest.mark.parametrize("titles", ["time,a_x,a_y,a_z,b_x,b_y,b_z", "time,marker,x,y,z"])
 def test_times_of_a_clock_tell_the_rate(put, times, titles):
@@ -69,3 +76,9 @@ def test_frame_numbers_that_go_back_are_told(put):
     rows = "".join(f"{frame},1,2,3,4,5,6\n" for frame in (1, 2, 3, 1, 2, 3))
     take = read_take(put("blocks.csv", f"frame_idx,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
     assert sum("frame numbers go back in line 5" in notice for notice in take.notices) == 1
+
+
+def test_times_that_cannot_be_read_state_no_rate(put):
+    rows = "".join(f"01:02:03:{frame:02},1,2,3,4,5,6\n" for frame in range(3))
+    take = read_take(put("code.csv", f"time,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
+    assert any("100 Hz is assumed" in notice for notice in take.notices)

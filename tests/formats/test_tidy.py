@@ -68,6 +68,9 @@ def test_rows_that_cannot_be_read_are_told(refused, put, row, sentence):
         ("frame,marker,pos_x,pos_y,pos_z", "{0},{1},{2},{3},{4}"),
         ("Frame,Time (ms),Marker Name,X (mm),Y (mm),Z (mm)", "{0},{0}0,{1},{2},{3},{4}"),
         ("frame,marker_id,x_mm,y_mm,z_mm", "{0},{1},{2},{3},{4}"),
+        ("frame,marker,pos_x_mm,pos_y_mm,pos_z_mm", "{0},{1},{2},{3},{4}"),
+        ("frame,marker,Position X (mm),Position Y (mm),Position Z (mm)", "{0},{1},{2},{3},{4}"),
+        ("frame,marker,x_coord,y_coord,z_coord", "{0},{1},{2},{3},{4}"),
         ("id;frame_no;x;y;z", "{1};{0};{2};{3};{4}"),
         ("video_frame,segment,x_mm,y_mm,z_mm", "{0},{1},{2},{3},{4}"),
     ],
@@ -117,3 +120,67 @@ def test_comments_may_stand_above_the_titles_and_rows_that_repeat_a_point_are_to
     take = read_take(put("points.csv", content))
     assert (take.names, take.n_frames) == (("knee", "ankle"), 3)
     assert any("1 row is of a point that its frame has already" in notice for notice in take.notices)
+
+
+def test_blanks_may_part_cells(put):
+    content = "# frame time marker x y z cond\n" + "".join(
+        f"{frame} {frame / 480:.6f} {marker} 100 200.5 300 4\n" for frame in range(3) for marker in (7, 8)
+    )
+    take = read_take(put("phase.txt", content))
+    assert (take.n_frames, take.names, take.rate) == (3, ("7", "8"), pytest.approx(480, rel=1e-3))
+
+
+def test_row_with_more_words_than_titles_is_refused_where_blanks_part_cells(refused, put):
+    assert ":3:" in refused(put("words.txt", "frame name x y z\n1 a 1 2 3\n1 left hand 1 2 3\n"))
+
+
+def test_names_count_before_numbers_of_points(put):
+    rows = "0,4,11,nose,1,2,3\n0,4,12,ear,1,2,4\n"
+    assert read_take(put("joints.csv", "frame,id,joint,joint_name,x,y,z\n" + rows)).names == ("nose", "ear")
+
+
+@pytest.mark.parametrize("title", ["handedness", "type"])
+def test_points_that_a_frame_has_twice_are_parted_by_their_side(put, title):
+    """As MediaPipe's hands; where each point is there once, such a column may be another in every row."""
+    rows = [f"{frame},{side},{point},1,{frame},{point}" for frame in (1, 2) for side in ("l", "r") for point in (0, 1)]
+    titles = f"frame,{title},landmark_index,x,y,z\n"
+    take = read_take(put("hands.csv", titles + "\n".join(rows)))
+    assert take.names == ("l_0", "l_1", "r_0", "r_1")
+    assert not any("already" in notice for notice in take.notices)
+    once = read_take(put("once.csv", titles + "1,seen,0,1,2,3\n1,seen,1,1,2,4\n2,filled,0,1,2,3\n2,seen,1,1,2,4\n"))
+    assert once.names == ("0", "1")
+
+
+@pytest.mark.parametrize("titles", ["frame,marker,axis,value", "frame,bodypart,coord,position_mm"])
+def test_coordinates_may_stand_in_a_row_each(put, titles):
+    rows = "".join(
+        f"{frame},{name},{axis},{10 * place + frame}\n"
+        for frame in (1, 2)
+        for place, name in ((1, "hip"), (2, "toe"))
+        for axis in "xzy"[: 3 - (frame == 2 and place == 2)]
+    )
+    take = read_take(put("long.csv", f"{titles}\n{rows}"), **({} if "mm" in titles else {"recorded_unit": "mm"}))
+    assert take.names == ("hip", "toe")
+    np.testing.assert_array_equal(take.positions[0], [[11] * 3, [21] * 3])
+    assert take.seen.tolist() == [[True, True], [True, False]]
+    assert not any("already" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("titles", ["time,frame_id", "stamp.sec,stamp.nanosec,child_frame_id", "time,child"])
+def test_frames_of_ros_are_the_names_of_bodies(put, titles):
+    times = ["0", "0.02"] if "nano" not in titles else ["7,990000000", "8,10000000"]
+    rows = "".join(f"{time},{name},1,2,3,0,0,0,1\n" for time in times for name in ("hip", "toe"))
+    take = read_take(put("tf.csv", f"{titles},tx,ty,tz,qx,qy,qz,qw\n{rows}"))
+    assert (take.names, take.n_frames, take.rate) == (("hip", "toe"), 2, pytest.approx(50.0))
+
+
+def test_frame_ids_that_are_numbers_count_frames(put):
+    take = read_take(put("ids.csv", "frame_id,marker,x,y,z\n1,a,1,2,3\n1,b,1,2,4\n2,a,1,2,3\n2,b,1,2,4\n"))
+    assert (take.names, take.n_frames) == (("a", "b"), 2)
+
+
+def test_position_may_stand_in_one_cell(put):
+    rows = "".join(f'{frame},{name},"[1.0, 2.0, {frame}.5]"\n' for frame in (1, 2) for name in "ab")
+    take = read_take(put("lists.csv", f"frame,name,position\n{rows}"), recorded_unit="mm")
+    assert take.names == ("a", "b")
+    np.testing.assert_array_equal(take.positions[:, 0], [[1, 2, 1.5], [1, 2, 2.5]])

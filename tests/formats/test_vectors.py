@@ -46,3 +46,14 @@ def test_vector_that_is_unseen_in_the_first_row_is_a_point(put):
 def test_row_that_is_too_short_is_refused_with_its_line(refused, put):
     message = refused(put("short.csv", "time;knee;toe\n0;(1, 2, 3);(4, 5, 6)\n0.02;(1, 2, 3)\n"))
     assert message.startswith(":3: 2 cells where 3 belong")
+
+
+def test_vectors_of_four_are_the_quaternions_of_bodies(put):
+    """As Unity prints them."""
+    titles = "Time;Head.position;Head.rotation;Hand.position;Hand.rotation"
+    rows = "".join(f"0.0{n};(0.1, 1.5, 0.2);(0, 0, 0, 1);(0.4, 1.0, 0.2);(0, 0, 0.6, 0.8)\n" for n in range(3))
+    take = read_take(put("unity.csv", f"{titles}\n{rows}"))
+    assert take.names == ("Head", "Hand")
+    np.testing.assert_allclose(take.world_from_body[0, 1, :2, [0, 3]], [[0.28, 0.96], [400, 1000]])
+    left_out = read_take(put("colours.csv", f"{titles}\n{rows}".replace("(0, 0, 0.6, 0.8)", "(1, 1, 0.6, 0.8)")))
+    assert any("left out: Hand.rotation" in notice for notice in left_out.notices)

@@ -387,3 +387,85 @@ def test_quoted_titles_may_hold_what_parts_cells(put):
     take = read_take(put("quoted.csv", f"__time,{titles}\n0,1,2,3,400,500,600\n0.01,1,2,3,400,500,600\n"))
     assert (take.rate, take.names) == (100.0, ("knee  left", "hip  left"))
     np.testing.assert_array_equal(take.positions[0, 1], [400, 500, 600])
+
+
+def test_derivatives_and_channels_of_force_plates_are_no_points(put):
+    """As D-Flow writes force plates."""
+    names = ("LASI.Pos", "RASI.Pos", "FP1.Cop", "FP1.For", "FP2.Mom", "hand_jerk")
+    titles = ",".join(f"{name}{axis}" for name in names for axis in "XYZ")
+    take = read_take(put("dflow.csv", f"{titles}\n0.1,0.9,0,-0.1,0.9,0,{'700,' * 12}\n"))
+    assert take.names == ("LASI", "RASI")
+    assert take.positions[0, 0].tolist() == [100, 900, 0]
+
+
+def test_directions_beside_points_are_left_out(put):
+    titles = ",".join(f"{name}_{axis}" for name in ("head", "hand", "gaze") for axis in "xyz")
+    rows = "".join(f"0.1,1.6,0.{n},0.4,1.1,0.{n},0,0.6,0.8\n" for n in range(3))
+    take = read_take(put("gaze.csv", f"{titles}\n{rows}"))
+    assert take.names == ("head", "hand")
+    assert any("directions" in notice and "gaze" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "\"('{n}', '{a}')\"",
+        "{n} {a}-axis",
+        "{n}_{a}coord",
+        "{n} {a}-Koordinate [mm]",
+        "Pos_{a}_{n}",
+        "{n}_{a}_3d",
+        "{n}_{a}_filtered",
+        "{n}_{a} (millimeters)",
+        "{n}_{a}__mm",
+        "{n}|{a}",
+        "{n}: {a}",
+    ],
+)
+def test_axes_may_be_spelt_in_other_ways(put, title):
+    titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("spelt.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_points_in_the_usual_spelling_count_before_raw_ones(put):
+    raw = "a_x_raw,a_y_raw,a_z_raw"
+    assert read_take(put("raw.csv", f"a_x,a_y,a_z,b_x,b_y,b_z,{raw}\n{rows(after=',7,8,9')}")).names == ("a", "b")
+
+
+@pytest.mark.parametrize("names", ["nose,,,tail.base,,", ",nose,,,tail.base,", ",,nose,,,tail.base"])
+def test_name_may_stand_over_any_of_its_columns(put, names):
+    take = read_take(put("merged.csv", f"{names}\nX,Y,Z,X,Y,Z\n{rows()}"))
+    assert take.names == ("nose", "tail.base")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_points_without_names_are_numbered_and_this_is_told(put):
+    take = read_take(put("nameless.csv", f"Frame,X,Y,Z,X,Y,Z\n{rows('{},')}"))
+    assert take.names == ("0", "1")
+    assert any("points are numbered" in notice for notice in take.notices)
+
+
+def test_columns_may_have_different_units(put):
+    titles = "a_x_mm,a_y_mm,a_z_mm,b_x_m,b_y_m,b_z_m"
+    take = read_take(put("units.csv", f"{titles}\n1,2,3,0.004,0.005,0.006\n"))
+    np.testing.assert_allclose(take.positions[0], [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize("gap", [".", "missing", "undefined", "inf", "<NA>"])
+def test_other_words_stand_for_gaps_too(put, gap):
+    content = f"a_x,a_y,a_z,b_x,b_y,b_z\n101,102,103,{gap},{gap},{gap}\n101,102,103,104,105,106\n"
+    assert read_take(put("gaps.csv", content)).seen.tolist() == [[True, False], [True, True]]
+
+
+def test_strokes_may_part_cells(put):
+    take = read_take(
+        put("strokes.txt", "nose_x|nose_y|nose_z|tail.base_x|tail.base_y|tail.base_z\n" + rows(delimiter="|"))
+    )
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_deviations_of_positions_are_no_points(put):
+    titles = "a_x,a_y,a_z,b_x,b_y,b_z,b_std_x,b_std_y,b_std_z"
+    assert read_take(put("std.csv", f"{titles}\n" + rows(after=",1,2,3"))).names == ("a", "b")

@@ -22,6 +22,8 @@ def two_rows(titles: str, cells: str) -> str:
         "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
         "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
         "{n}-px,{n}-py,{n}-pz,{n}-qx,{n}-qy,{n}-qz,{n}-qw",
+        "{n}_pos_x,{n}_pos_y,{n}_pos_z,"
+        "{n}_orientation_Quat_x,{n}_orientation_Quat_y,{n}_orientation_Quat_z,{n}_orientation_Quat_w",
     ],
 )
 def test_points_with_quaternions_are_bodies(put, titles):
@@ -158,3 +160,83 @@ def test_axes_of_a_body_without_its_position_are_no_points(refused, put):
     content = "X1,X2,X3,Y1,Y2,Y3,Z1,Z2,Z3\n" + "0.6,-0.8,0,0.8,0.6,0,0,0,1\n" * 2
     assert "axes of a body without its position" in refused(put("axes.csv", content))
     assert read_take(put("points.csv", content.replace("0.6,-0.8", "0.6,-0.9"))).names == ("1", "2", "3")
+
+
+ASL = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+
+
+@pytest.mark.parametrize("more", ["", ", v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1]"])
+def test_trajectory_of_euroc_is_a_body(put, more):
+    rows = "".join(f"{stamp},1,2,3,0.6,0,0,0.8{',0' * more.count('x') * 3}\n" for stamp in (10**18, 10**18 + 5_000_000))
+    take = read_take(put("data.csv", f"{ASL}{more}\n{rows}"))
+    assert (take.names, take.rate) == (("body",), pytest.approx(200.0))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [1000, 2000, 3000])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [-0.28, 0.96])
+
+
+def test_body_without_a_rotation_is_unseen(put):
+    take = read_take(put("data.csv", f"{ASL}\n1000000000,1,2,3,0,0,0,0\n1010000000,1,2,3,1,0,0,0\n"))
+    assert np.isnan(take.world_from_body[:, 0, 0, 0]).tolist() == [True, False]
+
+
+QUARTER = [0, -1, 0, 1, 0, 0, 0, 0, 1]  # Rz(90), row by row
+
+
+@pytest.mark.parametrize(
+    ("cell", "first", "by_rows"),
+    [("{n}_rot_{k}", 0, True), ("{n} R({k})", 1, True), ("{n}_dcm{k}", 0, True), ("{n} Rot[{k}]", 0, False)],
+)
+def test_matrices_of_numbered_cells_turn_bodies(put, cell, first, by_rows):
+    """Track Manager calls cells Rot[0] to Rot[8], column by column."""
+    titles = "{n}_x,{n}_y,{n}_z," + ",".join(cell.replace("{k}", str(k)) for k in range(first, first + 9))
+    matrix = np.reshape(QUARTER, (3, 3))
+    cells = ",".join(map(str, (matrix if by_rows else matrix.T).ravel()))
+    take = read_take(put("flat.csv", two_rows(titles, f"100,2,3,{cells},400,5,6,{cells}")))
+    np.testing.assert_allclose(take.world_from_body[:, :, :3, :3], np.broadcast_to(matrix, (2, 2, 3, 3)), atol=1e-12)
+    assert any("row by row" in notice for notice in take.notices) == by_rows
+
+
+def test_bodies_of_ros_2_have_the_names_in_their_cells(put):
+    pose = "rigidbodies{0}.pose.position.{1},rigidbodies{0}.pose.orientation.{1}"
+    poses = [",".join(pose.format(n, axis) for axis in "xyz") + f",rigidbodies{n}.pose.orientation.w" for n in (0, 1)]
+    titles = ",".join(f"rigidbodies{n}.rigid_body_name,{poses[n]}" for n in (0, 1))
+    take = read_take(put("ros2.csv", f"{titles}\n" + 2 * "thigh,1,0,2,0,3,0,1,shank,1,0,2,0,4,0,1\n"))
+    assert take.names == ("thigh", "shank")
+
+
+def test_rotations_of_others_than_the_points_are_told(put):
+    titles = "a_x,a_y,a_z,b_x,b_y,b_z,torso_qw,torso_qx,torso_qy,torso_qz"
+    take = read_take(put("torso.csv", f"{titles}\n" + "1,2,3,4,5,6,1,0,0,0\n" * 2))
+    assert "rotations without positions are left out: torso" in take.notices
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_poses_of_four_rows_and_columns_are_bodies(put, first):
+    pose = np.array([[0, -1, 0, 4], [1, 0, 0, 5], [0, 0, 1, 6], [0, 0, 0, 1]])
+    cells = [f"{{n}}_m{row + first}{column + first}" for row in range(4) for column in range(4)]
+    values = ",".join(map(str, [*pose.ravel(), *pose.ravel()]))
+    take = read_take(put("poses.csv", two_rows(",".join(cells), values)), recorded_unit="mm")
+    assert take.names == ("thigh", "shank")
+    np.testing.assert_allclose(take.world_from_body[0, 1], pose, atol=1e-12)
+
+
+def test_components_of_quaternions_may_be_numbered(put):
+    titles = "{n}_x,{n}_y,{n}_z,{n}_q0,{n}_q1,{n}_q2,{n}_q3"
+    take = read_take(put("numbered.csv", two_rows(titles, "1,2,3,1,0,0,0,4,5,6,0.8,0,0,0.6")))
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+def test_angles_of_unity_turn_about_y_x_and_z(put):
+    titles = ",".join(f"{{n}}.{what}.{axis}" for what in ("position", "eulerAngles") for axis in "xyz")
+    take = read_take(put("unity.csv", two_rows(titles, "1,2,3,10,20,330,4,5,6,10,20,330")))
+    expected = Rotation.from_euler("YXZ", [20, 10, 330], degrees=True).as_matrix()
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, :3], expected, atol=1e-12)
+
+
+def test_bodies_of_track_manager_without_its_header_are_read(put):
+    titles = [f"ship {axis}" for axis in "XYZ"] + ["ship Roll", "ship Pitch", "ship Yaw", "ship Residual"]
+    titles += [f"ship Rot[{k}]" for k in range(9)]
+    rows = "".join(f"{n}\t{n / 100}\t1\t2\t3\t0\t0\t90\t0.1\t0\t1\t0\t-1\t0\t0\t0\t0\t1\n" for n in (1, 2))
+    take = read_take(put("6d.tsv", "Frame\tTime\t" + "\t".join(titles) + "\n" + rows))
+    assert take.names == ("ship",)
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-12)

@@ -113,7 +113,8 @@ C3D = Format(
     remarks=_remarks,
     filled_mark="filled positions have residual 0 and no camera, measured ones residual 1 and one camera",
     options=(POINTS, BODIES, RECORDED_UNIT, AXES, UNIT, RATE, FILLED),
-    note="Units from the file; residual below 0 and zeros are unseen; model outputs are left out; Theia's as bodies.",
+    note="Units from the file. A point is unseen where its residual is below 0 or it lies at 0, 0, 0. Outputs of "
+    "models are left out; rotations, as Theia writes them, are bodies.",
 )
 
 

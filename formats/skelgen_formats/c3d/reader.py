@@ -23,6 +23,7 @@ from skelgen.geometry.computed_points import are_axes
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import counted
+from skelgen_formats.assumed_units import assumed_mm_per_unit
 from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
@@ -37,7 +38,6 @@ from skelgen_formats.lines import Sample
 from skelgen_formats.markers import (
     COMPUTED,
     are_outputs,
-    assumed_mm_per_unit,
     frames_in_blocks,
     mm_per_unit,
     noted,

@@ -119,10 +119,13 @@ class GraphPainting:
         ground.setAlphaF(0.8)
         colours += [self._palette.color(_Role.PlaceholderText)] * len(named)
         taken: list[QRectF] = []
+        circles = [QRectF(x - NODE, y - NODE, 2 * NODE, 2 * NODE) for x, y in self._places.tolist()]
+        width_of_view = self._painter.window().width()
         for colour, label, (x, y), (width, _) in zip(colours, labels, placed.tolist(), sizes.tolist(), strict=True):
-            room = QRectF(x - width / 2, y - height / 2, width, height)
-            if len(taken) >= len(joints) and any(room.intersects(other) for other in taken):
-                continue  # names that would cover other words are left out
+            left = max(0.0, min(x - width / 2, width_of_view - width))
+            room = QRectF(left, y - height / 2, width, height)
+            if len(taken) >= len(joints) and any(room.intersects(other) for other in (*taken, *circles)):
+                continue  # names that would cover other words or limbs are left out
             taken.append(room)
             self._painter.fillRect(room, ground)
             self._painter.setPen(colour)

@@ -37,8 +37,6 @@ from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, s
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 
-_APART = 2  # px, between what is to be looked at
-
 _POINTER = Qt.ItemDataRole.UserRole
 _Outcome = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
@@ -93,7 +91,6 @@ class StagePage(QWidget):
         self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
         self.warnings.setWordWrap(True)
         self.warnings.setAlternatingRowColors(True)
-        self.warnings.setSpacing(_APART)
         self.warnings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.warnings.hide()  # until there is something to look at
         self.runs.setChecked(True)

@@ -163,7 +163,7 @@ def _probability(joint: JointCost) -> str:
     own = whole_percent(joint.probability)
     if joint.rival is None or not joint.is_doubtful:
         return own
-    return f"{own}, {joint.rival[0]}–{joint.rival[1]} {whole_percent(joint.rival_probability)}"
+    return f"{own} ({joint.rival[0]}–{joint.rival[1]}: {whole_percent(joint.rival_probability)})"
 
 
 def _rival(joint: JointCost) -> str:

@@ -106,7 +106,8 @@ def cost_figure(project: Project) -> Markup:
     order = measures.limb_order(project)
     matrix = topology.joint_costs[np.ix_(order, order)].copy()
     np.fill_diagonal(matrix, np.nan)
-    colours = LogScale.of(matrix)
+    dearest, most = topology.joint_costs[tuple(topology.edges.T)].max(initial=0.0), np.nanmax(matrix, initial=0.0)
+    colours = LogScale(dearest, most) if 0.0 < dearest < most else LogScale.of(matrix)
     cell = min(_COST_CELL, _MOST_COST_WIDTH / len(order))
     side, left, top = cell * len(order), 30.0, 30.0
     pixels = ramp_rgba(colours.fractions(matrix))

@@ -303,8 +303,8 @@ def tree_notices(
     n_never = len(topology.roots) - n_bodies - len(tree.cut)
     if n_never > 0:
         yield (
-            f"{n_never + 1} limbs or groups of limbs are never seen together, or may not be joined: they are separate "
-            "bodies"
+            f"{n_never + 1} limbs or groups of limbs are separate bodies: they are never seen together, or no joint "
+            "between them is allowed, or lasts"
         )
     yield from _doubtful_edges(topology)
     for first, second in topology.loops:
@@ -369,8 +369,8 @@ def _doubtful_edges(topology: Topology) -> Iterator[str]:
 def _weak_joint(parent: int, child: int, guess: JointGuess) -> Iterator[str]:
     if guess.turn < LEAST_TURN:
         yield (
-            f"limb {parent} and limb {child} hardly turn against each other ({np.rad2deg(guess.turn):.1f} deg): their "
-            "motion alone says little of where their joint is"
+            f"limb {parent} and limb {child} hardly turn against each other ({np.rad2deg(guess.turn):.1f} deg beyond "
+            "what errors of their markers explain): their motion alone says little of where their joint is"
         )
     if 0 < guess.n_frames < ENOUGH_FRAMES / 3:  # a frame of a single point counts a third
         yield f"the joint between limb {parent} and limb {child} rests on few frames; more motion would make it surer"

@@ -29,11 +29,13 @@ from skelgen.stages.labels.input_checks import (
     with_jitter,
     without_computed,
 )
+from skelgen.stages.labels.merging.bridges import with_bridges
 from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
-from skelgen.stages.labels.merging.markers import MOST_EXISTENCE, existence, seen_at_once
+from skelgen.stages.labels.merging.markers import may_be_incomplete
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
@@ -49,10 +51,6 @@ PIECE_SECONDS = 0.1
 
 MOST_PIECES = 2000
 """Most of them: memory and time grow with their square."""
-
-MARKER_COST = 2.0
-"""Times the evidence against a marker that is never seen beside another one (`existence`): what each marker more must
-explain in a take of few seconds, as skin that moves when a posture is left explains itself by a second one."""
 
 MOST_COMPARED = 600
 """Tracklets up to which the classic method is compared: its time grows with their square."""
@@ -220,7 +218,7 @@ def _labelled(
     if parameters.method == "sets":
         found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
-        found = _markers(task, tracklets, monitor)
+        found = _markers(task, monitor)
         if parameters.compare and len(tracklets) <= MOST_COMPARED:
             classic, _ = _classic_markers(task, tracklets, monitor)
     found = point_labels.in_order_of_appearance(found)
@@ -275,7 +273,7 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
     return markers_by_sets(take.cloud, tracklets, task.n_markers, method, monitor)
 
 
-def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
+def _markers(task: LabelTask, monitor: Monitor) -> Ints:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
 
     Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
@@ -283,15 +281,16 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
     heard at last; in a take of few seconds all is sought with it, too. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
-    take = task.take
+    take = with_bridges(task.take)
+    task, tracklets = replace(task, take=take), _tracklets(take, task.parameters)
     group = merge_tracklets(take.cloud.points, tracklets, take.rate, take.spacing, monitor)
     start = _grouped(take, tracklets, group)
     at_once = tracklets.most_at_once(least_length(take.cloud.n_frames, take.rate, task.parameters))
     pieces = _pieces(task) if start.max(initial=-1) >= at_once else None
     if pieces:
         by_limbs = _on_limbs(take, pieces, np.full(take.cloud.n_points, -1))
-        if by_limbs.max() <= start.max() and take.evidence(by_limbs)[0] > take.evidence(start)[0]:
-            start = by_limbs
+        if at_once <= by_limbs.max() + 1 <= start.max() + 1:
+            start = better_labels(take, start, by_limbs)
     found = _searched(task, start, pieces, at_once, monitor)
     if found.max(initial=-1) >= at_once and not take.is_very_long:
         heard = replace(take, exchanges_over_gaps=True)
@@ -299,7 +298,7 @@ def _markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> In
             other = _searched(replace(task, take=heard), start, pieces, at_once, monitor)
         else:
             other = put_right(heard, found)
-        found = _better(take, found, other)
+        found = better_labels(take, found, other)
     found = label_rest(take, found)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
@@ -308,27 +307,14 @@ def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: 
     """Marker of each point when a skeleton has labelled all, and pieces were merged by its limbs while that helps."""
     take, right = task.take, dict[bytes, Ints]()
     found = _improved(task, start, right, monitor)
-    evidence, chance = take.evidence(found)
-    while found.max(initial=-1) >= at_once and _is_doubtful(take, found):
+    while found.max(initial=-1) >= at_once and may_be_incomplete(take, found, PIECE_SECONDS):
         if (pieces := pieces or _pieces(task)) is None:
             break
         other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), right, monitor)
-        more, _ = take.evidence(other)
-        if more <= evidence + chance:
+        if not explains_more(take, found, other):
             break
-        found, evidence = other, more
+        found = other
     return found
-
-
-def _is_doubtful(take: FollowedCloud, found: Ints) -> bool:
-    """Whether a track has no marker, though it is long enough to be labelled limb by limb, or two may be one marker.
-
-    Two may be one if they are never seen at once.
-    """
-    tracks = take.track_of_point
-    left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
-    is_left = bool(left.max() >= PIECE_SECONDS * take.rate)
-    return is_left or not bool(seen_at_once(take.cloud, found, int(found.max(initial=-1)) + 1).all())
 
 
 def _on_limbs(take: FollowedCloud, pieces: PairTables, found: Ints) -> Ints:
@@ -366,14 +352,9 @@ def _improved(task: LabelTask, start: Ints, right: dict[bytes, Ints], monitor: M
     spared = _completed(sparing, start, refined)
     if np.array_equal(spared, completed):
         return found
-    return _better(take, found, put_right(sparing.take, spared), replace(take, by_posture=True).evidence(found)[1])
-
-
-def _better(take: FollowedCloud, found: Ints, other: Ints, least: float = 0.0) -> Ints:
-    """Other labels if they explain its changes of posture better by `least`, and by twice what markers more cost."""
-    judge, n_more = replace(take, by_posture=True), int(other.max(initial=-1)) - int(found.max(initial=-1))
-    least += MARKER_COST * existence(take.cloud, found) * n_more
-    return other if judge.evidence(other)[0] > judge.evidence(found)[0] + least else found
+    return better_labels(
+        take, found, put_right(sparing.take, spared), replace(take, by_posture=True).evidence(found)[1]
+    )
 
 
 def _completed(task: LabelTask, start: Ints, refined: Ints) -> Ints:

@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.progress import SILENT, Monitor, counted
+from skelgen.progress import SILENT, Monitor, counted, listed
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.bodies import find_bodies, seen_together, with_stated_bodies
@@ -215,12 +215,8 @@ def _bodies_of_limbs(limb_of_marker: Ints, body_of_marker: Ints) -> tuple[Ints, 
 
 def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
     if len(sure) > 1:
-        sizes = ", ".join(map(str, np.bincount(body_of_marker).tolist()))
-        yield (
-            f"the take shows {len(sure)} bodies, of {sizes} markers ({100 * sure.min():.0f} % sure): no marker of one "
-            "stays near one of another, they are never seen together, the names of markers say so, or the joints "
-            "between them fit worst"
-        )
+        sizes, percent = listed(map(str, np.bincount(body_of_marker).tolist())), 100 * sure.min()
+        yield f"the take shows {len(sure)} bodies, of {sizes} markers ({percent:.0f} % sure): nothing joins them"
 
 
 class _Grouping:

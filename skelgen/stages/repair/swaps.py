@@ -89,7 +89,10 @@ class Swap:
     def evidence(self) -> str:
         """Evidence in words."""
         seen = "; the labels are seen jumping" if self.jumps else ""
-        return f"misfit of distances {self.misfit_before:.1f} mm before, {self.misfit_after:.1f} mm after{seen}"
+        return (
+            f"their distances are off by {self.misfit_before:.1f} mm as they were called and by "
+            f"{self.misfit_after:.1f} mm exchanged{seen}"
+        )
 
     @property
     def sentence(self) -> str:

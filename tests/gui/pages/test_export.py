@@ -129,7 +129,7 @@ def test_a_format_without_options_shows_none(page):
 
 def test_what_the_format_cannot_hold_is_said(page):
     page.choice.setCurrentText("Joint positions, CSV")
-    assert "does not hold the positions of the markers" in page.preview.text()
+    assert "cannot hold the positions of the markers" in page.preview.text()
 
 
 def test_files_that_will_be_replaced_are_said(page, click, qtbot, tmp_path):

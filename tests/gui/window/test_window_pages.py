@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QScrollArea
@@ -114,3 +115,12 @@ def test_the_button_that_exports_is_seen_without_scrolling(window, person, rods)
     person.runs_all()
     button = window.pages.page("export").export
     person.waits(lambda: button.visibleRegion().boundingRect() == button.rect())
+
+
+def test_what_is_to_be_looked_at_stands_line_below_line_and_no_line_is_cut(window, qtbot):
+    listed = window.pages.page("skeleton").warnings
+    listed.show()
+    listed.addItems(["no frame shows enough of the right toes to tell"[:length] + " how" * 9 for length in range(47)])
+    qtbot.wait(150)  # Qt lays lists out some time after they have changed
+    rows = [listed.visualItemRect(listed.item(row)) for row in range(listed.count())]
+    assert {below.top() - above.bottom() for above, below in pairwise(rows)} == {1}

@@ -335,7 +335,7 @@ def test_limbs_that_never_turn_against_each_other_are_told(notices):
     shifted = poses @ transform_from(np.eye(3), np.array([0.0, 0.0, 300.0]))
     topology = find_joints(*as_take([rigid(poses), rigid(shifted, seed=1)]), monitor=notices)
     assert is_finite(topology)
-    assert "hardly turn against each other" in " ".join(notices.sentences)
+    assert "deg beyond what errors of their markers explain" in " ".join(notices.sentences)
 
 
 def test_take_in_which_nothing_moves_is_told(notices):

@@ -8,7 +8,8 @@ import pytest
 from skelgen.model import PointCloud
 from skelgen.simulation import simulate
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.markers import existence, join_duplicates
+from skelgen.stages.labels.merging.judging import existence
+from skelgen.stages.labels.merging.markers import join_duplicates
 
 N_FRAMES, STILL, RATE, SPACING = 900, 150, 100.0, 100.0
 TWICE = (4, 20, 33)  # markers that get another number when the body begins to move

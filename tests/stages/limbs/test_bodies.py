@@ -29,7 +29,7 @@ def test_two_people_side_by_side_are_two_bodies_and_two_trees(two_people, notice
     limbs = find_limbs(two_people.take, monitor=notices)
     assert np.array_equal(limbs.body_of_limb[limbs.limb_of_marker], subject_of(two_people.take.names))
     assert limbs.body_probability.min() > 0.9
-    assert "2 bodies, of 41, 41 markers" in " ".join(notices.sentences)
+    assert "2 bodies, of 41 and 41 markers" in " ".join(notices.sentences)
     trees = find_joints(two_people.take, limbs).bodies
     assert [np.unique(limbs.body_of_limb[limbs_of_tree]).tolist() for limbs_of_tree in trees] == [[0], [1]]
 

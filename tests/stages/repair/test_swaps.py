@@ -59,7 +59,7 @@ def test_every_repair_is_told_with_its_frames_and_evidence(soft, notices):
     repaired = repair_take(relabelled(soft, (0, 20), 100, 149), monitor=notices).trajectories
     (notice,) = repaired.notices
     assert "frames 100 to 149" in notice
-    assert "mm before" in notice
+    assert "mm as they were called" in notice
     assert notice in notices.sentences
 
 

@@ -31,8 +31,9 @@ from skelgen._kernels.piece_evidence import distances_to_markers, evidence_of_me
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.judging import existence
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, LEAST_WITNESSES, SEEN_ENOUGH
-from skelgen.stages.labels.merging.markers import LEAST_POINTS, existence
+from skelgen.stages.labels.merging.markers import LEAST_POINTS
 
 MOST_PASSES = 4
 """Over what is left at the end: what has got its marker is a witness of others."""

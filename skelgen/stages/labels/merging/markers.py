@@ -28,6 +28,7 @@ from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.judging import existence
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, SEEN_ENOUGH, DistanceRecord, merge_likely
 from skelgen.stages.limbs import bodies_by_distances
 
@@ -129,6 +130,24 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     for block in point_labels.blocks_of(cloud):
         together |= point_labels.seen_together(block, marker_of_point[block.points], n_markers) > 0
     return together
+
+
+def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float) -> bool:
+    """Return whether a track that lasts so long has no marker, or two markers are never seen at once: they may be one.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    seconds : float, s
+        Tracks that last so long should have a marker.
+    """
+    tracks = take.track_of_point
+    left = np.bincount(tracks[(marker_of_point < 0) & (tracks >= 0)], minlength=1)
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    return bool(left.max() >= seconds * take.rate) or not seen_at_once(take.cloud, marker_of_point, n_markers).all()
 
 
 def _merge_across_pauses(record: DistanceRecord) -> Ints:
@@ -240,10 +259,6 @@ def _sides(distance: Floats, corners: Ints) -> Floats:
     return np.stack([distance[corners[:, i], corners[:, j]] for i, j in ((0, 1), (0, 2), (1, 2))], axis=1)
 
 
-MOST_EXISTENCE = 24.0
-"""nats; some markers are hidden for long, whatever the mean gap. Skin that moves as a body leaves its first pose says
-up to 18 nats against one marker, in recorded people."""
-
 COMMON_FRAMES = 2
 """Frames with both that false points may cause."""
 
@@ -283,31 +298,6 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     if (same == np.arange(n_markers)).all():
         return marker_of_point
     return point_labels.joined(take.cloud, marker_of_point, same)
-
-
-def existence(cloud: PointCloud, marker_of_point: Ints) -> float:
-    """Evidence [nats] against a marker that is never seen beside another one: length of the take in mean gaps.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    """
-    last = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
-    n_gaps, n_hidden = 0, 0
-    for block in point_labels.blocks_of(cloud):
-        marker = marker_of_point[block.points]
-        order = np.argsort(marker, kind="stable")[int((marker < 0).sum()) :]
-        marker, frame = marker[order], block.first + block.frames[order]
-        before = last[marker]
-        again = np.flatnonzero(np.diff(marker) == 0)
-        before[again + 1] = frame[again]
-        hidden = (frame - before - 1)[(before >= 0) & (frame - before > 1)]
-        n_gaps, n_hidden = n_gaps + len(hidden), n_hidden + int(hidden.sum())
-        last[marker] = frame  # of several the last that is written, the latest
-    return min(MOST_EXISTENCE, cloud.n_frames * n_gaps / n_hidden) if n_hidden else MOST_EXISTENCE
 
 
 class _Sparing:

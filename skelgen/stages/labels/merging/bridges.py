@@ -1,0 +1,159 @@
+r"""Tracks that go on over short gaps: who goes on as whom is decided for all that are lost at about the same time.
+
+When an arm passes behind a body, ten markers are lost at once, and what would carry them along (`continuity`) is hidden
+with them. But their own speeds before and behind a gap of length g tell where they have been taken. With the velocities
+:math:`v_i` and :math:`v_j` at its ends, the trapezoidal rule misses the displacement by as much as the acceleration
+changes, and so do tracks that are seen all the time, if gaps of this length are made in them. Their errors are
+
+.. math:: \sigma^2 = a_g^2 + (b_g\, g\, |v_j - v_i|)^2
+
+in a coordinate. In recorded people that walk, fight and turn somersaults, b is .1 for 0.1 s and .2 for 0.3 s. The
+speeds are one prediction, the neighbours that are seen at both ends another one; either may be the right one.
+
+Limbs that turn fast are mispredicted alike, and keep their shape: two tracks that end together and two that begin
+together are a likely pair of links if their distance is nearly the same. Links gather the evidence of the likely ones
+beside them, in turns (mean field). Those that are far more likely than any other of the same end or beginning are
+made. Then more tracks last, which carry others along, and it is done again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.bridge_links import (
+    BridgeWindow,
+    Laws,
+    missed_by_speeds,
+    points_of_chains,
+    speed_frames,
+)
+from skelgen.stages.labels.merging.continuity import LONGEST
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.windows import CHI_MEDIAN
+
+ROUNDS = 3
+"""Times that links are sought; what is linked carries others along the next time."""
+
+WINDOW_SECONDS = 5.0
+"""Links whose gaps begin within it are sought together: bounds the memory."""
+
+TRIED_GAPS = (0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
+"""Parts of `LONGEST` over which errors of predictions are measured."""
+
+TRIED_FRAMES = 30
+"""Frames in which each of these begins."""
+
+STRAIGHTEST = 0.25
+"""Part of the predictions, those whose speeds differ least, whose errors are `Laws.least`."""
+
+LEAST_ERROR = 1e-6
+"""mm; of predictions in takes without noise."""
+
+NEAREST = 4
+"""Neighbours of each chain whose distances are measured over gaps."""
+
+LEAST_STRETCH = 0.01
+"""Deviation of a distance that is expected at least, in spacings."""
+
+
+def with_bridges(take: FollowedCloud) -> FollowedCloud:
+    """Link tracks over the gaps between them where that is sure.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take. Tracks of one point, and those with points whose marker is stated, are not linked.
+
+    Returns
+    -------
+    FollowedCloud
+        The same take; tracks that are linked have one number.
+    """
+    track, is_linkable = take.track_of_point, _linkable(take)
+    chain = point_labels.renumbered(track, is_linkable)
+    laws, n_frames = _measured_laws(take, chain), max(1, int(WINDOW_SECONDS * take.rate))
+    if laws is None:
+        return take
+    for _ in range(ROUNDS):
+        first, last = _ends(take.cloud, chain)
+        goes_on_as = np.arange(len(first))
+        for begin in range(0, take.cloud.n_frames, n_frames):
+            behind = min(begin + n_frames, take.cloud.n_frames)
+            window = BridgeWindow(take, chain, (first, last), (begin, behind))
+            links = window.sure_links(laws, goes_on_as)
+            goes_on_as[window.chains[links.begins]] = window.chains[links.ends]
+        if (goes_on_as == np.arange(len(goes_on_as))).all():
+            break
+        chain = np.append(np.unique(_roots(goes_on_as), return_inverse=True)[1], -1)[chain]
+    others = point_labels.renumbered(track, ~is_linkable)
+    numbered = np.where(others >= 0, others + int(chain.max(initial=-1)) + 1, chain)
+    return replace(take, track_of_point=numbered.astype(track.dtype))
+
+
+def _linkable(take: FollowedCloud) -> Bools:
+    """Tracks of several points none of which is stated, shape (n_tracks,)."""
+    track = take.track_of_point
+    n_tracks = int(track.max(initial=-1)) + 1
+    count = np.bincount(track[track >= 0], minlength=n_tracks)
+    return np.asarray((count > 1) & (np.bincount(track[take.is_fixed & (track >= 0)], minlength=n_tracks) == 0))
+
+
+def _ends(cloud: PointCloud, chain_of_point: Ints) -> tuple[Ints, Ints]:
+    """First and last frame of each chain; points lie in the order of frames."""
+    first, last = np.full((2, int(chain_of_point.max(initial=-1)) + 1), -1, dtype=np.intp)
+    for block in point_labels.blocks_of(cloud, point_labels.LONG_BLOCK_FRAMES):
+        owned = np.flatnonzero(chain_of_point[block.points] >= 0)
+        chain, frame = chain_of_point[block.points][owned], block.first + block.frames[owned]
+        last[chain] = frame
+        is_new = first[chain] < 0
+        first[chain[is_new][::-1]] = frame[is_new][::-1]  # of several the last that is written, the earliest
+    return first, last
+
+
+def _roots(goes_on_as: Ints) -> Ints:
+    """The first of all that each one is linked to, itself or one before it."""
+    while (goes_on_as[goes_on_as] != goes_on_as).any():
+        goes_on_as = goes_on_as[goes_on_as]
+    return goes_on_as
+
+
+def _measured_laws(take: FollowedCloud, chain_of_point: Ints) -> Laws | None:
+    """Measure how badly predictions fail on chains that are seen at both ends of gaps; None if nothing shows it."""
+    cloud, step, rows = take.cloud, speed_frames(take.rate), []
+    for part in TRIED_GAPS:
+        gap = max(1, round(part * LONGEST * take.rate))
+        missed, turned, stretched = [], [], []
+        for first in spread_frames(max(cloud.n_frames - gap - 2 * step, 0), TRIED_FRAMES).tolist():
+            seen = first + np.array([0, step, step + gap, 2 * step + gap])
+            points = points_of_chains(cloud, chain_of_point, seen)[1]
+            places = cloud.points[points[:, (points >= 0).all(axis=0)]]
+            off, bend = missed_by_speeds(
+                places[1:3], np.stack([places[1] - places[0], places[3] - places[2]]), gap / step
+            )
+            missed.append(off)
+            turned.append(bend)
+            stretched.append(_changes_of_distances(places[1], places[2]))
+        off, bend, stretch = (np.concatenate([np.zeros(0), *parts]) for parts in (missed, turned, stretched))
+        if len(stretch):
+            is_bent = bend >= np.median(bend)
+            least = float(np.median(off[bend <= np.quantile(bend, STRAIGHTEST)])) / CHI_MEDIAN
+            ratio = float(np.median(off[is_bent] / np.maximum(bend[is_bent], LEAST_ERROR))) / CHI_MEDIAN
+            away = max(SIGMA_OF_MEDIAN * float(np.median(stretch)), LEAST_STRETCH * take.spacing)
+            rows.append((gap / take.rate, max(least, LEAST_ERROR), ratio, away))
+    return Laws(*np.array(rows).T) if rows else None
+
+
+def _changes_of_distances(before: Floats, after: Floats) -> Floats:
+    """How much the distances of points from the nearest others change [mm]."""
+    if len(before) <= NEAREST:
+        return np.zeros(0)
+    distances = [np.linalg.norm(places[:, np.newaxis] - places, axis=2) for places in (before, after)]
+    nearest = np.argsort(distances[0], axis=1, kind="stable")[:, 1 : NEAREST + 1]
+    then, now = (np.take_along_axis(one, nearest, axis=1) for one in distances)
+    return np.asarray(np.abs(now - then).ravel())

@@ -1,0 +1,86 @@
+"""Which of two ways to label a take explains it better: by its evidence, and by how many markers that needs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Ints
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.merging.followed import FollowedCloud
+
+MOST_EXISTENCE = 24.0
+"""nats; some markers are hidden for long, whatever the mean gap. Skin that moves as a body leaves its first pose says
+up to 18 nats against one marker, in recorded people."""
+
+MARKER_COST = 2.0
+"""Times the evidence against a marker that is never seen beside another one (`existence`): what each marker more must
+explain, as skin that moves when a posture is left explains itself by a second one."""
+
+FULLEST = 0.99
+"""Part of the frames that show no more points than are seen at once; the others show false ones."""
+
+TOO_MANY = 1.1
+"""Times the points that are seen at once: of more markers many are parts of others."""
+
+
+def existence(cloud: PointCloud, marker_of_point: Ints) -> float:
+    """Evidence [nats] against a marker that is never seen beside another one: length of the take in mean gaps.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    last = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
+    n_gaps, n_hidden = 0, 0
+    for block in point_labels.blocks_of(cloud):
+        marker = marker_of_point[block.points]
+        order = np.argsort(marker, kind="stable")[int((marker < 0).sum()) :]
+        marker, frame = marker[order], block.first + block.frames[order]
+        before = last[marker]
+        again = np.flatnonzero(np.diff(marker) == 0)
+        before[again + 1] = frame[again]
+        hidden = (frame - before - 1)[(before >= 0) & (frame - before > 1)]
+        n_gaps, n_hidden = n_gaps + len(hidden), n_hidden + int(hidden.sum())
+        last[marker] = frame  # of several the last that is written, the latest
+    return min(MOST_EXISTENCE, cloud.n_frames * n_gaps / n_hidden) if n_hidden else MOST_EXISTENCE
+
+
+def better_labels(take: FollowedCloud, found: Ints, other: Ints, least: float = 0.0) -> Ints:
+    """Return other labels if they explain changes of posture better, markers counted; else those found.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    found, other : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    least : float, nats
+        How much more they must explain.
+    """
+    judge, n_more = replace(take, by_posture=True), int(other.max(initial=-1)) - int(found.max(initial=-1))
+    least += MARKER_COST * existence(take.cloud, found) * n_more
+    return other if judge.evidence(other)[0] > judge.evidence(found)[0] + least else found
+
+
+def explains_more(take: FollowedCloud, found: Ints, other: Ints) -> bool:
+    """Return whether other labels explain a take better than by chance.
+
+    Where far more markers were found than are seen at once, what each marker less is worth counts.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    found, other : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    evidence, chance = take.evidence(found)
+    at_once = float(np.quantile(take.cloud.points_per_frame, FULLEST))
+    if int(found.max(initial=-1)) + 1 <= TOO_MANY * at_once:
+        return bool(take.evidence(other)[0] > evidence + chance)
+    is_enough = TOO_MANY * (int(other.max(initial=-1)) + 1) >= at_once
+    return is_enough and better_labels(take, found, other, chance) is other

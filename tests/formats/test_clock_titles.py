@@ -1,0 +1,41 @@
+"""Columns of times: seconds beside their fraction, titles with words before them, images instead of frames."""
+
+from __future__ import annotations
+
+import pytest
+from skelgen_formats.registry import read_take
+
+STAMPS = [(7, 990_000_000), (8, 0), (8, 10_000_000)]  # s and ns: 100 Hz over a whole second
+POINTS = "a_x,a_y,a_z,b_x,b_y,b_z"
+
+
+@pytest.mark.parametrize("titles", ["header.stamp.sec,header.stamp.nanosec", "sec,nanosec", "stamp_secs,stamp_nsecs"])
+def test_seconds_and_nanoseconds_in_two_columns_tell_the_rate(put, titles):
+    rows = "".join(f"{second},{rest},1,2,3,4,5,6\n" for second, rest in STAMPS)
+    take = read_take(put("wide.csv", f"{titles},{POINTS}\n{rows}"))
+    assert (take.n_frames, take.rate) == (3, pytest.approx(100.0))
+    assert not any("100 Hz is assumed" in notice for notice in take.notices)
+
+
+def test_seconds_and_nanoseconds_part_the_rows_of_tidy_tables_into_frames(put):
+    rows = "".join(f"{second},{rest},{name},1,2,3\n" for second, rest in STAMPS for name in "ab")
+    take = read_take(put("tidy.csv", f"sec,nanosec,name,x,y,z\n{rows}"))
+    assert (take.n_frames, take.names, take.rate) == (3, ("a", "b"), pytest.approx(100.0))
+
+
+@pytest.mark.parametrize("title", ["CaptureTime", "Vicon_Recv_Timestamp", "ros_time [ms]", "device timestamp (us)"])
+def test_words_may_stand_before_the_title_of_times(put, title):
+    unit = 1000 if "ms" in title else 1e6 if "us" in title else 1
+    rows = "".join(f"{frame / 50 * unit:.9g},1,2,3,4,5,6\n" for frame in range(1, 4))
+    assert read_take(put("times.csv", f"{title},{POINTS}\n{rows}")).rate == pytest.approx(50.0)
+
+
+def test_plain_title_of_times_counts_before_others(put):
+    rows = "".join(f"{frame / 50},{frame / 20},1,2,3,4,5,6\n" for frame in range(3))
+    assert read_take(put("both.csv", f"receive_time,time,{POINTS}\n{rows}")).rate == pytest.approx(20.0)
+
+
+def test_frames_that_are_names_of_images_give_way_to_times(put):
+    rows = "".join(f"{frame / 50},{frame:03}.jpg,{name},1,2,3\n" for frame in range(3) for name in "ab")
+    take = read_take(put("images.csv", f"time,frame,name,x,y,z\n{rows}"))
+    assert (take.n_frames, take.rate) == (3, pytest.approx(50.0))

@@ -1,0 +1,37 @@
+"""Which of two ways to label a take explains it better."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.simulation import simulate
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.judging import better_labels, explains_more
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.statistics import typical_spacing
+
+
+@pytest.fixture(scope="module")
+def person() -> tuple[FollowedCloud, np.ndarray, np.ndarray]:
+    """A cloud, its true labels, and labels by which every marker is another one in the second half."""
+    case = simulate("human", n_frames=800, seed=0, noise=0.5, soft_tissue=3.0, labelled=False)
+    tracks, _ = follow_points(case.take, LabelParameters())
+    take = FollowedCloud(case.take, tracks, 100.0, typical_spacing(case.take))
+    true = case.truth.marker_of_point
+    is_late = take.frame_of_point() >= 400
+    return take, true, np.where(is_late & (true >= 0), true + true.max() + 1, true)
+
+
+def test_markers_that_are_each_two_explain_less(person):
+    take, true, split = person
+    assert explains_more(take, split, true)
+    assert not explains_more(take, true, split)
+    assert better_labels(take, split, true) is true
+    assert better_labels(take, true, split) is true
+
+
+def test_too_few_markers_are_no_better(person):
+    take, true, split = person
+    assert not explains_more(take, split, np.where(true < 10, true, -1))
