@@ -71,6 +71,8 @@ class JointGuess:
         Iterations of the descent, 0 for closed forms.
     radii : ndarray, shape (n_markers,), mm
         Mean distances to the markers of both limbs; empty if the limbs are never seen together.
+    axis_in_first : ndarray, shape (3,)
+        Direction in the first limb about which the limbs turn most; NaN without poses.
     """
 
     positions: Floats
@@ -82,6 +84,7 @@ class JointGuess:
     n_frames: int = 0
     n_iterations: int = 0
     radii: Floats = field(default_factory=lambda: np.zeros(0))
+    axis_in_first: Floats = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def hidden_part(self) -> float:
@@ -228,6 +231,7 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
         turn=float(np.sqrt(max(fit.determinacy.sum() / 6 - shaking, 0.0))),
         wobble=float(fit.determinacy[0] / max(across, LEAST_TURN_NOISE)),
         n_frames=n_frames,
+        axis_in_first=fit.axis_in_first,
     )
 
 

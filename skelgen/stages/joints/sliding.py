@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from skelgen.kinematics.hierarchy import tree_path
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints.pairs import KEPT_PART, LEAST_TURN, JointGuess, expected_error, pose_noise
 from skelgen.stages.joints.parameters import Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment, typical_variance
@@ -52,6 +53,27 @@ def sliding_limbs(segments: Sequence[Segment], guesses: Mapping[Pair, JointGuess
             if distance > 0:
                 found[first, second] = distance
     return dict(sorted(found.items(), key=lambda item: _distance(*(segments[limb] for limb in item[0]))))
+
+
+def sliding_loop_notices(slides: Mapping[Pair, float], parents: Ints, loops: Sequence[Pair]) -> Iterator[str]:
+    """Say which limbs slide along each other although a tree joins them, where no loop of other joints explains it.
+
+    Parameters
+    ----------
+    slides : mapping of pair to float
+        From `sliding_limbs`.
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree, -1 for roots.
+    loops : sequence of pairs of int
+        Limbs that share a joint beyond the tree: those of a parallelogram seem to slide, too.
+    """
+    in_loops = {limb for pair in loops for limb in tree_path(parents, *pair)}
+    for (first, second), far in slides.items():
+        if tree_path(parents, first, second) and not {first, second} <= in_loops:
+            yield (
+                f"limb {first} and limb {second} slide along each other, by {far:.0f} mm, while other limbs join them: "
+                "a loop is closed there by a joint that slides, which skelgen does not know and leaves open"
+            )
 
 
 def is_no_joint(guess: JointGuess) -> bool:

@@ -15,6 +15,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.between import without_middle_joints
 from skelgen.stages.joints.costs import JointCosts, comparable_costs, with_certainty
 from skelgen.stages.joints.loops import closing_loops, loop_joints
 from skelgen.stages.joints.nearness import neighbour_odds
@@ -23,7 +24,7 @@ from skelgen.stages.joints.parameters import JointConstraints, JointParameters, 
 from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
-from skelgen.stages.joints.sliding import sliding_limbs
+from skelgen.stages.joints.sliding import sliding_limbs, sliding_loop_notices
 from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import (
     Parting,
@@ -147,10 +148,12 @@ class JointSearch:
         body_of_limb = stated.bodies(limbs.body_of_limb if parameters.separate else np.zeros_like(limbs.body_of_limb))
         odds, worn, search = self._pairs(body_of_limb, monitor)
         guesses = search.guesses_with(stated.edges(limbs.n_limbs))
-        costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds)
+        n_markers = [segment.n_markers for segment in segments]
+        costs, between = comparable_costs(guesses, limbs.n_limbs, parameters.alpha, odds), set[Pair]()
+        if not parameters.n_nearest:
+            costs, between = without_middle_joints(costs, guesses, [segment.at(frames) for segment in segments])
         stated = stated.seen(costs.order, monitor)
         parting = self._parting(guesses, odds, worn) if parameters.separate else None
-        n_markers = [segment.n_markers for segment in segments]
         tree = find_tree(costs, guesses, n_markers, stated, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
         n_frames = len(segments[0].points)
@@ -158,11 +161,12 @@ class JointSearch:
         if n_frames < trajectories.n_frames:
             raw = place_in_blocks(trajectories.positions, limbs, tree.parents, how, monitor, guesses)
         topology = _with_joints(tree, [joints[child] for child in joint_children(tree.parents)], raw, parameters)
-        seeming = loop_joints(tree.parents, costs, n_markers)
+        seeming = [pair for pair in loop_joints(tree.parents, costs, n_markers) if pair not in between]
         posed = [segment.at(frames) for segment in placed]
         loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
         topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
         notices = [*tree_notices(topology, costs, guesses, tree, len(np.unique(body_of_limb)))]
+        notices += sliding_loop_notices(parting.slides if parting else {}, tree.parents, loops)
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
             [segment.markers for segment in segments],

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.kinematics.hierarchy import tree_path
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import branches, cheapest_rivals, spanning_forest
-from skelgen.stages.joints.costs import JointCosts
+from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
@@ -40,6 +41,9 @@ AS_LIKELY = 2.0
 """Times the cost, in the order by which the tree is chosen, of the dearest joint of a single marker that carries
 others: joints past it are no dearer. Of 0, 1.5, 2.5, 5, 20, 50 and no limit at all, which parts thighs from shanks and
 joins feet, 1.5 to 2.5 are best for people, real and simulated, whole, cut, without some markers, with hands held."""
+
+BESIDE = 3
+"""Limbs on the way between two that slide along each other, if both are joined to one: a joint that goes around."""
 
 KEPT = -1.0
 """Cost of an edge that a tree has in any case."""
@@ -228,8 +232,10 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     else:  # of so few, each would be usual by itself
         false &= unexplained
     edges = list(zip(above.tolist(), children.tolist(), strict=True))
-    slid = [_slide(edge, parents, parting.slides) is not None for edge in edges]
-    false |= np.array(slid) & unexplained
+    slides = [_slide(edge, parents, parting.slides) for edge in edges]
+    false |= np.array([slide is not None for slide in slides]) & unexplained
+    around = [slide is not None and len(tree_path(parents, *slide[0])) == BESIDE for slide in slides]
+    false |= np.array(around) & (squares > CHANCE * costs.expected[children, above])
     borne = branches(parents)
     false &= np.array([not parting.of_one[np.ix_(borne[child], ~borne[child])].any() for child in children])
     return [edge for edge, is_false in zip(edges, false.tolist(), strict=True) if is_false]

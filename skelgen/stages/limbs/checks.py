@@ -8,6 +8,7 @@ import numpy as np
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.progress import counted
+from skelgen.stages.limbs.membership import STANDS_OUT, contrast
 
 RARE_FRAMES = 30
 """Frames below which the limb of a marker is doubtful; half the take, where that is shorter."""
@@ -55,6 +56,13 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
         yield (
             f"{names[first]} and {names[second]} are always in one place: they count as two markers, but carry the "
             "information of one"
+        )
+    more = contrast(sampled, limb_of_marker)
+    if more < STANDS_OUT:
+        yield (
+            "markers of different limbs keep their distances nearly as well as those of one limb do over the same "
+            f"length (they vary {np.exp(more):.1f} times as much): there may be no rigid limbs, as in a body that "
+            "bends everywhere, or limbs move too little against each other; limbs and joints are doubtful"
         )
     for limb in range(int(limb_of_marker.max(initial=-1)) + 1):
         markers = np.flatnonzero(limb_of_marker == limb)

@@ -42,6 +42,18 @@ LIKE_OTHERS = 1.5
 OF_BEND = 3.0
 """Log odds lost for each time that a pair's deviation is e times that: phalanges of one marker each make such pairs."""
 
+ENOUGH_PAIRS = 6
+"""Pairs of markers of one limb, and of different limbs over such a length, that tell whether limbs stand out."""
+
+SHORT = 0.95
+"""Quantile of the distances within limbs up to which those between limbs are compared."""
+
+STANDS_OUT = 0.6
+"""Contrast from which limbs are rigid: of bodies that bend everywhere it is .55 at most, of others .66 at least."""
+
+OF_CONTRAST = 6.0
+"""Log odds lost where limbs do not stand out at all; none where they do, and in proportion between."""
+
 OF_WORN = 0.5
 """Weight of what is worn beside what pairs do: it is right or wrong of all pairs at once."""
 
@@ -72,7 +84,8 @@ def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints,
     """
     is_member = groups[:, np.newaxis] == np.arange(groups.max() + 1)
     suits = limb_odds(positions, is_member, whole)
-    own = own_probability(suits, is_member, OF_BEND * pair_bends(positions, is_member))
+    lost = OF_CONTRAST * float(np.clip(1 - contrast(positions, groups) / STANDS_OUT, 0.0, 1.0))
+    own = own_probability(suits, is_member, lost + OF_BEND * pair_bends(positions, is_member))
     refused = (constraints.apart @ is_member) | is_member
     others = np.where(refused, 0.0, np.exp(suits))  # 1 being a limb of its own
     rest = others.sum(axis=1) + ~is_alone(is_member)
@@ -126,6 +139,39 @@ def limb_odds(positions: Floats, is_member: Bools, whole: Floats | None = None) 
     np.fill_diagonal(odds, 0.0)
     n_pairs = is_member.sum(axis=0) - is_member
     return np.asarray(odds @ is_member / np.maximum(n_pairs, 1))
+
+
+def contrast(positions: Floats, groups: Ints) -> float:
+    """Return the logarithm of how many times more the distance of two markers varies if they are on different limbs.
+
+    That is at equal distances: both count as a power of the distance, fitted to all pairs together.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    groups : ndarray of intp, shape (n_markers,)
+        Limb of each marker, -1 for none.
+
+    Returns
+    -------
+    float
+        Infinite where too few pairs tell.
+    """
+    first, second = np.triu_indices(len(groups), 1)
+    pairs = pair_distances(positions, first, second)
+    known = pairs.is_known & (groups[first] >= 0) & (groups[second] >= 0)
+    within = known & (groups[first] == groups[second])
+    if within.sum() < ENOUGH_PAIRS:
+        return np.inf
+    used = known & (pairs.mean <= np.quantile(pairs.mean[within], SHORT))
+    across = used & ~within
+    if across.sum() < ENOUGH_PAIRS:
+        return np.inf
+    used |= within
+    lengths, deviations = (np.log(np.maximum(of[used], TINY)) for of in (pairs.mean, pairs.deviation))
+    system = np.stack([np.ones(len(lengths)), lengths, across[used]], axis=1)
+    return float(np.linalg.lstsq(system, deviations, rcond=None)[0][2])
 
 
 def is_alone(is_member: Bools) -> Bools:

@@ -46,6 +46,9 @@ VARIES = 2.0
 """A small cluster that is no rigid body is parted only if some inner distance varies more than this: those of a limb
 that is its mirror image for a while, as its labels are exchanged, do not."""
 
+FAR_NEARER = 2.0
+"""Times as near as its nearest mate must all markers be of a cluster to which a marker moves that fits both."""
+
 REGROUPED = 6
 """Two neighbouring clusters with no more markers are regrouped in all ways: 31 of them."""
 
@@ -137,7 +140,7 @@ def find_rigid_clusters(
         if change is None:
             break
         search.apply(change)
-    return search.clusters
+    return search.with_nearer() if nearness else search.clusters
 
 
 Change = tuple[tuple[int, ...], list[Group]]
@@ -174,6 +177,24 @@ class _Search:
             if best < -TINY:
                 return changes[gains.index(best)]
         return None
+
+    def with_nearer(self) -> list[Group]:
+        """The clusters, but with markers that move with two of them, being on the axis between, on the far nearer one.
+
+        A marker on an axis fits both; with more markers than others a cluster would gain more by it.
+        """
+        labels, distances = self._labels(), self._movements.distances
+        apart = distances + np.diag(np.full(len(distances), np.inf))
+        own = -largest_by_label(-apart, labels)[np.arange(len(labels)), labels]  # from the nearest mate
+        is_nearer = largest_by_label(distances, labels) * FAR_NEARER < own[:, np.newaxis]
+        is_nearer &= largest_by_label(self._ratio, labels) <= VARIES
+        for marker, cluster in np.argwhere(is_nearer).tolist():
+            rest = _without(self.clusters[labels[marker]], (marker,))
+            other, is_free = self.clusters[cluster], len(self._block_of[marker]) == 1
+            if is_free and min(len(rest), len(other)) > 1 and not self._apart[marker, list(other)].any():
+                self.clusters[labels[marker]], self.clusters[cluster] = rest, _union(other, (marker,))
+                labels[marker] = cluster
+        return self.clusters
 
     def _merges_and_moves(self) -> Iterator[Change]:
         labels = self._labels()

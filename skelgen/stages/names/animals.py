@@ -27,6 +27,7 @@ _ALIKE, _PAIRS, _TRUNK = 0.15, 0.35, 0.45
 _TRUNK_OF_LEGS = 1.1
 _POSTURE = 0.4  # cosines between trunk and legs, and what lacks to 1 between the pairs of legs
 _MOST_MISFIT = 6.0
+_NO_FINGERS = 3.0  # misfit of legs below which they are no fingers; those of hands are like legs by 3.8 and more
 _FRONT, _MOST_FRONT = 3.0, 2.0  # log odds for a sign of 1, and the most that one says
 _WAY = 0.3  # of another sign
 _MOST_ENDS = 12  # of an animal's tree: legs, head, tail, ears and single markers
@@ -68,9 +69,15 @@ class _Leg:
 
 def find_quadruped(tree: MovingTree) -> BodyPlan | None:
     """Return the four-legged animal that a tree is, or None if it is none."""
-    best, least = None, _MOST_MISFIT
+    misfit, hubs, pairs = _likest_legs(tree)
+    return None if misfit >= _MOST_MISFIT or _has_more_legs(tree, pairs) else _animal(tree, hubs, pairs)
+
+
+def _likest_legs(tree: MovingTree) -> tuple[float, tuple[int, int], list[tuple[_Leg, ...]]]:
+    """How little two pairs of ways to ends are like an animal's legs; the limbs where they begin, and they."""
+    best: tuple[float, tuple[int, int], list[tuple[_Leg, ...]]] = np.inf, (-1, -1), []
     if len(tree.ends) > _MOST_ENDS:  # every four of them are tried
-        return None
+        return best
     for four in combinations(tree.ends, 4):
         for other in four[1:]:
             hind = (four[0], other)
@@ -81,9 +88,9 @@ def find_quadruped(tree: MovingTree) -> BodyPlan | None:
                 continue
             pairs = [tuple(_leg(tree, hub, end) for end in ends) for hub, ends in zip(hubs, (hind, fore), strict=True)]
             misfit = _misfit_of_legs(pairs)
-            if misfit < least:
-                best, least = (hubs, pairs), misfit
-    return None if best is None or _has_more_legs(tree, best[1]) else _animal(tree, *best)
+            if misfit < best[0]:
+                best = misfit, hubs, pairs
+    return best
 
 
 def _has_more_legs(tree: MovingTree, pairs: Sequence[tuple[_Leg, ...]]) -> bool:
@@ -206,7 +213,7 @@ def find_hand(tree: MovingTree) -> BodyPlan | None:
         return None
     directions = np.array([unit_vectors(finger.joints[1] - finger.joints[0]) for finger in fingers])
     parallel = np.median(along(directions, unit_vectors(directions.sum(axis=0))), axis=1)
-    if np.sort(parallel)[1] < _LEAST_PARALLEL:  # the thumb may point elsewhere
+    if np.sort(parallel)[1] < _LEAST_PARALLEL or _likest_legs(tree)[0] < _NO_FINGERS:  # the thumb may point elsewhere
         return None
     return _hand(tree, palm, fingers)
 

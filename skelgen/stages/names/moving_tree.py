@@ -161,6 +161,9 @@ def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
         for index, joint in enumerate(skeleton.joints):
             if tree_of[joint.child] == root:
                 places = motion.joint_positions[frames, index]
+                if joint.kind == "hinge" and joint.axis is not None and markers[joint.child].shape[1]:
+                    axis = poses[:, joint.parent, :3, :3] @ joint.axis  # beside the child: along it nothing is known
+                    places = places + along(markers[joint.child].mean(axis=1) - places, axis).mean() * axis
                 joints[joint.parent, joint.child] = joints[joint.child, joint.parent] = places
         if all(markers[limb].shape[1] for limb in limbs):
             trees.append(MovingTree(limbs, joints, poses[..., :3, :3], markers, rate))

@@ -57,6 +57,13 @@ def turning(n_frames, about, seed):
     return transform_from(rotations, np.asarray(about) - rotations @ np.asarray(about))
 
 
+def in_plane(*bodies):
+    """Markers of plates that turn by angles about z, at places that are complex numbers."""
+    poses = [transform_from(matrix_from_vector(np.outer(turn, [0, 0, 1])), np.stack([one.real, one.imag, 0 * turn], 1))
+             for one, turn in bodies]  # fmt: skip
+    return as_take([rigid(one, seed=number) for number, one in enumerate(poses)])
+
+
 @pytest.mark.parametrize(("name", "cameras"), [("human", 0), ("human", 6), ("quadruped", 0), ("tree:8", 6)])
 def test_tree_under_soft_tissue_is_the_true_one(simulated, true_limbs, name, cameras):
     case = simulated(name, 1, n_frames=600, n_cameras=cameras, **TISSUE)
@@ -127,12 +134,8 @@ def test_a_rocker_that_turns_by_few_degrees_closes_a_loop():
     rod = np.angle(160 - tip) + np.arccos((140**2 + apart**2 - 100**2) / (2 * 140 * apart))
     rocker = np.angle(tip + 140 * np.exp(1j * rod) - 160)
     limbs = (0 * tip, 0 * rod, 80), (0 * tip, turned, 10), (tip, rod, 70), (0 * tip + 160, rocker, 50)
-    bodies = []
-    for number, (end, angle, half) in enumerate(limbs):
-        place = end + half * np.exp(1j * angle)
-        turns = matrix_from_vector(np.outer(angle, [0.0, 0.0, 1.0]))
-        bodies.append(rigid(transform_from(turns, np.stack([place.real, place.imag, 0 * angle], axis=1)), seed=number))
-    topology = find_joints(*as_take(bodies))
+    bodies = [(end + half * np.exp(1j * angle), angle) for end, angle, half in limbs]
+    topology = find_joints(*in_plane(*bodies))
     ring = {frozenset(pair) for pair in ((0, 1), (1, 2), (2, 3), (3, 0))}
     assert edges(topology) | {frozenset(pair) for pair in topology.loops} == ring
 
@@ -166,6 +169,32 @@ def test_limb_that_slides_along_another_is_a_body_of_its_own_and_is_told(notices
     topology = find_joints(*as_take([rigid(poses, seed=seed) for seed, poses in enumerate(bodies)]), monitor=notices)
     assert edges(topology) == {frozenset((0, 1))}
     assert "limb 1 and limb 2 slide along each other" in " ".join(notices.sentences)
+
+
+def test_a_finger_that_slides_on_a_palm_is_not_joined_to_the_arm(notices):
+    """A palm that turns about the end of an arm, and a finger that slides on it across its axis by 15 mm either way."""
+    n_frames = 300
+    sway, twist = 0.6 * np.sin(0.05 * np.arange(n_frames)), 0.8 * np.sin(0.037 * np.arange(n_frames))
+    arm = matrix_from_vector(np.outer(sway, [0.3, 1.0, 0.0]))
+    palm = arm @ matrix_from_vector(np.outer(twist, [0.0, 0.0, 1.0]))
+    end = np.einsum("fij,j->fi", arm, [0.0, 0.0, 150.0])
+    shift = np.stack([0 * sway, 30 + 15 * np.sin(0.023 * np.arange(n_frames)), 60 + 0 * sway], axis=1)
+    bodies = [(np.tile(np.eye(3), (n_frames, 1, 1)), 0 * end - [0.0, 0.0, 100.0]), (arm, 0 * end), (palm, end),
+              (palm, end + np.einsum("fij,fj->fi", palm, shift))]  # fmt: skip
+    limbs = [rigid(transform_from(*body), noise=0.9, seed=seed) for seed, body in enumerate(bodies)]
+    assert edges(find_joints(*as_take(limbs), monitor=notices)) == {frozenset((0, 1)), frozenset((1, 2))}
+    assert "limb 2 and limb 3 slide along each other" in " ".join(notices.sentences)
+
+
+def test_a_limb_that_slides_within_a_loop_is_told(notices):
+    """A crank of 80 mm that goes round drives a slider on the ground by a rod of 250 mm: all in one plane."""
+    turned = 0.1 * np.arange(400)
+    tip = 80 * np.exp(1j * turned)
+    slider = tip.real + np.sqrt(250**2 - tip.imag**2)
+    bodies = (0 * tip, 0 * turned), (0 * tip, turned), (tip, np.angle(slider - tip)), (slider + 0 * tip, 0 * turned)
+    topology = find_joints(*in_plane(*bodies), monitor=notices)
+    assert edges(topology) == {frozenset(pair) for pair in ((0, 1), (1, 2), (2, 3))}
+    assert "limb 0 and limb 3 slide along each other, by 160 mm" in " ".join(notices.sentences)
 
 
 @pytest.mark.parametrize("seed", range(2))

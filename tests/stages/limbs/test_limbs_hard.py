@@ -241,3 +241,19 @@ def test_small_plates_far_apart_on_parallel_hinges_are_limbs_of_their_own(n_mark
     positions += rng.normal(0.0, 0.2, positions.shape)
     limb = find_limbs(Trajectories.from_array(positions, 100.0)).limb_of_marker
     np.testing.assert_array_equal(limb, np.repeat([0, 1, 2], [4, n_markers, n_markers]))
+
+
+def test_a_marker_on_the_axis_of_two_limbs_is_on_the_far_nearer_one(same_partition):
+    """Two hips of a robot turn about one axis, 400 mm apart; a marker of the first is beside that axis."""
+    times = np.arange(500) / 100
+    trunk = np.array([[-150.0, 80, 60], [140, 90, 50], [0, -60, 80], [90, 10, 120]])
+    hip, higher = np.array([[-30.0, 2, 1], [20, 40, 10], [15, -35, 30]]), np.array([0.0, 25, 25])
+    limbs = [np.tile(trunk, (len(times), 1, 1))]
+    for markers, ahead, phase in ((hip, 200.0, 0.0), (hip + higher, -200.0, 2.0)):
+        turns = Rotation.from_rotvec(np.outer(0.25 * np.sin(7 * times + phase), [1.0, 0.0, 0.0])).as_matrix()
+        limbs.append(np.einsum("fij,mj->fmi", turns, markers) + np.array([ahead, 0.0, 0.0]))
+    walked = np.stack([400 * times, 50 * np.sin(times), 8 * np.sin(9 * times)], axis=1)
+    positions = np.concatenate(limbs, axis=1) + walked[:, np.newaxis]
+    positions += np.random.default_rng(0).normal(0, 0.4, positions.shape)
+    take = Trajectories(positions, tuple(f"M{number}" for number in range(10)), 100.0)
+    assert same_partition(find_limbs(take).limb_of_marker, np.repeat([0, 1, 2], [4, 3, 3]))

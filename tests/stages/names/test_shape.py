@@ -7,7 +7,7 @@ import pytest
 
 import skelgen
 from skelgen.simulation import simulate
-from skelgen.simulation.articulated import Structure
+from skelgen.simulation.articulated import Attachment, Capsule, Structure, Swing, limb
 from skelgen.simulation.structures import human as human_structure
 from skelgen.stages.names import contradicts_sides, names_by_shape
 from skelgen.stages.names.animals import find_quadruped
@@ -103,6 +103,25 @@ def test_an_animal_has_names():
     simulated = simulate("quadruped", n_frames=150, seed=1, noise=0.1)
     project = skelgen.reconstruct(hidden(simulated.take))
     assert project.limbs.names == true_names(simulated, project)
+
+
+@pytest.mark.parametrize("with_head", [False, True])
+def test_robots_and_horses_with_all_legs_on_one_trunk_are_animals(with_head):
+    """Hips that turn about the axis forward, along which nothing tells where they are; a neck like a fifth finger."""
+    limbs = [limb("trunk", Attachment("", "free", (0, 0, 500)), Capsule((160, 0, 30), 70, start=(-160, 0, 30)), 5)]
+    for leg, (x, y) in {"a": (190, 50), "b": (190, -50), "c": (-190, 50), "d": (-190, -50)}.items():
+        bend = [Swing((20,), (middle,), [(0, 1, 0)]) for middle in (40, -80)]
+        hip = Attachment("trunk", "hinge", (x, y, 0), Swing((12,), axes=[(1, 0, 0)]))
+        thigh, shank = (Attachment(leg + part, "hinge", (0, 0, 0), one) for part, one in zip("ht", bend, strict=True))
+        limbs.append(limb(leg + "h", hip, Capsule((30, y, 0), 35, start=(-30, y, 0)), 3))
+        limbs.append(limb(leg + "t", thigh._replace(joint=(0, 1.7 * y, 0)), Capsule((0, 0, -210), 28), 3))
+        limbs.append(limb(leg + "s", shank._replace(joint=(0, 0, -213)), Capsule((0, 0, -200), 20), 3))
+    if with_head:
+        limbs.append(limb("neck", Attachment("trunk", "ball", (200, 0, 60)), Capsule((120, 0, 120), 40), 3))
+        limbs.append(limb("head", Attachment("neck", "ball", (130, 0, 130)), Capsule((120, 0, -20), 40), 3))
+    take = simulate(Structure("robot", tuple(limbs)), n_frames=300, seed=1, noise=0.2).take
+    told = " ".join(skelgen.reconstruct(hidden(take)).reports["skeleton"].notices)
+    assert "those of a four-legged animal" in told
 
 
 @pytest.mark.parametrize(("flip", "side"), [(1.0, "right"), (_MIRROR, "left")])
