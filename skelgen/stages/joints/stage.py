@@ -161,7 +161,7 @@ class JointSearch:
         seeming = loop_joints(tree.parents, costs, n_markers)
         posed = [segment.at(frames) for segment in placed]
         loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
-        topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
+        topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated, worn)
         notices = [*tree_notices(topology, costs, guesses, tree, len(np.unique(body_of_limb)))]
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
