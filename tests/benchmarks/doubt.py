@@ -54,7 +54,7 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What was stated of a take, and what is right."""
+    """What was stated of a take, and what is right; `tree` is the part of the joints between bodies that was found."""
 
     kind: str
     of_markers: Floats
@@ -64,6 +64,7 @@ class Told:
     of_edges: Floats
     edge_is_right: Bools
     edge_features: Floats
+    tree: float
 
 
 def main() -> None:
@@ -159,8 +160,9 @@ def judged(known: Known) -> Told:
         others = [other for number, other in enumerate(bodies) if number != limb]
         right.append(not any(own & other for other in others) if is_alone else bool(own & bodies[limb]))
     near = neighbours(known)
-    edges = [any(frozenset((a, b)) in near for a in bodies[parent] for b in bodies[child])
-             for parent, child in topology.edges.tolist()]  # fmt: skip
+    joined = [{frozenset((a, b)) for a in bodies[parent] for b in bodies[child]}
+              for parent, child in topology.edges.tolist()]  # fmt: skip
+    edges, found = [bool(one & near) for one in joined], set().union(*joined)
     suits = membership.limb_odds(known.take.positions[:, on_limb], is_member)
     return Told(
         known.kind,
@@ -171,6 +173,7 @@ def judged(known: Known) -> Told:
         topology.edge_probability,
         np.array(edges, dtype=np.bool_),
         edge_features(topology, limbs),
+        float(np.mean([edge in found for edge in joints_of(known)])),
     )
 
 
@@ -190,6 +193,13 @@ def neighbours(known: Known) -> set[frozenset[int]]:
             above = int(known.parents[above])
         found |= {frozenset((body, above)), frozenset((body, parent))}
     return found
+
+
+def joints_of(known: Known) -> list[frozenset[int]]:
+    """Bodies with markers that are parent and child."""
+    carried = known.allowed.any(axis=0)
+    pairs = enumerate(known.parents.tolist())
+    return [frozenset((body, parent)) for body, parent in pairs if parent >= 0 and carried[body] and carried[parent]]
 
 
 def edge_features(topology: Topology, limbs: Limbs) -> Floats:

@@ -1,19 +1,21 @@
 """Learn skelgen/stages/limbs/tables/worn_*.npz, shapes of marker sets: ``python tests/benchmarks/learn_sets.py``.
 
 Each set is worn by simulated people of all sizes, with soft tissue as measured, in all natural motions, in random
-motions about any posture, and in natural motions with hands that are held: at the hips, clasped, on bars, on thighs or
-shoulders, behind the head or overhead. Kept are means of the logarithms of distances and of how much they vary, and
-standard deviations, of those whose hands are free, with what simulation does not vary: where exactly a marker is stuck;
-principal components of how all differ from these means, which are what posture and proportions do; and what these
-leave. The same of all places that markers are stuck at, whatever the set.
+motions about any posture, in natural motions with hands that are held: at the hips, clasped, on bars, on thighs or
+shoulders, behind the head or overhead; and with hips and knees bent by anything, where trunk, arms and each leg move by
+amounts of their own, as of those who sit, row, lunge or kick. Kept are means of the logarithms of distances and of how
+much they vary, and standard deviations, of those whose hands are free, with what simulation does not vary: where
+exactly a marker is stuck; principal components of how all differ from these means, which are what posture and
+proportions do; and what these leave. The same of all places that markers are stuck at, whatever the set.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from postures import HOLDS, RATE, Habit, about_posture, with_held_hands
+from postures import HOLDS, RATE, Habit, about_posture, at_exercise, with_held_hands
 
 import skelgen.stages.limbs.worn_sets as module
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
@@ -23,8 +25,8 @@ from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.people import MOTIONS, Person, natural_motion, person, realistic_soft_tissue
 from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
-N_FREE, N_HOLD = 300, 140  # people in each set, and in all places at once: with free hands, and who hold them
-N_WAYS = 20  # principal components that are kept
+N_FREE, N_HOLD, N_EXERCISE = 300, 140, 320  # people in each set: with free hands, who hold them, who sit, row or lunge
+N_WAYS = 32  # principal components that are kept
 FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)
 MOTION_RANGE = (0.2, 1.2)
@@ -65,7 +67,7 @@ def places() -> dict[str, np.ndarray]:
 
 def people_in(marker_set: str) -> tuple[Floats, Floats]:
     """Shapes of people in a set, (n, 2, n_markers, n_markers): of those with free hands, and of those who hold them."""
-    numbers = range(N_FREE + N_HOLD)
+    numbers = range(N_FREE + N_HOLD + N_EXERCISE)
     people = np.array([_person(marker_set, number).tables for number in numbers], dtype=np.float32)
     return people[:N_FREE], people[N_FREE:]
 
@@ -93,20 +95,28 @@ def learned(marker_set: str, free: Floats, held: Floats) -> dict[str, np.ndarray
 
 
 def _person(marker_set: str, number: int) -> Shape:
-    """Somebody in natural motion, who of the last ones holds hands still; or, of the first every other one, in random
-    motion about a posture: arms crossed, overhead, in guard, deep squats; alike on both sides for half of these."""
+    """The shape of somebody in a set."""
     rng = np.random.default_rng([FIRST_SEED, number])
     who = person(marker_set, 0.0, rng, placed=PLACED)
+    return shape_of(seen_markers(who, *_moving(number), rng))
+
+
+@cache
+def _moving(number: int) -> tuple[list[Floats], Floats]:
+    """How somebody moves, whatever is worn: at exercise; or in natural motion, with hands that are held, or free; or,
+    of those every other one, in random motion about a posture: arms crossed, overhead, in guard, deep squats; alike on
+    both sides for half of these."""
+    who = person(EVERY_PLACE, 0.0, np.random.default_rng([FIRST_SEED, number]))
+    rng = np.random.default_rng([FIRST_SEED, number, 1])
+    if number >= N_FREE + N_HOLD:
+        return at_exercise(who, N_FRAMES, rng)
     if number >= N_FREE:
         motion, way = MOTIONS[number // len(HOLDS) % len(MOTIONS)], list(HOLDS)[number % len(HOLDS)]
         angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)
-        poses = with_held_hands(who, poses, way, rng, Habit.drawn(rng))
-    elif number % 2 == 0:
-        motion = MOTIONS[number // 2 % len(MOTIONS)]
-        angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)
-    else:
-        angles, poses = about_posture(who, N_FRAMES, MOTION_RANGE, rng, is_alike=number % 4 == 1)
-    return shape_of(seen_markers(who, angles, poses, rng))
+        return angles, with_held_hands(who, poses, way, rng, Habit.drawn(rng))
+    if number % 2 == 0:
+        return natural_motion(who, MOTIONS[number // 2 % len(MOTIONS)], N_FRAMES, RATE, rng)
+    return about_posture(who, N_FRAMES, MOTION_RANGE, rng, is_alike=number % 4 == 1)
 
 
 def seen_markers(who: Person, angles: list[Floats], poses: Floats, rng: np.random.Generator) -> Floats:

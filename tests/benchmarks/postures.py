@@ -15,6 +15,9 @@ from skelgen.simulation.people import Person
 
 RATE = 100.0  # Hz
 RANGES = {"upper arm": 1.6, "forearm": 1.2, "thigh": 0.8, "shank": 1.0}  # of offsets, in amplitudes
+BENT = {"thigh": ((-10.0, 35.0), (-110.0, 20.0), (-25.0, 25.0)), "shank": ((0.0, 130.0),)}
+LEG = ("thigh", "shank", "foot", "toes")
+EXERTIONS, ALIKE = (0.03, 1.2), 0.6  # of usual amplitudes; of people
 MIRROR = np.array([-1.0, 1.0, -1.0])
 SIDES = {"left": 1.0, "right": -1.0}
 SHAKEN, MOVED = 3.0, 60.0  # mm: how far held hands slip, and those in front of the chest move together
@@ -55,8 +58,39 @@ def about_posture(
     return angles, world_from_limbs(body, angles, np.zeros((n_frames, 3)))
 
 
-def in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> Structure:
-    """Return a body whose joint angles lie about those of a posture that is drawn, the same on both sides if alike."""
+def at_exercise(who: Person, n_frames: int, rng: np.random.Generator) -> tuple[list[Floats], Floats]:
+    """Return the angles and the poses of somebody whose hips and knees are bent by anything that they can be.
+
+    Trunk, arms and each leg move by amounts of their own, from hardly at all to freely; legs and arms are alike on both
+    sides, and move together, or not.
+    """
+    is_alike, is_together = rng.uniform(size=2) < ALIKE
+    body = in_posture(who.body, rng, is_alike=is_alike, bent=BENT)
+    angles, moved = random_angles(body, n_frames, RATE, rng), {}
+    for number, limb in enumerate(body.limbs):
+        side = limb.name.partition(" ")[0] if " " in limb.name else ""
+        part = "leg" if limb.name.endswith(LEG) else "arm" if side else "trunk"
+        other = body.limb_names.index(limb.name.replace("right", "left"))
+        if is_alike and is_together and other != number:
+            mirror = MIRROR if limb.kind == "ball" else 1.0
+            angles[number] = np.deg2rad(limb.offsets) + mirror * (angles[other] - angles[other].mean(axis=0))
+            continue
+        size = moved.setdefault((part, side), np.exp(rng.uniform(*np.log(EXERTIONS))))
+        angles[number] = np.deg2rad(limb.offsets) + size * (angles[number] - np.deg2rad(limb.offsets))
+    return angles, world_from_limbs(body, angles, np.zeros((n_frames, 3)))
+
+
+def in_posture(
+    body: Structure,
+    rng: np.random.Generator,
+    *,
+    is_alike: bool,
+    bent: dict[str, tuple[tuple[float, float], ...]] | None = None,
+) -> Structure:
+    """Return a body whose joint angles lie about those of a posture that is drawn, the same on both sides if alike.
+
+    What is bent anyhow lies between stated angles [deg] of the left side.
+    """
     limbs, drawn = [], {}
     for limb in body.limbs:
         side, _, rest = limb.name.partition(" ")
@@ -65,7 +99,12 @@ def in_posture(body: Structure, rng: np.random.Generator, *, is_alike: bool) -> 
         if is_alike:
             by = drawn.setdefault(segment, by) * (MIRROR if side == "right" and limb.kind == "ball" else 1.0)
         by = 0.0 * by if limb.kind == "free" else by
-        limbs.append(replace(limb, offsets=limb.offsets + RANGES.get(segment, 0.5) * limb.amplitudes * by))
+        offsets = limb.offsets + RANGES.get(segment, 0.5) * limb.amplitudes * by
+        if bent and segment in bent:
+            least, most = np.transpose(bent[segment])
+            mirror = MIRROR if side == "right" and limb.kind == "ball" else np.ones(3)
+            offsets = ((least + most) / 2 * mirror[: len(by)]) + (most - least) / 2 * by
+        limbs.append(replace(limb, offsets=offsets))
     return replace(body, limbs=tuple(limbs))
 
 

@@ -196,7 +196,9 @@ RIVAL_SHARE = 0.26
 """Part of the wrong edges whose rival is right; with the others another edge is right, or limbs are wrong."""
 
 
-def with_certainty(topology: Topology, turns: Floats, limbs: Limbs, constraints: JointConstraints) -> Topology:
+def with_certainty(
+    topology: Topology, turns: Floats, limbs: Limbs, constraints: JointConstraints, worn: Floats
+) -> Topology:
     """Return a tree with the probability of each of its edges, and of the best other edge instead.
 
     Parameters
@@ -209,9 +211,11 @@ def with_certainty(topology: Topology, turns: Floats, limbs: Limbs, constraints:
         The limbs, with the probability of each marker.
     constraints : JointConstraints
         What the user states of the tree.
+    worn : ndarray, shape (n_limbs, n_limbs)
+        Log odds that limbs are neighbours by what is worn: an edge that they contradict is so much less sure.
     """
-    features = edge_features(topology, turns, limbs)
-    sure = 1 / (1 + np.exp(-(BIAS + features @ np.array(WEIGHTS))))
+    features, against = edge_features(topology, turns, limbs), np.minimum(worn[tuple(topology.edges.T)], 0.0)
+    sure = 1 / (1 + np.exp(-(BIAS + features @ np.array(WEIGHTS) + against)))
     found = sure / (1 + np.exp(-features[:, 0] / TIE))
     rivals = RIVAL_SHARE * (1 - sure) + sure - found
     has_rival = topology.rivals[:, 0] >= 0

@@ -164,7 +164,7 @@ class JointSearch:
         seeming = [pair for pair in loop_joints(tree.parents, costs, n_markers) if pair not in between]
         posed = [segment.at(frames) for segment in placed]
         loops = closing_loops(seeming, tree.parents, posed, costs.expected, how)
-        topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated)
+        topology = with_certainty(replace(topology, loops=loops), costs.turns, limbs, stated, worn)
         notices = [*tree_notices(topology, costs, guesses, tree, len(np.unique(body_of_limb)))]
         notices += sliding_loop_notices(parting.slides if parting else {}, tree.parents, loops)
         notices += undetermined_limb_notices(placed)

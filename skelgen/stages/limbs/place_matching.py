@@ -27,9 +27,9 @@ FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 LED_ON = Rounds((0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """The same of a search that goes on from where another one has ended."""
 
-GOOD, ACCEPTABLE = 0.8, 0.95
-"""Mean cost of a marker below which no other beginning is looked for, and below which another one is taken: of animals
-and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
+GOOD, ACCEPTABLE = 0.6, 0.95
+"""Mean cost of a marker below which no other beginning is looked for, and below which the end of a search is one: of
+animals and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
 
 SEARCHES, TRIED, LEADS = 30, 6, 5
 """Other beginnings, how many of them are tried in posture, and how often a search goes on from the best."""
@@ -85,18 +85,17 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     """
     starts = tuple(replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets)
     silent = np.zeros(shape.distances.shape)
-    found = [_search(shape, start, silent) for start in starts]
-    if any(cost < GOOD for _, cost in found):
-        return starts
-    others = sorted(matches(shape, worn_places(), SEARCHES), key=lambda match: match.misfit)
-    found += [_search(shape, start, silent) for start in others[:TRIED]]
-    best, cost = _led_on(shape, min(found, key=lambda one: one[1]))
+    best, cost = _led_on(shape, [_search(shape, start, silent) for start in starts])
+    if cost >= GOOD:
+        others = sorted(matches(shape, worn_places(), SEARCHES), key=lambda match: match.misfit)
+        tried = [_search(shape, start, silent) for start in others[:TRIED]]
+        best, cost = _led_on(shape, [(best, cost), *tried])
     return (*starts, best) if cost < ACCEPTABLE else starts
 
 
-def _led_on(shape: Shape, found: tuple[Match, float]) -> tuple[Match, float]:
-    """Where searches end that go on from where the last one has ended, as long as they find better ones."""
-    silent = np.zeros(shape.distances.shape)
+def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
+    """Where searches end that go on from the best end of others, as long as they find better ones."""
+    silent, found = np.zeros(shape.distances.shape), min(ends, key=lambda end: end[1])
     for _ in range(LEADS):
         after = _search(shape, found[0], silent, LED_ON)
         if after[1] >= found[1]:

@@ -33,11 +33,6 @@ MOST_OF_LIMB = 0.6
 NEIGHBOURS = 4.0
 """Log odds that two limbs are neighbours if their segments are; minus these if they are not."""
 
-OF_PLACES = 0.5
-"""Part of that where usual places speak and no set: they are taken for neighbours beyond a joint. Of people, real and
-simulated, whose set is left out of the tables, or who lack every eighth marker, as many edges and more are right with
-.35 to .7 of it as with all."""
-
 BY_LIMBS = 6.0
 """Log odds that two markers on one limb share a segment."""
 
@@ -165,7 +160,7 @@ def neighbours_in(worn: Wear, limb_of_marker: Ints) -> Floats:
     if worn.places is not None:
         on = np.arange(len(odds)) == limb_of_marker[:, np.newaxis]
         weight = on.T @ worn.of_places(len(on)) @ on / np.outer(on.sum(axis=0), on.sum(axis=0))
-        odds += OF_PLACES * weight * _neighbours_of(worn.places, limb_of_marker)
+        odds += weight * _neighbours_of(worn.places, limb_of_marker)
     return odds
 
 

@@ -66,7 +66,7 @@ MIRRORED = 0.5
 """Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
 
 AT_PLACES, NOT_AT_PLACES = 0.9, 1.2
-"""Misfit up to which places are believed, and from which they are not at all: people's is .1 to 1.1, animals' 1.5 and
+"""Misfit up to which places are believed, and from which they are not at all: people's is .1 to 1.1, animals' 1.1 and
 more."""
 
 PLACE_FITS, PLACE_DOES_NOT = 1.0, 1.4
@@ -76,7 +76,7 @@ that are not known .94 and more of the pairs of markers that fit so well are rig
 SURE_SEGMENTS, SURE_COUNTS = ("chest", "head"), 0.7
 """Segments whose markers are seldom mistaken, and how much their misfits count."""
 
-WELL = 0.5
+WELL = 0.4
 """Misfit of a marker that fits its place well."""
 
 SOME_FIT, NONE_FIT = 0.33, 0.22
@@ -89,16 +89,16 @@ ENOUGH_SEGMENTS = 8
 SURE_PLACES = 0.75
 """Misfit up to which places say where joints lie."""
 
-PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.55, 0.7
+PLACES_BEYOND_DOUBT, PLACES_DOUBTFUL = 0.4, 0.5
 """Misfit up to which no motion contradicts places, and few markers are enough; and from which it may, and they are not.
-Of people in sets that are not known 93 to 100 % of the pairs are right up to .5, nearly all up to .7, also of legs
-alone. People with markers anywhere on their limbs have .5 and more, of whose pairs 70 % and more are right."""
+Of people in sets that are not known nearly all pairs are right, also of legs alone, which have .1 to .4. People with
+markers anywhere on their limbs have .44 and more, of whose pairs 70 % and more are right."""
 
 SET_FITS, PLACES_FIT_BETTER = 0.4, 0.6
 """By how much a set's misfit may be larger than that of places and the set be worn, and from where it is not: people
 whose set is known have .5 and less, others up to 1.4."""
 
-PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT = 0.88, 0.8
+PLACES_BORNE_OUT, PLACES_NOT_BORNE_OUT = 0.9, 0.82
 """Part of the pairs on one segment that motion does not contradict: animals and wrong places have .5 to .79."""
 
 

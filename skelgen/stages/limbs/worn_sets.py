@@ -49,7 +49,7 @@ MUCH = 0.05
 OF_NO_SET, MISSING = 3.0, 1.5
 """Costs of a marker of the take that is none of the set, and of one of the set that the take lacks."""
 
-WORN, NOT_WORN = 1.2, 1.45
+WORN, NOT_WORN = 1.1, 1.35
 """Misfit up to which a set is believed, and from which it is not at all: people in known sets have .1 to 1.3, in any
 posture, of whose pairs .98 are right and more."""
 

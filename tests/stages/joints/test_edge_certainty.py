@@ -15,7 +15,7 @@ def chain(rival_cost):
     return Topology([-1, 0, 1], costs, np.zeros((4, 2, 3)), [0, 0], [1.0, 1.0], 0.1)
 
 
-TURNS = np.full((3, 3), 0.3)  # rad
+TURNS, UNWORN = np.full((3, 3), 0.3), np.zeros((3, 3))  # rad, log odds
 
 
 def limbs(*sure):
@@ -31,8 +31,8 @@ def limbs_of(own, membership=None):
 SURE = limbs(0.98, 0.98, 0.98)
 
 
-def certain(rival_cost, turns=TURNS, constraints=None, of=SURE):
-    return with_certainty(chain(rival_cost), turns, of, constraints or JointConstraints())
+def certain(rival_cost, turns=TURNS, constraints=None, of=SURE, worn=UNWORN):
+    return with_certainty(chain(rival_cost), turns, of, constraints or JointConstraints(), worn)
 
 
 def test_an_edge_is_surer_the_dearer_the_next_one_is():
@@ -57,6 +57,12 @@ def test_limbs_that_may_mix_others_are_less_sure_neighbours():
     assert of_mixed < of_clear < certain(50.0).edge_probability.min()
 
 
+def test_edges_that_what_is_worn_contradicts_are_less_sure():
+    against = np.array([[0.0, -4.0, 0.0], [-4.0, 0.0, 4.0], [0.0, 4.0, 0.0]])
+    contradicted, borne_out = certain(50.0, worn=against).edge_probability
+    assert contradicted < 0.95 < certain(50.0).edge_probability[0] and borne_out == certain(50.0).edge_probability[1]
+
+
 def test_limbs_of_one_marker_or_of_unknown_certainty_mix_nothing():
     for other in (limbs_of(np.arange(3), 0.1 * np.eye(3)), limbs_of(np.repeat(np.arange(3), 2))):
         np.testing.assert_array_equal(certain(2.0, of=other).edge_probability, certain(2.0).edge_probability)
@@ -73,6 +79,6 @@ def test_what_the_user_states_is_sure():
 
 def test_joint_without_another_has_no_rival():
     alone = Topology([-1, 0], [[0, 3.0], [3.0, 0]], np.zeros((4, 1, 3)), [0], [1.0], 0.1)
-    found = with_certainty(alone, np.full((2, 2), np.nan), limbs(0.98, 0.98), JointConstraints())
+    found = with_certainty(alone, np.full((2, 2), np.nan), limbs(0.98, 0.98), JointConstraints(), np.zeros((2, 2)))
     assert found.rival_probability.tolist() == [0.0]
     assert found.edge_probability[0] > 0.9

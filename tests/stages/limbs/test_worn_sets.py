@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.benchmark.people import simulated_animal
+from skelgen.marker_sets import EVERY_PLACE
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation import simulate
@@ -96,6 +97,23 @@ def test_a_set_is_told_where_hands_are_at_the_hips(marker_set: str) -> None:
     odds, limb = worn_odds(positions, log_odds(positions)), np.asarray(who.worn.limb_of_marker)
     pairs = np.triu_indices(len(limb), 1)
     assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
+
+
+def test_places_are_found_where_one_leg_hardly_moves() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+        from learn_sets import seen_markers
+        from postures import at_exercise
+    rng = np.random.default_rng(5)
+    who = person(EVERY_PLACE, 0.0, rng)
+    positions = seen_markers(who, *at_exercise(who, 100, rng), rng)
+    kept = np.sort(rng.permutation(positions.shape[1])[:40])
+    places = believed_places(positions[:, kept], np.zeros((40, 40)))
+    assert places is not None and places.match.misfit < 0.7
+    segments, limb = places.worn.segments[places.match.of_set], who.worn.limb_of_marker[kept[places.match.markers]]
+    pairs = np.triu_indices(len(limb), 1)
+    alike = (segments[:, np.newaxis] == segments)[pairs] == (limb[:, np.newaxis] == limb)[pairs]
+    assert alike.mean() > 0.98
 
 
 def test_places_are_found_from_a_set_that_is_not_worn() -> None:
