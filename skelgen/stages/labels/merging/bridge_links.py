@@ -48,8 +48,15 @@ UNLIKELY, LEAST_SEEMING = 8.0, -3.0
 SURE = 3.0
 """nats of evidence for a link, and more than for any other one of its end or its beginning: then it is made."""
 
+CARRIER_SECONDS = 0.05
+"""Chains that last so long carry others along."""
+
 CARRIED_AT_ONCE = 1000
 """Links whose neighbours are held at once."""
+
+MOST_FOLLOWING, MOST_LIKELY = 100, 10
+"""Links of an end that are looked at, the first in time, and of these in the mean field, the likeliest: most takes have
+some 25 and 5, but a volume full of reflections must not fill the memory."""
 
 
 class Laws(NamedTuple):
@@ -168,6 +175,7 @@ class BridgeWindow:
         behind = min(span[1] + self._longest + margin, take.cloud.n_frames)
         self.chains, self._table = points_of_chains(take.cloud, chain_of_point, np.arange(self._start, behind))
         self.first, self.last = (frames[self.chains] for frames in ends)
+        self._carriers = np.flatnonzero(self.last - self.first >= CARRIER_SECONDS * take.rate)
 
     def sure_links(self, laws: Laws, goes_on_as: Ints) -> Links:
         """Return links that are far more likely than all others of their ends and beginnings.
@@ -184,6 +192,7 @@ class BridgeWindow:
         best = np.full(len(self.chains), -np.inf)
         np.maximum.at(best, links.ends, links.evidence)
         links = links.of(links.evidence > np.maximum(best[links.ends] - UNLIKELY, LEAST_SEEMING))
+        links = links.of(np.sort(_foremost(links.ends, -links.evidence, MOST_LIKELY)))
         return links.of(_sure(links._replace(evidence=self._supported(links, laws))))
 
     def _possible(self, is_free: Bools) -> Links:
@@ -193,7 +202,7 @@ class BridgeWindow:
         order = order[np.argsort(self.first[order], kind="stable")]
         low = np.searchsorted(self.first[order], self.last[ends], side="right")
         high = np.searchsorted(self.first[order], self.last[ends] + self._longest, side="right")
-        which, begins = _ranges(low, high)
+        which, begins = _ranges(low, np.minimum(high, low + MOST_FOLLOWING))
         ends, begins = ends[which], order[begins]
         away = lengths_of(self._at(begins, self.first[begins]) - self._at(ends, self.last[ends]))
         near = away < FASTEST * self._seconds(ends, begins) + FARTHEST * self._spacing
@@ -249,9 +258,9 @@ class BridgeWindow:
             part = np.arange(start, min(start + CARRIED_AT_ONCE, len(off)))
             ends, begins = links.ends[part], links.begins[part]
             frames = self.last[ends], self.first[begins]
-            source, target = (self._table[frame - self._start] for frame in frames)
+            source, target = (self._table[np.ix_(frame - self._start, self._carriers)] for frame in frames)
             for own in (ends, begins):
-                source[np.arange(len(source)), own] = -1
+                source[self._carriers == own[:, np.newaxis]] = -1
             expected, misfit[part] = carried(self._points, self._index(ends, frames[0]), source, target)
             off[part] = lengths_of(self._at(begins, frames[1]) - expected)
         return off, PER_MISFIT * np.sqrt(misfit**2 + (STEADY * self._spacing) ** 2)
@@ -305,10 +314,7 @@ class BridgeWindow:
         other = order[place]
         distance, _ = self._distances(ends[one], ends[other], latest=False)
         near = np.flatnonzero((one != other) & (distance < BESIDE_SPACINGS * self._spacing))
-        near = near[np.lexsort((distance[near], one[near]))]
-        counts = np.bincount(one[near], minlength=len(ends))
-        rank = np.arange(len(near)) - np.repeat(np.cumsum(counts) - counts, counts)
-        near = near[rank < BESIDE]
+        near = near[_foremost(one[near], distance[near], BESIDE)]
         return one[near], other[near]
 
 
@@ -316,6 +322,13 @@ def _log_density(change: Floats, deviation: Floats) -> Floats:
     """Logarithm of Student's density but for a constant."""
     freedom = DISTANCE_FREEDOM
     return np.asarray(-(freedom + 1.0) / 2 * np.log1p((change / deviation) ** 2 / freedom) - np.log(deviation))
+
+
+def _foremost(group: Ints, value: Floats, most: int) -> Ints:
+    """Indices of the least values of each group, at most so many, group by group and rising."""
+    order = np.lexsort((value, group))
+    counts = np.bincount(group, minlength=1)
+    return order[np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts) < most]
 
 
 def _ranges(low: Ints, high: Ints) -> tuple[Ints, Ints]:

@@ -18,6 +18,7 @@ made. Then more tracks last, which carry others along, and it is done again.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -42,11 +43,12 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.statistics import typical_spacing
 
-ROUNDS = 3
-"""Times that links are sought; what is linked carries others along the next time."""
+ROUNDS, FEW = 3, 0.02
+"""Times that links are sought, as what is linked carries others along the next time; and the part of the chains that is
+linked at least for another time."""
 
-WINDOW_SECONDS = 5.0
-"""Links whose gaps begin within it are sought together: bounds the memory."""
+WINDOW_SECONDS, WINDOW_ENDS = 5.0, 1000
+"""Links whose gaps begin within this time are sought together, of fewer ends if they are dense: bounds the memory."""
 
 TRIED_GAPS = (0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
 """Parts of `LONGEST` over which errors of predictions are measured."""
@@ -104,20 +106,20 @@ def with_bridges(take: FollowedCloud) -> FollowedCloud:
     """
     track, is_linkable = take.track_of_point, _linkable(take)
     chain = point_labels.renumbered(track, is_linkable)
-    laws, n_frames = _measured_laws(take, chain), max(1, int(WINDOW_SECONDS * take.rate))
+    laws = _measured_laws(take, chain)
     if laws is None:
         return take
     for _ in range(ROUNDS):
         first, last = _ends(take.cloud, chain)
         goes_on_as = np.arange(len(first))
-        for begin in range(0, take.cloud.n_frames, n_frames):
-            behind = min(begin + n_frames, take.cloud.n_frames)
-            window = BridgeWindow(take, chain, (first, last), (begin, behind))
+        for span in _spans(last, take):
+            window = BridgeWindow(take, chain, (first, last), span)
             links = window.sure_links(laws, goes_on_as)
             goes_on_as[window.chains[links.begins]] = window.chains[links.ends]
-        if (goes_on_as == np.arange(len(goes_on_as))).all():
-            break
+        n_linked = int((goes_on_as != np.arange(len(goes_on_as))).sum())
         chain = np.append(np.unique(_roots(goes_on_as), return_inverse=True)[1], -1)[chain]
+        if n_linked <= FEW * len(goes_on_as):
+            break
     others = point_labels.renumbered(track, ~is_linkable)
     numbered = np.where(others >= 0, others + int(chain.max(initial=-1)) + 1, chain)
     return replace(take, track_of_point=numbered.astype(track.dtype))
@@ -141,6 +143,17 @@ def _ends(cloud: PointCloud, chain_of_point: Ints) -> tuple[Ints, Ints]:
         is_new = first[chain] < 0
         first[chain[is_new][::-1]] = frame[is_new][::-1]  # of several the last that is written, the earliest
     return first, last
+
+
+def _spans(last: Ints, take: FollowedCloud) -> Iterator[tuple[int, int]]:
+    """First frame of each window and the one behind its last, by the last frames of chains."""
+    last, longest, begin = np.sort(last), max(1, int(WINDOW_SECONDS * take.rate)), 0
+    while begin < take.cloud.n_frames:
+        full = np.searchsorted(last, begin) + WINDOW_ENDS
+        dense = int(last[full]) if full < len(last) else take.cloud.n_frames
+        behind = min(begin + longest, max(dense, begin + 1), take.cloud.n_frames)
+        yield begin, behind
+        begin = behind
 
 
 def _roots(goes_on_as: Ints) -> Ints:
