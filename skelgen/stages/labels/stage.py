@@ -31,7 +31,7 @@ from skelgen.stages.labels.input_checks import (
 )
 from skelgen.stages.labels.merging.bridges import with_bridges
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more, has_too_many
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
@@ -304,14 +304,18 @@ def _markers(task: LabelTask, monitor: Monitor) -> Ints:
 
 
 def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: int, monitor: Monitor) -> Ints:
-    """Marker of each point when a skeleton has labelled all, and pieces were merged by its limbs while that helps."""
-    take, right = task.take, dict[bytes, Ints]()
+    """Marker of each point when a skeleton has labelled all, and pieces were merged by its limbs while that helps.
+
+    While there are far too many markers, fewer help; from then on what explains more does, so that there is an end.
+    """
+    take, right, too_many = task.take, dict[bytes, Ints](), True
     found = _improved(task, start, right, monitor)
     while found.max(initial=-1) >= at_once and may_be_incomplete(take, found, PIECE_SECONDS):
         if (pieces := pieces or _pieces(task)) is None:
             break
         other = _improved(task, _filled(take, _on_limbs(take, pieces, found), found), right, monitor)
-        if not explains_more(take, found, other):
+        too_many = too_many and has_too_many(take, found)
+        if not explains_more(take, found, other, counts_markers=too_many):
             break
         found = other
     return found

@@ -66,10 +66,21 @@ def better_labels(take: FollowedCloud, found: Ints, other: Ints, least: float = 
     return other if judge.evidence(other)[0] > judge.evidence(found)[0] + least else found
 
 
-def explains_more(take: FollowedCloud, found: Ints, other: Ints) -> bool:
-    """Return whether other labels explain a take better than by chance.
+def has_too_many(take: FollowedCloud, found: Ints) -> bool:
+    """Return whether far more markers were found than are ever seen at once, so that many are parts of others.
 
-    Where far more markers were found than are seen at once, what each marker less is worth counts.
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    found : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    return int(found.max(initial=-1)) + 1 > TOO_MANY * _n_at_once(take)
+
+
+def explains_more(take: FollowedCloud, found: Ints, other: Ints, *, counts_markers: bool) -> bool:
+    """Return whether other labels explain a take better than by chance.
 
     Parameters
     ----------
@@ -77,10 +88,17 @@ def explains_more(take: FollowedCloud, found: Ints, other: Ints) -> bool:
         The take.
     found, other : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
+    counts_markers : bool
+        Whether they must have fewer markers, but enough for what is seen at once, and what each less is worth counts.
     """
     evidence, chance = take.evidence(found)
-    at_once = float(np.quantile(take.cloud.points_per_frame, FULLEST))
-    if int(found.max(initial=-1)) + 1 <= TOO_MANY * at_once:
+    if not counts_markers:
         return bool(take.evidence(other)[0] > evidence + chance)
-    is_enough = TOO_MANY * (int(other.max(initial=-1)) + 1) >= at_once
-    return is_enough and better_labels(take, found, other, chance) is other
+    n_markers = int(other.max(initial=-1)) + 1
+    if n_markers > int(found.max(initial=-1)) or TOO_MANY * n_markers < _n_at_once(take):
+        return False
+    return better_labels(take, found, other, chance) is other
+
+
+def _n_at_once(take: FollowedCloud) -> float:
+    return float(np.quantile(take.cloud.points_per_frame, FULLEST))
