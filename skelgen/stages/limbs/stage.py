@@ -216,7 +216,10 @@ def _bodies_of_limbs(limb_of_marker: Ints, body_of_marker: Ints) -> tuple[Ints, 
 def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
     if len(sure) > 1:
         sizes, percent = listed(map(str, np.bincount(body_of_marker).tolist())), 100 * sure.min()
-        yield f"the take shows {len(sure)} bodies, of {sizes} markers ({percent:.0f} % sure): nothing joins them"
+        yield (
+            f"the take shows {len(sure)} bodies, of {sizes} markers ({percent:.0f} % sure): nothing joins them, or "
+            "they are never seen together"
+        )
 
 
 class _Grouping:
