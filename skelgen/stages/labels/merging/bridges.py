@@ -97,13 +97,16 @@ def with_bridges(take: FollowedCloud) -> FollowedCloud:
     Parameters
     ----------
     take : FollowedCloud
-        The take. Tracks of one point, and those with points whose marker is stated, are not linked.
+        The take. Tracks of one point, those with points whose marker is stated, and any of a very long take, which must
+        do with little memory, are not linked.
 
     Returns
     -------
     FollowedCloud
         The same take; tracks that are linked have one number.
     """
+    if take.is_very_long:
+        return take
     track, is_linkable = take.track_of_point, _linkable(take)
     chain = point_labels.renumbered(track, is_linkable)
     laws = _measured_laws(take, chain)
