@@ -10,7 +10,7 @@ import pytest
 from skelgen.model import PointCloud
 from skelgen.simulation import simulate
 from skelgen.stages.labels.merging.bridges import with_bridges
-from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.followed import MOST_POINTS, FollowedCloud
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.statistics import typical_spacing
@@ -76,3 +76,14 @@ def test_a_take_too_short_to_measure_speeds_stays_as_it_is(hidden_together):
     take, _ = hidden_together
     few = followed(PointCloud(take.cloud.points[:90], take.cloud.frame_starts[:3], take.cloud.times[:2]))
     assert with_bridges(few).track_of_point is few.track_of_point
+
+
+def test_very_long_takes_stay_as_they_are(hidden_together):
+    take, _ = hidden_together
+    few = len(take.cloud.times)
+    times = np.arange(few + MOST_POINTS) / RATE
+    starts = np.concatenate([take.cloud.frame_starts, take.cloud.n_points + np.arange(1, MOST_POINTS + 1)])
+    points = np.concatenate([take.cloud.points, np.zeros((MOST_POINTS, 3))])
+    tracks = np.concatenate([take.track_of_point, np.full(MOST_POINTS, -1, dtype=take.track_of_point.dtype)])
+    long = FollowedCloud(PointCloud(points, starts, times), tracks, RATE, take.spacing)
+    assert with_bridges(long) is long
