@@ -214,19 +214,20 @@ def _labelled(
     take = FollowedCloud(cloud, tracks, rate, typical_spacing(cloud), stated)
     task = LabelTask(take, parameters, n_markers, constraints, seed)
     tracklets = _tracklets(take, parameters)
+    n_tracklets, at_once = len(tracklets), tracklets.most_at_once(least_length(cloud.n_frames, rate, parameters))
     n_removed, classic = 0, None
     if parameters.method == "sets":
         found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
+        del tracklets  # of long takes they are large
         found = _markers(task, monitor)
-        if parameters.compare and len(tracklets) <= MOST_COMPARED:
-            classic, _ = _classic_markers(task, tracklets, monitor)
+        if parameters.compare and n_tracklets <= MOST_COMPARED:
+            classic, _ = _classic_markers(task, _tracklets(take, parameters), monitor)
     found = point_labels.in_order_of_appearance(found)
     names = point_labels.marker_names(int(found.max(initial=-1)) + 1)
     if identities and constraints is not None:
         found, names = apply_constraints(cloud, found, constraints, n_markers=n_markers)
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
-    at_once = tracklets.most_at_once(least_length(cloud.n_frames, rate, parameters))
     positions = point_labels.all_positions(cloud, found, len(names))
     if parameters.least_seen:
         thin, cleaned = thin_frames(~np.isnan(positions[:, :, 0]), parameters.least_seen)
