@@ -300,6 +300,19 @@ def spread_frames(n_frames: int, most: int) -> Ints:
     return evenly_spread(np.arange(n_frames), most)
 
 
+def numbers_between(low: Ints, high: Ints) -> tuple[Ints, Ints]:
+    """Return the numbers of many ranges, one range after the other: which range each is of, and the number.
+
+    Parameters
+    ----------
+    low, high : ndarray of intp, shape (n_ranges,)
+        First number of each range, and the one behind its last; a range that ends before it begins is empty.
+    """
+    count = np.maximum(high - low, 0)
+    which = np.repeat(np.arange(len(low)), count)
+    return which, np.arange(len(which)) - np.repeat(np.cumsum(count) - count - low, count)
+
+
 def runs_of(values: Bools) -> list[tuple[int, int]]:
     """Return the first index of each run of true values, shape (n,), and that behind its last."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, numbers_between
 
 BLOCK_FRAMES = 2000
 """Frames that are labelled at once; bounds the memory."""
@@ -183,9 +183,7 @@ def points_in_frames(cloud: PointCloud, frames: Ints) -> tuple[Ints, Ints]:
     frames : ndarray of intp
         Rising frames.
     """
-    starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
-    row = np.repeat(np.arange(len(frames)), counts)
-    return row, np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+    return numbers_between(cloud.frame_starts[frames], cloud.frame_starts[frames + 1])
 
 
 def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from skelgen._kernels.carried_points import carried
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, numbers_between
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.continuity import (
     FASTEST,
@@ -202,7 +202,7 @@ class BridgeWindow:
         order = order[np.argsort(self.first[order], kind="stable")]
         low = np.searchsorted(self.first[order], self.last[ends], side="right")
         high = np.searchsorted(self.first[order], self.last[ends] + self._longest, side="right")
-        which, begins = _ranges(low, np.minimum(high, low + MOST_FOLLOWING))
+        which, begins = numbers_between(low, np.minimum(high, low + MOST_FOLLOWING))
         ends, begins = ends[which], order[begins]
         away = lengths_of(self._at(begins, self.first[begins]) - self._at(ends, self.last[ends]))
         near = away < FASTEST * self._seconds(ends, begins) + FARTHEST * self._spacing
@@ -281,7 +281,7 @@ class BridgeWindow:
         ends, counts = np.unique(links.ends, return_counts=True)
         starts = np.cumsum(counts) - counts
         first, second = self._beside(ends)
-        pair, index = _ranges(np.zeros(len(first), dtype=np.intp), counts[first] * counts[second])
+        pair, index = numbers_between(np.zeros(len(first), dtype=np.intp), counts[first] * counts[second])
         row, column = np.divmod(index, counts[second][pair])
         one, other = order[starts[first][pair] + row], order[starts[second][pair] + column]
         begins = links.begins[one], links.begins[other]
@@ -310,7 +310,7 @@ class BridgeWindow:
         order = np.argsort(last, kind="stable")
         low = np.searchsorted(last[order], last - self._beside_frames)
         high = np.searchsorted(last[order], last + self._beside_frames, side="right")
-        one, place = _ranges(low, high)
+        one, place = numbers_between(low, high)
         other = order[place]
         distance, _ = self._distances(ends[one], ends[other], latest=False)
         near = np.flatnonzero((one != other) & (distance < BESIDE_SPACINGS * self._spacing))
@@ -329,13 +329,6 @@ def _foremost(group: Ints, value: Floats, most: int) -> Ints:
     order = np.lexsort((value, group))
     counts = np.bincount(group, minlength=1)
     return order[np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts) < most]
-
-
-def _ranges(low: Ints, high: Ints) -> tuple[Ints, Ints]:
-    """Numbers from each of some to before another one: which range each is of, and the number."""
-    count = np.maximum(high - low, 0)
-    which = np.repeat(np.arange(len(low)), count)
-    return which, np.arange(len(which)) - np.repeat(np.cumsum(count) - count - low, count)
 
 
 def _likely(links: Links) -> Floats:

@@ -29,7 +29,7 @@ import numpy as np
 from skelgen._kernels.carried_points import carried
 from skelgen._kernels.marker_pauses import Links
 from skelgen.geometry.statistics import lengths_of
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, numbers_between
 from skelgen.stages.labels import point_labels
 
 if TYPE_CHECKING:
@@ -131,8 +131,8 @@ class Continuity:
         count = np.searchsorted(begin[order], end + longest, side="right") - low
         count = np.minimum(count, MOST_FOLLOWING)
         behind = np.concatenate([[0], np.cumsum(count)])
-        ends = np.repeat(np.arange(len(begin)), count)
-        begins = order[np.arange(len(ends)) + np.repeat(low - behind[:-1], count)]
+        ends, place = numbers_between(low, low + count)
+        begins = order[place]
         rank = np.empty(len(order), dtype=np.intp)
         rank[order] = np.arange(len(order))
         return ends, begins, np.stack([low, behind[:-1], behind[1:]]), rank
