@@ -6,7 +6,8 @@ shoulders, behind the head or overhead; and with hips and knees bent by anything
 amounts of their own, as of those who sit, row, lunge or kick. Kept are means of the logarithms of distances and of how
 much they vary, and standard deviations, of those whose hands are free, with what simulation does not vary: where
 exactly a marker is stuck; principal components of how all differ from these means, which are what posture and
-proportions do; and what these leave. The same of all places that markers are stuck at, whatever the set.
+proportions do; and what these leave. The same of all places that markers are stuck at, whatever the set, with postures
+from which searches begin.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from postures import HOLDS, RATE, Habit, about_posture, at_exercise, with_held_hands
+from sklearn.cluster import KMeans
 
 import skelgen.stages.limbs.worn_sets as module
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
@@ -27,6 +29,7 @@ from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
 N_FREE, N_HOLD, N_EXERCISE = 300, 140, 320  # people in each set: with free hands, who hold them, who sit, row or lunge
 N_WAYS = 32  # principal components that are kept
+N_BEGINNINGS = 24  # postures from which searches begin, each the middle of people who are alike
 FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)
 MOTION_RANGE = (0.2, 1.2)
@@ -62,7 +65,7 @@ def places() -> dict[str, np.ndarray]:
     names = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn.marker_names
     mirrored = np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
     both = (np.concatenate([people, people[:, :, mirrored][..., mirrored]]) for people in people_in(EVERY_PLACE))
-    return learned(EVERY_PLACE, *both)
+    return learned(EVERY_PLACE, *both, N_BEGINNINGS)
 
 
 def people_in(marker_set: str) -> tuple[Floats, Floats]:
@@ -72,9 +75,9 @@ def people_in(marker_set: str) -> tuple[Floats, Floats]:
     return people[:N_FREE], people[N_FREE:]
 
 
-def learned(marker_set: str, free: Floats, held: Floats) -> dict[str, np.ndarray]:
+def learned(marker_set: str, free: Floats, held: Floats, n_beginnings: int = 0) -> dict[str, np.ndarray]:
     """Of pairs of markers mean and spread over people whose hands are free, the ways in which all people differ from
-    that mean together, and what these leave."""
+    that mean together, and what these leave; and so many postures in the middle of people who are alike."""
     first, second = np.triu_indices(free.shape[2], 1)
     pairs = np.concatenate([free, held])[:, :, first, second].astype(np.float64)
     pairs[:, 0] -= np.median(pairs[:, 0], axis=1, keepdims=True)
@@ -86,8 +89,11 @@ def learned(marker_set: str, free: Floats, held: Floats) -> dict[str, np.ndarray
     ways = (sizes[:N_WAYS, np.newaxis] / np.sqrt(len(pairs)) * ways[:N_WAYS]).reshape(N_WAYS, *mean.shape) * weight
     varying = pairs[: len(free)].var(axis=0), (rest**2).mean(axis=0)
     spread, left = (np.sqrt(variance + least**2) for variance in varying)
-    arrays = zip(module.LEARNED, (mean, spread, ways, left), strict=True)
+    arrays = [*zip(module.LEARNED, (mean, spread, ways, left), strict=True)]
     someone = person(marker_set, 0.0, np.random.default_rng(0)).worn
+    if n_beginnings:
+        usual = KMeans(n_beginnings, n_init=3, random_state=0).fit(np.sqrt(len(pairs)) * scores[:, :N_WAYS])
+        arrays.append(("beginnings", usual.cluster_centers_))
     table = {f"{marker_set}/{name}": values.astype(np.float16) for name, values in arrays}
     table[f"{marker_set}/markers"] = np.array(someone.marker_names)
     table[f"{marker_set}/segments"] = someone.limb_of_marker.astype(np.uint8)

@@ -31,8 +31,8 @@ GOOD, ACCEPTABLE = 0.6, 0.95
 """Mean cost of a marker below which no other beginning is looked for, and below which the end of a search is one: of
 animals and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
 
-SEARCHES, TRIED, LEADS = 30, 6, 5
-"""Other beginnings, how many of them are tried in posture, and how often a search goes on from the best."""
+SEARCHES, TRIED, LEADS = 4, 12, 5
+"""Beginnings in each posture, how many postures are tried, and how often a search goes on from the best."""
 
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
@@ -87,10 +87,22 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     silent = np.zeros(shape.distances.shape)
     best, cost = _led_on(shape, [_search(shape, start, silent) for start in starts])
     if cost >= GOOD:
-        others = sorted(matches(shape, worn_places(), SEARCHES), key=lambda match: match.misfit)
-        tried = [_search(shape, start, silent) for start in others[:TRIED]]
+        others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
+        tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
         best, cost = _led_on(shape, [(best, cost), *tried])
     return (*starts, best) if cost < ACCEPTABLE else starts
+
+
+@cache
+def _places_in_postures() -> tuple[WornSet, ...]:
+    """All places, in each of the postures from which searches begin: others are far from the usual distances."""
+    places = worn_places()
+    means = places.mean.tables + np.tensordot(places.beginnings, places.postures.ways, 1)
+    return tuple(replace(places, mean=Shape(*mean)) for mean in means)
+
+
+def _misfit(match: Match) -> float:
+    return match.misfit
 
 
 def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:

@@ -117,8 +117,8 @@ def pair_odds(positions: Floats) -> Floats:
     return np.clip(log_odds(positions), -SUREST, SUREST)
 
 
-def is_worn(by_motion: Floats, whole: Floats, bend: bool) -> bool:
-    """Return whether a person wears the markers.
+def is_worn(by_motion: Floats, whole: Floats) -> bool:
+    """Return whether a person wears the markers: those of a set that motion bears out, or at places beyond doubt.
 
     Parameters
     ----------
@@ -126,14 +126,12 @@ def is_worn(by_motion: Floats, whole: Floats, bend: bool) -> bool:
         From `pair_odds`.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm
         All frames.
-    bend : bool
-        Whether most limbs bend. If not, usual places tell a person, too, that are beyond doubt and borne out by motion.
     """
     nearest = nearest_set(whole)
     if nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED:
         return True
-    places = None if bend else believed_places(whole, by_motion)
-    return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT and places.belief > BELIEVED
+    places = believed_places(whole, by_motion)
+    return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT
 
 
 def plates(groups: Ints, deviations: Deviations, whole: Floats) -> tuple[Ints, ...]:

@@ -302,7 +302,7 @@ class _Grouping:
         if bend or unlike:
             by_motion = pair_odds(self._positions[frames])
             whole = self._positions if self._parameters.marker_set != "none" else None
-            if (bend and unlike) or (whole is not None and is_worn(by_motion, whole, bend)):
+            if (bend and unlike) or (whole is not None and is_worn(by_motion, whole)):
                 held = () if bend else plates(groups, deviations, self._positions)
                 groups = revised(groups, by_motion, self._constraints, deviations.steady, whole, held)
             else:

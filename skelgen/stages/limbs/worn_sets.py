@@ -276,7 +276,8 @@ def set_of_table(name: str, table: dict[str, np.ndarray]) -> WornSet:
     usual, varying = (Shape(*square_of_pairs(values)) for values in (mean, spread))
     segments, markers = table[f"{name}/segments"].astype(np.intp), tuple(table[f"{name}/markers"].tolist())
     parts = tuple(table[f"{name}/{half}"].astype(np.intp) for half in HALVES if f"{name}/{half}" in table)
-    return WornSet(name, usual, varying, ways, left, segments, markers, parts)
+    beginnings = table.get(f"{name}/beginnings", np.zeros((0, len(ways)))).astype(np.float64)
+    return WornSet(name, usual, varying, ways, left, segments, markers, parts, beginnings)
 
 
 def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, wraps
 from typing import TypeVar
 
@@ -83,6 +83,8 @@ class WornSet:
         What the set calls them.
     parts : tuple of ndarray of intp
         Its markers on the lower and on the upper body: many laboratories wear no others.
+    beginnings : ndarray, shape (n_postures, n_ways)
+        Postures from which searches may begin, in standard deviations of each way.
     """
 
     name: str
@@ -93,6 +95,7 @@ class WornSet:
     segments: Ints
     markers: tuple[str, ...]
     parts: tuple[Ints, ...] = ()
+    beginnings: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
     @cached_property
     def postures(self) -> Postures:
