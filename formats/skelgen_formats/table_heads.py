@@ -17,9 +17,9 @@ from operator import mul
 
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of, turned_without_place
-from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
+from skelgen_formats.text import is_number, seconds_of, unquoted, without_trailing_empty
+from skelgen_formats.titles import Body, axis_alone, bodies_of, not_taken
+from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
 
 HEAD_LINES = 24
 """Lines that are looked through for titles."""
@@ -38,13 +38,20 @@ _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")
 _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
-_APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
+_APART = re.compile(r" {2,}")  # two statements in a line
+CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+"""Where words of one title meet: posUnit, SegmentName."""
+
 _OWNER = re.compile(
     r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track)"
     r"[ _]?(?:id|index|no|number|name)?",
     re.IGNORECASE,
 )
 _NAMING = re.compile(r"(.+?)[._](?:(?:marker|rigid_?body|body|subject)_?)?(?:name|child_frame_id)")
+_LOCAL = re.compile(r"(?<![A-Za-z])[Ll]ocal(?![a-z])|(?<=[a-z])Local(?![a-z])")
+UNREAD_QUATERNION = "quaternions are left out until titles say which number is w (qw, qx, qy, qz)"
+"""A notice of quaternions whose components are numbered."""
+
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -130,9 +137,12 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def _read_preamble(head: Head, before: list[list[str]]) -> None:
-    for text in (part for row in before for part in _APART.split(":".join(filter(None, row)))):
+    texts = [
+        row if sum(":" in cell or "=" in cell for cell in row) > 1 else [":".join(filter(None, row))] for row in before
+    ]
+    for text in (part for row in texts for cell in row for part in _APART.split(cell)):
         key, _, value = text.lstrip("/ ").replace("=", ":", 1).partition(":")
-        key = _CAMEL.sub(" ", key.strip())
+        key = CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
         if stated and stated[1].lower().startswith("unit"):
             head.unit = head.unit or value.strip(": ")
@@ -174,10 +184,14 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     for body in head.bodies:
         if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
             body.flag = None
+    is_same_frame = head.frames is not None and len({tuple(row[head.frames :][:1]) for row in rows[:2]}) < len(rows[:2])
     for column, title in enumerate(every[head.n_lines - 1]):
+        owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
         if _OWNER.fullmatch(title):
-            owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
             head.mixed = title if len(set(owners)) < len(owners) else head.mixed
+        elif is_same_frame and not head.mixed:
+            words = {row[column] for row in rows[:2] if column < len(row) and not is_number(seconds_of(row[column]))}
+            head.mixed = title if len(words) > 1 else ""
 
 
 def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
@@ -267,8 +281,11 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
     _find_times(found, titles)
     if any(titles.count(axis) > 1 for axis in AXES.upper() + AXES):
         found.notices.append("X, Y and Z stand several times without names in their line: points are numbered")
-    if lost := [name for name in turned_without_place(titles) if name != "body"]:
-        found.notices.append(f"rotations without positions are left out: {', '.join(lost[:8])}")
+    found.notices += not_taken(titles, bodies)
+    if unread := numbered_quaternions(titles):
+        found.notices.append(f"{UNREAD_QUATERNION}: {', '.join(unread[:8])}")
+    if any(_LOCAL.search(titles[column]) for body in bodies for column in body.place.values()):
+        found.notices.append("positions called local are taken as ones in the room; those of a child may not be")
     return found
 
 

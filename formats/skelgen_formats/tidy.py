@@ -23,6 +23,7 @@ from skelgen.progress import counted
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.table_heads import UNREAD_QUATERNION
 from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
 from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
 from skelgen_formats.turn_titles import (
@@ -30,11 +31,12 @@ from skelgen_formats.turn_titles import (
     COMPONENTS,
     angle_alone,
     cells_of,
+    numbered_quaternions,
     order_of,
 )
 from skelgen_formats.wide import since_first, take_from_table
 
-_UNSEEN_FLAGS = ("0", "false", "0.0")
+_UNSEEN_FLAGS, _HIDDEN_FLAGS = ("0", "false", "0.0"), ("1", "true", "1.0")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -96,7 +98,9 @@ def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories 
         raise FormatError(path, "", what)
     width = len(_numbered(at))
     if "name" not in at and n_names == 1 and width == len(AXES):
-        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
+        unread = f"; {UNREAD_QUATERNION}" if numbered_quaternions(head.titles) else ""
+        what = "one position per frame, and no column of names: a single point has no skeleton"
+        raise FormatError(path, 1, f"{what}{unread}")
     notices = [] if "axis" in at else _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
     points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
@@ -171,6 +175,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         if clock and frame not in rows.times:
             rows.times[frame] = _number(path, number, time, "the time")
         is_hidden = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        is_hidden |= "hidden" in at and cells[at["hidden"]].strip().lower() in _HIDDEN_FLAGS
         seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
         if "axis" in at:
             along = cells[at["axis"]].strip().lower()

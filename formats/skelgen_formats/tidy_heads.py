@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
+from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, unquoted
 from skelgen_formats.titles import axis_alone, bodies_of, spelt, translation_alone
 from skelgen_formats.turn_titles import AXES, angle_alone, cell_alone, component_alone
@@ -48,6 +49,7 @@ _GROUPS = (
         "individual",
         "person",
         "subject",
+        "subject_name",
         "track",
         "person_id",
         "skeleton_id",
@@ -63,6 +65,7 @@ _SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_i
 _FLAGS = tuple(
     f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
 )
+_HIDDEN = tuple(f"{start}{word}" for start in ("", "is_") for word in ("occluded", "hidden", "missing", "lost"))
 _DELIMITERS = (",", ";", "\t", "|", None)
 _COMMENTS = ("#", "%")
 _AXIS_WORDS = ("axis", "coord", "coords", "coordinate", "dimension", "dim", "component")
@@ -111,8 +114,8 @@ def _unit_of(titles: Sequence[str], at: dict[str, int]) -> str:
 
 def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "axis": _AXIS_WORDS}
+    plain = [CAMEL.sub("_", title).lower().replace(" ", "_") for title in titles]
+    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "hidden": _HIDDEN, "axis": _AXIS_WORDS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
     found["value"] = [at for at, title in enumerate(titles) if _VALUE.fullmatch(title)]
     found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []

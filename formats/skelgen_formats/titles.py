@@ -32,12 +32,16 @@ from skelgen_formats.turn_titles import (
 _UNIT = re.compile(
     r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{0,2}[\[(]?)(mm|cm|m|(?:milli|centi)?met(?:er|re)s?)[\])]?", re.IGNORECASE
 )
-_PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+_PLACE_WORD = (
+    rf"(?:(?:local|global|world){BETWEEN}?)?"
+    rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+)
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
-_AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
+_AXIS_AND_NUMBER = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??([xyz])_?(\d{{1,4}})", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
@@ -110,6 +114,11 @@ class Body:
         """How the angles turn the body: as titles say, else about the axes in the order of their columns."""
         return self.stated_order or order_of(self.angles)
 
+    @property
+    def every_column(self) -> set[int]:
+        """All columns that belong to it, but its fourth one and its flag."""
+        return {at for part in (self.place, self.turn, self.angles, self.matrix) for at in part.values()}
+
     def columns(self, *, turned: bool) -> list[int]:
         """Return the columns of x, y, z, and of w, x, y, z, the matrix or the three angles if they are wanted."""
         if len(self.turn) == len(COMPONENTS):
@@ -132,13 +141,15 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
     styles = ((_axis_last, "w"), (_axis_first, "w"), (_axis_and_number, "w"), (numbered, str(first + len(AXES))))
-    for parsed, fourth in styles:
-        found = _joined(_gathered(titles, parsed))
-        if parsed is _axis_and_number:
-            _drop_numbers(found)
-        if found and (parsed is not numbered or len(found) >= _FEWEST):
-            return _with_fourths(found, titles, fourth)
-    return []
+    found = [(_joined(_gathered(titles, parsed)), fourth) for parsed, fourth in styles]
+    bodies, fourth = max(found[:-1], key=lambda style: len(style[0]))
+    if bodies and bodies is found[2][0]:
+        _drop_numbers(bodies)
+    if not bodies:
+        bodies, fourth = found[-1]
+        longer = {match[1] for match in map(_MANY.fullmatch, titles) if match and int(match[2]) > first + len(AXES)}
+        bodies = [body for body in bodies if body.name not in longer]
+    return _with_fourths(bodies, titles, fourth) if fourth == "w" or len(bodies) >= _FEWEST else []
 
 
 def spelt(titles: Sequence[str]) -> list[str]:
@@ -198,6 +209,26 @@ def turned_without_place(titles: Sequence[str]) -> list[str]:
     """
     bodies = _gathered(titles, _axis_last)
     return [body.name or "body" for body in bodies if (body.is_turned or body.has_angles) and not body.place]
+
+
+def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:
+    """Return sentences on columns of places and rotations that belong to none of the bodies found.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    bodies : sequence of Body
+        From `bodies_of`.
+    """
+    taken = {column for body in bodies for column in body.every_column}
+    titles = _undoubled(spelt(titles))
+    every = [body for parsed in (_axis_last, _axis_first, _axis_and_number) for body in _gathered(titles, parsed)]
+    others = [body for body in every if body.name and not body.every_column & taken]
+    turned = [body.name for body in others if not body.place and (body.is_turned or body.has_angles)]
+    placed = [body.name for body in others if body.is_placed]
+    kinds = (("rotations without positions", turned), ("points whose titles are of another form", placed))
+    return [f"{kind} are left out: {', '.join([*dict.fromkeys(names)][:8])}" for kind, names in kinds if names]
 
 
 def axis_alone(title: str) -> tuple[str, str] | None:
@@ -353,7 +384,7 @@ def _axis_first(title: str) -> tuple[str, str, str] | None:
 
 def _axis_and_number(title: str) -> tuple[str, str, str] | None:
     match = _AXIS_AND_NUMBER.fullmatch(title.strip())
-    return (f"{match[1]} {match[3]}", match[2].lower(), "") if match else None
+    return (f"{match[1] or ''} {match[3]}".strip(), match[2].lower(), "") if match else None
 
 
 def _numbered(title: str, first: int) -> tuple[str, str, str] | None:

@@ -184,3 +184,16 @@ def test_position_may_stand_in_one_cell(put):
     take = read_take(put("lists.csv", f"frame,name,position\n{rows}"), recorded_unit="mm")
     assert take.names == ("a", "b")
     np.testing.assert_array_equal(take.positions[:, 0], [[1, 2, 1.5], [1, 2, 2.5]])
+
+
+def test_words_of_a_title_may_meet_at_a_capital(put):
+    """As scripts of Vicon's DataStream write segments."""
+    titles = "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,RX,RY,RZ"
+    rows = "".join(f"{frame},Ann,{name},1,2,900,0,0,0\n" for frame in range(2) for name in ("Hip", "Knee"))
+    assert read_take(put("segments.csv", f"{titles}\n{rows}")).names == ("Hip", "Knee")
+
+
+@pytest.mark.parametrize(("title", "word"), [("Occluded", "True"), ("isOccluded", "1"), ("lost", "true")])
+def test_point_that_a_flag_calls_hidden_is_unseen(put, title, word):
+    rows = "".join(f"{frame},{name},1,2,3,{word if name == 'b' else 0}\n" for frame in range(2) for name in "abc")
+    assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")

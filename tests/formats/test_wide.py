@@ -199,3 +199,17 @@ def test_strokes_may_part_cells(put):
         put("strokes.txt", "nose_x|nose_y|nose_z|tail.base_x|tail.base_y|tail.base_z\n" + rows(delimiter="|"))
     )
     np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+def test_rows_of_one_frame_that_words_tell_apart_are_refused(refused, put):
+    """A recorder of the Leap Motion writes a row per bone, with its start and its end."""
+    text = "frame_id,bone,start_x,start_y,start_z,end_x,end_y,end_z\n"
+    text += "".join(f"{frame},{bone},1,2,3,4,5,6\n" for frame in (7, 8) for bone in ("Proximal", "Distal"))
+    assert "take turns, by the column bone; write a file for each of them, or a row" in refused(put("leap.csv", text))
+
+
+def test_statements_may_stand_in_one_line(put):
+    head = "Number of frames: 2,Frequency (Hz): 60,Units: cm\n\nFrame,a x,a y,a z,b x,b y,b z\n"
+    take = read_take(put("one.csv", head + rows("{},")))
+    assert (take.rate, take.notices) == (60.0, ())
+    np.testing.assert_allclose(take.positions, POSITIONS * 10)

@@ -42,3 +42,11 @@ def test_parquet_without_a_frame_is_refused(refused, tmp_path):
     table = pyarrow.table([pyarrow.array([], pyarrow.float64())] * len(names), names=names)
     parquet.write_table(table, tmp_path / "points.parquet")
     assert "holds no frame" in refused(tmp_path / "points.parquet")
+
+
+def test_seconds_and_nanoseconds_in_two_columns_tell_the_rate(tmp_path):
+    table = pytest.importorskip("pandas").DataFrame({"sec": [7, 8, 8], "nanosec": [990_000_000, 0, 10_000_000]})
+    for number, title in enumerate(("a_x", "a_y", "a_z", "b_x", "b_y", "b_z")):
+        table[title] = [number + 1.0] * 3
+    table.to_parquet(tmp_path / "points.parquet")
+    assert read_take(tmp_path / "points.parquet").rate == pytest.approx(100.0)

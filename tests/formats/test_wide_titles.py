@@ -140,3 +140,39 @@ def test_columns_may_have_different_units(put):
     titles = "a_x_mm,a_y_mm,a_z_mm,b_x_m,b_y_m,b_z_m"
     take = read_take(put("units.csv", f"{titles}\n1,2,3,0.004,0.005,0.006\n"))
     np.testing.assert_allclose(take.positions[0], [[1, 2, 3], [4, 5, 6]])
+
+
+def test_form_in_which_most_points_are_titled_counts(put):
+    """OpenFace has directions of both eyes, a pose, points in the image, and those in the room as X_0, Y_0, Z_0."""
+    titles = "frame,gaze_0_x,gaze_0_y,gaze_0_z,gaze_1_x,gaze_1_y,gaze_1_z,x_0,x_1,x_2,y_0,y_1,y_2"
+    titles += "".join(f",{axis}_{number}" for axis in "XYZ" for number in range(3))
+    take = read_take(put("face.csv", f"{titles}\n" + "1,0,0,1,0,0,1,9,9,9,9,9,9,10,11,12,20,21,22,500,501,502\n" * 3))
+    assert take.names == ("0", "1", "2")
+    np.testing.assert_array_equal(take.positions[0], [[10, 20, 500], [11, 21, 501], [12, 22, 502]])
+    assert "points whose titles are of another form are left out: gaze_0, gaze_1" in take.notices
+
+
+def test_more_than_four_numbers_are_no_point(put):
+    """A database writes six covariances beside each position."""
+    titles = ",".join(
+        f"{name}.{what}[{n}]" for name in "ab" for what, size in (("xyz", 3), ("unc", 6)) for n in range(size)
+    )
+    take = read_take(put("numbers.csv", f"{titles}\n" + "1,2,3,9,9,9,9,9,9,4,5,6,9,9,9,9,9,9\n" * 3))
+    assert take.names == ("a.xyz", "b.xyz")
+
+
+def test_quaternions_whose_scalar_nobody_names_are_told(refused, put):
+    names = ",".join(
+        f"{name}_x,{name}_y,{name}_z," + ",".join(f"{name}_quat_{n}" for n in range(1, 5)) for name in "ab"
+    )
+    take = read_take(put("bodies.csv", f"{names}\n" + "1,2,3,1,0,0,0,4,5,6,1,0,0,0\n" * 3))
+    assert (take.names, "which number is w (qw, qx, qy, qz): a, b" in " ".join(take.notices)) == (("a", "b"), True)
+    alone = "time,x,y,z,quat_1,quat_2,quat_3,quat_4\n" + "0,1,2,3,1,0,0,0\n0.1,1,2,3,1,0,0,0\n"
+    assert "which number is w" in refused(put("body.csv", alone))
+
+
+@pytest.mark.parametrize("title", ["{n}.localPosition.{a}", "{n}_local_{a}", "{n} Local Position {a}"])
+def test_positions_called_local_are_told(put, title):
+    titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("local.csv", f"{titles}\n{rows()}"))
+    assert any("called local" in notice for notice in take.notices)
