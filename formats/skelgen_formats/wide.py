@@ -262,8 +262,9 @@ def _lost_unseen(bodies: Floats) -> Floats:
     at_origin = (bodies[:, :, : len(AXES)] == 0.0).all(axis=2)
     for body, is_there in enumerate(at_origin.T):
         track = bodies[~is_there & ~np.isnan(bodies[:, body, 0]), body, : len(AXES)]
-        steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
-        is_near = len(steps) and np.linalg.norm(track, axis=1).min() <= _NEAR_STEPS * np.median(steps)
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+            is_near = len(steps) and np.linalg.norm(track, axis=1).min() <= _NEAR_STEPS * np.median(steps)
         at_origin[:, body] &= len(track) > 0 and not is_near
     bodies[at_origin | (bodies[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
     return bodies
