@@ -161,10 +161,11 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
             for body in head.bodies
             for column in body.place.values()
             if column < len(row)
-        }
-        if len(units) != 1 or not units <= {"", *MM_PER_UNIT}:
+        } - {""}  # of rotations
+        if len(units) > 1 or not units <= {*MM_PER_UNIT}:
             return
-        head.unit = head.unit or units.pop()
+        head.unit = head.unit or next(iter(units), "")
+        head.n_cells = max(head.n_cells, len(without_trailing_empty(row)))
         head.n_lines += 1
 
 

@@ -213,3 +213,13 @@ def test_statements_may_stand_in_one_line(put):
     take = read_take(put("one.csv", head + rows("{},")))
     assert (take.rate, take.notices) == (60.0, ())
     np.testing.assert_allclose(take.positions, POSITIONS * 10)
+
+
+def test_units_may_stand_under_places_alone_and_columns_behind_the_last_axis(put):
+    """As The Captury writes joints, their rotations and measures of the gait."""
+    text = "Unknown recording time\nFrames;2\n;;LWristPositions;;;LWristAngles;;;;HeadPosition;;;Knee Ratio;\n"
+    text += "Frame;Annotations;X;Y;Z;X;Y;Z;W;X;Y;Z;;\n;;cm;cm;cm;;;;;cm;cm;cm;Ratio;\n"
+    text += "".join(f"{frame};; 1; 2; 3;0;0;0.6;0.8; 4;5;6;1.4;\n" for frame in range(2))
+    take = read_take(put("captury.csv", text))
+    assert (take.names, take.n_frames) == (("LWrist", "Head"), 2)
+    np.testing.assert_allclose(take.positions[1], [[10, 20, 30], [40, 50, 60]])
