@@ -296,7 +296,7 @@ def _rate_of_times(times: Floats, notices: list[str]) -> float:
         return rate
     for unit, seconds in _OTHER_UNITS.items():
         rate = rate_of((times - times[0]) * seconds)
-        if _SLOW <= rate <= _FAST and not (np.diff(times) == 1.0).all():  # else they count frames
+        if _SLOW <= rate <= _FAST and np.median(np.diff(times)) != 1.0:  # else they count frames
             notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
             return rate
     return AS_RECORDED_RATE

@@ -146,8 +146,9 @@ def test_times_that_are_none_state_no_rate(put, last):
     assert "100 Hz is assumed" in " ".join(read_take(put("times.csv", text)).notices)
 
 
-def test_column_of_times_that_counts_frames_states_no_rate(put):
-    text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{n},1,2,3,4,5,6\n" for n in range(3))
+@pytest.mark.parametrize("frames", [(0, 1, 2), (83, 84, 87, 88, 89, 91, 92)])
+def test_column_of_times_that_counts_frames_states_no_rate(put, frames):
+    text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{n},1,2,3,4,5,6\n" for n in frames)
     assert "100 Hz is assumed" in " ".join(read_take(put("counted.csv", text)).notices)
 
 
