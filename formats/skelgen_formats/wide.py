@@ -156,8 +156,10 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = with_seconds(in_order(padded_rows(numbers, len(lines), head), head), head)
-    rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
+    whole = padded_rows(numbers, len(lines), head)
+    if head.frames is not None:
+        whole = in_order(whole, head.frames, head, every=not lines.is_sampled)
+    rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
         return rows, None
     stamps = rows[:, -1]
