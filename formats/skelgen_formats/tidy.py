@@ -51,13 +51,15 @@ class _Rows:
     times: dict[float, float] = field(default_factory=dict)
 
 
-def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a tidy table of points or bodies.
+def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a tidy table of points or bodies from its lines.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file, for errors.
+    lines : Lines
+        Of the table.
     options : Options
         `recorded_rate` and `recorded_unit` count.
 
@@ -65,19 +67,6 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     ------
     FormatError
         If the titles name no frames and coordinates, or a row is not as long as they are.
-    """
-    return read_tidy_lines(path, read_lines(path), options)
-
-
-def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a tidy table from its lines; errors as of `read_tidy`.
-
-    Parameters
-    ----------
-    path, options
-        As there.
-    lines : Lines
-        Of the table.
     """
     head = find_tidy_head(lines)
     if head is None:
@@ -203,7 +192,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=lambda head, path: find_tidy_head(decoded_head(head).splitlines()) is not None,
-    read=read_tidy,
+    read=lambda path, options: read_tidy(path, read_lines(path), options),
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"
     " yaw, bodies.",

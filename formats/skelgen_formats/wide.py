@@ -73,13 +73,15 @@ _EPOCH = (1e9, 4e9)  # s since 1970, of clocks between 2001 and 2096
 _MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
 
 
-def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table of points or bodies.
+def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table of points or bodies from its lines.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file, for errors.
+    lines : Lines
+        Of the table.
     options : Options
         `bodies`, `recorded_rate`, `recorded_unit` and `sample` count.
 
@@ -87,19 +89,6 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | P
     ------
     FormatError
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
-    """
-    return read_table(path, read_lines(path, options.sample), options)
-
-
-def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table from its lines; errors as of `read_wide_csv`.
-
-    Parameters
-    ----------
-    path, options
-        As there.
-    lines : Lines
-        Of the table.
     """
     head = find_head([line for _, line in islice(lines.numbered(), HEAD_LINES)])
     if head is None:
@@ -315,7 +304,7 @@ CSV = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_is_wide,
-    read=read_wide_csv,
+    read=lambda path, options: read_table(path, read_lines(path, options.sample), options),
     options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="Columns name_x, name_y, name_z, as of anipose or FreeMoCap; with name_qx or name_roll bodies; rate and unit"
     " by option.",
@@ -328,7 +317,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     Parameters
     ----------
     path, options
-        See `read_wide_csv`, of which the errors are, too.
+        See `read_table`, of which the errors are, too.
 
     Raises
     ------
