@@ -141,7 +141,7 @@ def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) 
     pairs = places * len(rows.names) + np.frombuffer(rows.points, dtype=np.int64)
     twice = len(pairs) - len(np.unique(pairs))
     repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
-    return [repeated] if twice else []
+    return [f"{repeated} (write a file for each trial, if there are several)"] if twice else []
 
 
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:

@@ -117,7 +117,7 @@ def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> 
     plain = [CAMEL.sub("_", title).lower().replace(" ", "_") for title in titles]
     known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "hidden": _HIDDEN, "axis": _AXIS_WORDS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
-    found["value"] = [at for at, title in enumerate(titles) if _VALUE.fullmatch(title)]
+    found["value"] = [at for at, title in enumerate(titles) if _VALUE.fullmatch(title) and [at] != found["axis"][:1]]
     found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []
     found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)]
     if clock and _FRAME_OF_ROS in plain and not all(map(is_number, row[(at := plain.index(_FRAME_OF_ROS)) :][:1])):

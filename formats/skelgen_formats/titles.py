@@ -45,7 +45,10 @@ _MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
-_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
+_FLAG = re.compile(
+    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))",
+    re.IGNORECASE,
+)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
 _NO_NAME = rf"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|std\w*|err\w*|{_VERSION})"
@@ -86,6 +89,7 @@ class Body:
     matrix: dict[str, int] = field(default_factory=dict)
     fourth: int | None = None
     flag: int | None = None
+    flag_of_unseen: float = 0.0
     stated_order: str = ""
     angle_unit: str = ""
 
@@ -191,11 +195,13 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     """Return the same bodies with their fourth columns, ``knee.w`` beside ``knee.x``, or ``knee_4``, and flags."""
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
-    flags = {match[1].lower(): at for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    marks = {at: match for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    flags = {match[1].lower(): at for at, match in marks.items()}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
         body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
+        body.flag_of_unseen = 1.0 if body.flag in marks and marks[body.flag][2] else 0.0
     return bodies
 
 

@@ -176,11 +176,11 @@ def since_first(times: Floats, second: float) -> Floats:
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
-    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, is 0."""
+    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, says that one is unseen."""
     flagged = np.array([body.flag is not None for body in chosen])
     numbers, flags = np.split(rows, [rows.shape[1] - int(flagged.sum())], axis=1)
     unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
-    unseen[:, flagged] = flags == 0.0
+    unseen[:, flagged] = flags == [body.flag_of_unseen for body in chosen if body.flag is not None]
     if not unseen.any() or not np.isin(flags[np.isfinite(flags)], (0.0, 1.0)).all():
         return numbers
     points = numbers.reshape(len(rows), len(chosen), -1).copy()

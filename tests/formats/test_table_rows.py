@@ -16,6 +16,11 @@ def test_points_are_unseen_where_their_flag_is_0(put, first, second):
     assert "1 position is unseen, as the columns of flags say" in take.notices
 
 
+def test_points_are_unseen_where_a_flag_calls_them_occluded(put):
+    content = TITLES.format("knee_occluded", "toe_isOccluded") + "0,1,2,3,0,4,5,6,0\n0.01,1,2,3,1,4,5,6,0\n"
+    assert read_take(put("flags.csv", content)).seen.tolist() == [[True, True], [False, True]]
+
+
 def test_columns_that_are_no_flags_hide_nothing(put):
     content = TITLES.format("knee_v", "toe_v") + "0,1,2,3,0,4,5,6,0.5\n0.01,1,2,3,0.2,4,5,6,0\n"
     assert read_take(put("speeds.csv", content)).seen.all()

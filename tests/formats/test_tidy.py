@@ -197,3 +197,11 @@ def test_words_of_a_title_may_meet_at_a_capital(put):
 def test_point_that_a_flag_calls_hidden_is_unseen(put, title, word):
     rows = "".join(f"{frame},{name},1,2,3,{word if name == 'b' else 0}\n" for frame in range(2) for name in "abc")
     assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")
+
+
+@pytest.mark.parametrize("titles", ["time;marker;coordinate;value", "time;marker;axis;coordinate"])
+def test_axis_and_value_may_both_be_called_coordinate(put, titles):
+    cells = [("X", 1), ("Y", 2), ("Z", 3)]
+    rows = "".join(f"{frame / 50};{name};{axis};{n}.5\n" for frame in range(3) for name in "ab" for axis, n in cells)
+    take = read_take(put("long.csv", f"{titles}\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.positions[1, 0].tolist()) == (("a", "b"), [1.5, 2.5, 3.5])
