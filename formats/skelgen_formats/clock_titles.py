@@ -15,7 +15,9 @@ _FRAME = re.compile(
     r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?"
     r"|bild(?:_?(?:nummer|nr))?|trame|fotogramas?|кадр|帧|フレーム|프레임"
 )
-_UNIT = r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?"
+_UNIT = (
+    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?|local|utc) ?[\])]?)?"
+)
 _TIME = re.compile(
     r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo"
     r"|время|时间|時間|시간|seconds)" + _UNIT,

@@ -15,10 +15,11 @@ from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, groupby, product
 from operator import mul
 
+from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, seconds_of, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of, not_taken
+from skelgen_formats.titles import axis_alone, bodies_of, not_taken, spelt, undoubled
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
 
 HEAD_LINES = 24
@@ -52,6 +53,10 @@ _LOCAL = re.compile(r"(?<![A-Za-z])[Ll]ocal(?![a-z])|(?<=[a-z])Local(?![a-z])")
 UNREAD_QUATERNION = "quaternions are left out until titles say which number is w (qw, qx, qy, qz)"
 """A notice of quaternions whose components are numbered."""
 
+_OWNING = re.compile(
+    r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point)[ _]?(?:name|label|type)?", re.IGNORECASE
+)
+_NUMBERED = "X, Y and Z stand several times without names in their line: points are numbered"
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -172,11 +177,17 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
 def _read_names(head: Head, every: list[list[str]]) -> None:
     """Call points as cells of the first row do where a column is theirs: ROS has ``markers0.marker_name``."""
     row = [*every, []][head.n_lines]
-    cells = [(title.lower(), cell) for title, cell in zip(every[head.n_lines - 1], row, strict=False) if cell]
+    titles = every[head.n_lines - 1]
+    cells = [(title.lower(), cell) for title, cell in zip(titles, row, strict=False) if cell]
     named = [(match[1], cell) for title, cell in cells if (match := _NAMING.fullmatch(title))]
     for body in head.bodies:
         owners = (body.name.lower(), body.name.lower().rpartition(".")[0])  # rigidbodies0.pose
         body.name = next((cell for owner in owners for name, cell in named if name == owner), body.name)
+    owning = [(at, row[at]) for at, title in enumerate(titles[: len(row)]) if _OWNING.fullmatch(title)]
+    if _NUMBERED in head.notices and len(owning) == len(head.bodies) and not any(is_number(cell) for _, cell in owning):
+        head.notices.remove(_NUMBERED)
+        for body in head.bodies:
+            body.name = [cell for at, cell in owning if at < min(body.every_column)][-1:][0]
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:
@@ -280,8 +291,8 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
-    if any(titles.count(axis) > 1 for axis in AXES.upper() + AXES):
-        found.notices.append("X, Y and Z stand several times without names in their line: points are numbered")
+    if undoubled(spelt(titles)) != spelt(titles):
+        found.notices.append(_NUMBERED)
     found.notices += not_taken(titles, bodies)
     if unread := numbered_quaternions(titles):
         found.notices.append(f"{UNREAD_QUATERNION}: {', '.join(unread[:8])}")

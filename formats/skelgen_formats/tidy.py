@@ -150,9 +150,10 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     parts = [at[what] for what in ("name", "group") if what in at]
     for number, line in lines.numbered(head.first + 1):
         cells = unquoted(line, head.delimiter).split(head.delimiter)
-        if len(cells) <= max(at.values()) or (not head.delimiter and len(cells) != len(head.titles)):
+        further = len(head.titles) if head.delimiter else len(cells)
+        if len(cells) <= max(at.values()) or any(map(str.strip, cells[further:])) or further < len(head.titles):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
-            raise FormatError(path, number, what)
+            raise FormatError(path, number, f"{what}, or have decimal commas: export with decimal points")
         time = clock.moment(cells) if clock else ""
         if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
             del at["frame"]  # names of images

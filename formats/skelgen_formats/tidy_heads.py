@@ -109,7 +109,8 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
 def _unit_of(titles: Sequence[str], at: dict[str, int]) -> str:
     match = _VALUE.fullmatch(titles[at["value"]]) if "value" in at else None
     alone = axis_alone(titles[at["x"]]) if "x" in at else None
-    return (match[1] or "").lower() if match else alone[1] if alone else ""
+    named = [body.unit for body in bodies_of(titles)] if "x" in at and not alone else []
+    return (match[1] or "").lower() if match else alone[1] if alone else "".join(named[:1])
 
 
 def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> dict[str, int]:
@@ -137,5 +138,9 @@ def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> 
     places = {what: columns[0] for what, columns in found.items() if columns}
     if "name" in places and {"axis", "value"} <= places.keys() and not places.keys() & {*AXES}:
         return {what: at for what, at in places.items() if what != "side"} if clock or "frame" in places else {}
+    if "name" in places and (clock or "frame" in places) and not places.keys() & {*AXES}:
+        bodies = bodies_of(titles)  # one alone, whose name every row has: pos3d_x
+        places |= bodies[0].place if len(bodies) == 1 else {}
     is_tidy = places.keys() >= {*AXES} and ("name" in places or not bodies_of(titles))
+    is_tidy = is_tidy and titles.count(titles[places["x"]]) == 1
     return places if is_tidy and (clock or "frame" in places) else {}

@@ -14,18 +14,17 @@ numbered, ``knee_rot_0`` to ``knee_rot_8``. EuRoC names the frames: ``p_RS_R_x [
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
+from skelgen_formats.body_columns import Body
 from skelgen_formats.turn_titles import (
     AXES,
     BETWEEN,
-    COMPONENTS,
+    angle_alone,
     angle_of,
     cell_of,
-    cells_of,
+    component_alone,
     order_by_words,
-    order_of,
     quaternion_of,
 )
 
@@ -72,66 +71,6 @@ _ANGLES = re.compile(rf"(?:(.*){BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
 
 
-@dataclass
-class Body:
-    """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
-
-    Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
-    their unit, if titles say it; or the cells of a matrix. A fourth column beside x, y and z may show that these are a
-    quaternion, a flag whether the point is seen.
-    """
-
-    name: str
-    unit: str = ""
-    place: dict[str, int] = field(default_factory=dict)
-    turn: dict[str, int] = field(default_factory=dict)
-    angles: dict[str, int] = field(default_factory=dict)
-    matrix: dict[str, int] = field(default_factory=dict)
-    fourth: int | None = None
-    flag: int | None = None
-    flag_of_unseen: float = 0.0
-    stated_order: str = ""
-    angle_unit: str = ""
-
-    @property
-    def is_placed(self) -> bool:
-        """Whether all three coordinates are there."""
-        return len(self.place) == len(AXES)
-
-    @property
-    def is_turned(self) -> bool:
-        """Whether a whole quaternion or matrix is there."""
-        return len(self.turn) == len(COMPONENTS) or bool(self.cells)
-
-    @property
-    def cells(self) -> list[int]:
-        """The columns of the nine cells of its matrix, row by row, counted from 1 or 0; empty if one is missing."""
-        return cells_of(self.matrix)
-
-    @property
-    def has_angles(self) -> bool:
-        """Whether three angles are there, and neither quaternion nor matrix."""
-        return len(self.angles) == len(AXES) and not self.is_turned
-
-    @property
-    def angle_order(self) -> str:
-        """How the angles turn the body: as titles say, else about the axes in the order of their columns."""
-        return self.stated_order or order_of(self.angles)
-
-    @property
-    def every_column(self) -> set[int]:
-        """All columns that belong to it, but its fourth one and its flag."""
-        return {at for part in (self.place, self.turn, self.angles, self.matrix) for at in part.values()}
-
-    def columns(self, *, turned: bool) -> list[int]:
-        """Return the columns of x, y, z, and of w, x, y, z, the matrix or the three angles if they are wanted."""
-        if len(self.turn) == len(COMPONENTS):
-            turn = [self.turn[component] for component in COMPONENTS]
-        else:
-            turn = self.cells or [self.angles[axis] for axis in AXES if axis in self.angles]
-        return [*(self.place[axis] for axis in AXES), *(turn if turned else [])]
-
-
 def bodies_of(titles: Sequence[str]) -> list[Body]:
     """Return points and bodies with three coordinates, in the order of their titles.
 
@@ -140,7 +79,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled(spelt(titles))
+    titles = undoubled(spelt(titles))
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
@@ -172,14 +111,24 @@ def spelt(titles: Sequence[str]) -> list[str]:
     return plain
 
 
-def _undoubled(titles: Sequence[str]) -> list[str]:
-    """Return titles with numbers behind X that stands twice: ``X.0``, ``X.1``, as pandas numbers all but the first."""
-    doubled = {axis for axis in AXES.upper() + AXES if titles.count(axis) > 1 or f"{axis}.1" in titles}
-    count = Counter[str]()
-    numbered = []
+def undoubled(titles: Sequence[str]) -> list[str]:
+    """Return titles with numbers before those without a name that stand several times: ``0 X``, ``1 X``.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Without quotes; pandas numbers all but the first, ``X``, ``X.1``.
+    """
+    every, count, numbered = Counter(titles), Counter[str](), []
+    doubled = {title for title, n in every.items() if n > 1 or f"{title}.1" in every}
+    if not any(map(axis_alone, doubled)):
+        return [*titles]
     for title in titles:
-        numbered.append(f"{title}.{count[title]}" if title in doubled else title)
-        count[title] += 1
+        base, _, number = title.rpartition(".")
+        plain = base if number.isdecimal() and base in doubled else title
+        is_nameless = axis_alone(plain) or component_alone(plain) or angle_alone(plain)
+        numbered.append(f"{count[plain]} {plain}" if is_nameless and plain in doubled else title)
+        count[plain] += 1
     return numbered
 
 
@@ -228,7 +177,7 @@ def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:
         From `bodies_of`.
     """
     taken = {column for body in bodies for column in body.every_column}
-    titles = _undoubled(spelt(titles))
+    titles = undoubled(spelt(titles))
     every = [body for parsed in (_axis_last, _axis_first, _axis_and_number) for body in _gathered(titles, parsed)]
     others = [body for body in every if body.name and not body.every_column & taken]
     turned = [body.name for body in others if not body.place and (body.is_turned or body.has_angles)]

@@ -35,6 +35,7 @@ from skelgen_formats.bodies import (
     with_quaternions,
     with_quaternions_of_matrices,
 )
+from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
@@ -59,7 +60,6 @@ from skelgen_formats.options import (
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
 from skelgen_formats.table_rows import in_order, padded_rows, unquoted_rows, until_other_table, with_seconds
 from skelgen_formats.text import parse_rows, rate_in
-from skelgen_formats.titles import Body
 from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0

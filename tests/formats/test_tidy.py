@@ -205,3 +205,18 @@ def test_axis_and_value_may_both_be_called_coordinate(put, titles):
     rows = "".join(f"{frame / 50};{name};{axis};{n}.5\n" for frame in range(3) for name in "ab" for axis, n in cells)
     take = read_take(put("long.csv", f"{titles}\n{rows}"), recorded_unit="mm")
     assert (take.names, take.positions[1, 0].tolist()) == (("a", "b"), [1.5, 2.5, 3.5])
+
+
+def test_coordinates_may_have_a_word_before_them(put):
+    """As a recorder of UWB tags writes them."""
+    titles = "Timestamp (Local),Tag ID,Tag Name,Range_A0 (cm),Computed_X (cm),Computed_Y (cm),Computed_Z (cm)"
+    rows = "".join(
+        f"02:00:0{f}.5,{n},{name},181,{n + 1},2,{f}\n" for f in range(2) for n, name in enumerate(("Wrist", "Head"))
+    )
+    take = read_take(put("uwb.csv", f"{titles}\n{rows}"))
+    assert take.names == ("Wrist", "Head")
+    np.testing.assert_array_equal(take.positions[1], [[10, 20, 10], [20, 20, 10]])
+
+
+def test_decimal_commas_beside_commas_are_told(refused, put):
+    assert "export with decimal points" in refused(put("commas.csv", "frame,marker,x,y,z\n0,a,1,5,2,5,3,5\n"))
