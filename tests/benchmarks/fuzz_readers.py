@@ -121,7 +121,7 @@ MORE_SEEDS = {
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
     "tidy-csv": ("blanks.txt", "long.csv", "tf.csv", "segments.csv"),
-    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv"),
+    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv", "kinect.csv"),
     "untitled-poses": ("kitti.txt",),
     "vector-csv": ("vectors.sto", "turns.csv"),
 }
@@ -330,6 +330,9 @@ _TEXT_SEEDS = {
     + "".join(f"{frame},Ann,{name},{frame}.5,2,3,False\n" for frame in range(3) for name in "ab"),
     "face.csv": "frame,timestamp,gaze_0_x,gaze_0_y,gaze_0_z,x_0,x_1,y_0,y_1,X_0,X_1,Y_0,Y_1,Z_0,Z_1,a_unc[0],a_quat_1\n"
     + "".join(f"{frame},{1e9 + frame / 50},0,0,1,9,9,9,9,1,2,3,4,5,6,7,8\n" for frame in range(3)),
+    "kinect.csv": "Frame,Time,Joint,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ,"
+    "Joint,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ\n"
+    + "".join(f"{frame},{frame / 50},Hip,1,2,3,1,0,0,0,Knee,{frame}.5,5,6,0.8,0,0,0.6\n" for frame in range(3)),
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"
     "    axis 0 0 90 XYZ\n    dof rx ry tz\n  end\n  begin\n    name shank\n    direction 0 -1 0\n    length 7\n"
