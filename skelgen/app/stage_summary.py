@@ -213,7 +213,8 @@ def _about_joints(project: Project) -> Iterator[str]:
         worst = int(topology.edge_probability.argmin())
         parent, child = map(project.limbs.called, topology.edges[worst].tolist())
         sure, n_doubtful = f"{100 * topology.edge_probability[worst]:.0f} %", len(topology.doubtful)
-        yield f"{n_doubtful} of them are doubtful; least sure is that of {parent} and {child}, {sure}."
+        verb = "is" if n_doubtful == 1 else "are"
+        yield f"{n_doubtful} of them {verb} doubtful; least sure is that of {parent} and {child}, {sure}."
     if len(topology.loops):
         pairs = ", ".join(" and ".join(map(project.limbs.called, pair)) for pair in topology.loops)
         yield f"Loops would be closed by joints between {pairs}."

@@ -69,6 +69,19 @@ def scrolled(parts: Iterable[QWidget | QLayout], area: QScrollArea, *, has_margi
     if not has_margin:
         layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
     layout.addStretch(1)
+    return scrolling(inner, area)
+
+
+def scrolling(inner: QWidget, area: QScrollArea) -> QScrollArea:
+    """Let a widget scroll where there is too little room for it; what is in it is reached by Tab.
+
+    Parameters
+    ----------
+    inner : QWidget
+        It takes all room that there is.
+    area : QScrollArea
+        Where; it loses its frame.
+    """
     area.setWidgetResizable(True)
     area.setFrameShape(QScrollArea.Shape.NoFrame)
     area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
