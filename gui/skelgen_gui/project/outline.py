@@ -117,7 +117,8 @@ class Outline(PanelWhileSeen):
             self._fill(project)
         for item in self._items():
             item.setExpanded(item.text(_NAME) not in folded)
-        self.tree.resizeColumnToContents(_NAME)
+        for column in range(self.tree.columnCount()):
+            self.tree.resizeColumnToContents(column)
         self._is_following = False
         self._check()
         self._follow_selection()
