@@ -314,7 +314,8 @@ def _fit_sentence(project: Project) -> str:
 
 
 def _tiles(project: Project) -> list[tuple[str, str]]:
-    tiles = [(str(project.take.n_frames), "frames"), (f"{plain(project.take.rate)} Hz", "frame rate")]
+    rate = plain(float(f"{project.take.rate:.4g}"))  # a tile has no room for 69.9926
+    tiles = [(str(project.take.n_frames), "frames"), (f"{rate} Hz", "frame rate")]
     if project.has("labels"):
         tiles.append((str(project.trajectories.n_markers), "markers"))
     if project.has("limbs"):
