@@ -164,7 +164,7 @@ def _contradicted(project: Project, correction: Correction, earlier: Sequence[Co
 
 
 def _stated_of_limbs(project: Project, correction: Correction) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    """Markers that a correction says share a limb, and those of which no two do."""
+    """Markers that share a limb by a correction, and markers that are all on different limbs."""
     names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
     if correction.kind == "move":
         return [(*names[:2], *names[3:])], [(names[0], old) for old in names[2:3]]

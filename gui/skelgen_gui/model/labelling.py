@@ -79,7 +79,7 @@ def _doubts_of(labelling: Labelling, n_markers: int) -> tuple[Ints, Floats]:
 
 
 def set_choices() -> dict[str, str]:
-    """Return the marker sets of which names are offered, and what each is called in full."""
+    """Return the marker sets whose names are offered, with their titles."""
     from skelgen.stages.names import MARKER_SET_CHOICES, find_marker_set  # noqa: PLC0415 - reads tables
 
     names = (name for name in MARKER_SET_CHOICES if name not in {"auto", "none"})

@@ -255,7 +255,7 @@ class Outline(PanelWhileSeen):
         self._is_following = False
 
     def _filter(self, text: str) -> None:
-        """Show what has a text in its name, with the limb that it is on; of a limb that has it, all markers."""
+        """Show what has a text in its name: markers with their limb, limbs with all their markers."""
         has = partial(_has, text.strip().lower())
         for top in self._tops():
             for child in _children(top):

@@ -163,7 +163,7 @@ _Row = TypeVar("_Row")
 
 
 class RowModel(QAbstractTableModel, Generic[_Row]):
-    """Rows of one sort; those who derive from it name the columns in `heads`, and tell what their cells show.
+    """Model of rows of one type; subclasses name the columns in `heads`, and return the cells.
 
     Parameters
     ----------

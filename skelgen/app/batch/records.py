@@ -73,7 +73,7 @@ class Record(TypedDict):
 
 
 class Manifest(TypedDict):
-    """All records of a batch, with what was done and how many takes came to what."""
+    """All records of a batch, its job, and the number of takes with each outcome."""
 
     format: str
     version: int
@@ -162,7 +162,7 @@ def _are_facts(facts: Mapping[str, Any]) -> bool:
 
 
 def clear(folder: Path) -> None:
-    """Take away what an earlier run left in a take's folder: its record first, its files, what it did not finish.
+    """Delete the record of an earlier run in a take's folder, then its files and what it did not finish.
 
     Files that no record names stay.
 

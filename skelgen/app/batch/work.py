@@ -98,7 +98,7 @@ class Job:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of the job; it is that of earlier versions, so that their batches can be continued."""
+        """Hash of the job, the same as in earlier versions, so that their batches can be continued."""
         data = self.as_mapping()
         text = json.dumps(data | {"wishes": data.pop("options")}, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -249,7 +249,7 @@ def failed_record(entry: Entry, job: Job, error: str) -> records.Record:
 
 
 def check_formats(names: Sequence[str]) -> None:
-    """Raise `WriteError` if a name is not that of a format that can be written."""
+    """Raise `WriteError` if no format of that name can be written."""
     for name in names:
         if name != REPORT.name and find_format(name).write is None:
             raise WriteError(f"the format {name} can only be read")
