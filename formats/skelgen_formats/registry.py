@@ -269,7 +269,8 @@ def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     if pairs:
         return max(pairs, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
     suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
-    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
+    page = "; `skelgen report` writes a page of the results" if name.endswith((".html", ".htm")) else ""
+    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}{page}")
 
 
 def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> Options:

@@ -82,7 +82,7 @@ def calibrate_together(
 
 @dataclass(frozen=True, eq=False)
 class _Labelled:
-    """A take whose markers are those of all takes, and how they were found."""
+    """A take with the markers of all takes, and how they were found."""
 
     trajectories: Trajectories
     report: StageReport
