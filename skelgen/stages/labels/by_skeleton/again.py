@@ -28,11 +28,15 @@ from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
-DOUBTFUL = 0.003
+DOUBTFUL = 0.005
 """Part of the positions that are expected to be another marker's, from which labels are sought again."""
 
-MOST_TURNS = 3
+MOST_TURNS = 2
 """Skeletons that are fitted one after the other."""
+
+NEARLY_ALL = 0.95
+"""Of the evidence of labels, which those by their skeleton must have: of a skeleton that is far off, parts that seem to
+explain more do so by chance."""
 
 BY_MARKERS_ALONE = SkeletonParameters(soft_tissue=False, known_build=False)
 """How they are fitted: slides of skin, and what bodies are usually like, say little of who is who."""
@@ -68,14 +72,13 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
         if skeleton is None:
             break
         matched = match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32)
-        fused = fused_labels(take, found, label_rest(take, matched))
-        fused = better_labels(take, fused, label_rest(take, put_right(take, fused)))
-        (before, chance), (after, _) = judge.evidence(found), judge.evidence(fused)
-        monitor.advance(turn + 1, MOST_TURNS)
-        if after <= before:
+        other, (before, chance) = label_rest(take, matched), judge.evidence(found)
+        if judge.evidence(other)[0] < NEARLY_ALL * before:
             break
-        found = fused
-        if after <= before + chance:
+        fused = fused_labels(take, found, other)
+        found = better_labels(take, found, better_labels(take, fused, label_rest(take, put_right(take, fused))))
+        monitor.advance(turn + 1, MOST_TURNS)
+        if judge.evidence(found)[0] <= before + chance:
             break
     return found
 
