@@ -1,139 +1,27 @@
-"""A subject's skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
+"""The motion of a subject: its poses in a take with residuals, deviations of the joints, and angles."""
 
-Each tree is placed from the root outward, then fitted to all markers at once with its joints held to their types, as
-the skeleton stage does after its calibration; positions that the chain does not explain are left out.
-"""
-
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.inverse.motion import MotionAngles
-from skelgen.kinematics.inverse.root_outward import pose_by_own_markers
-from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
-from skelgen.model.arrays import Bools, Floats
-from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton import BodyOfTake, ConstrainedChain, SkeletonParameters, out_of_line, without_outliers
+from skelgen.model.arrays import Floats
+from skelgen.stages.labels import SkeletonPoses
 
 BLOCK_FRAMES = 8_192
-"""Frames posed at once: a take of forty markers needs some 10 KB for each."""
-
-MARGIN = 400
-"""Frames on both sides of a block that are posed with it: what is not seen at its ends is interpolated as elsewhere."""
+"""Frames whose deviations are found at once: a take of forty markers needs some 10 KB for each."""
 
 
-@dataclass(frozen=True, eq=False)
-class SubjectPoses:
-    """Poses of a subject's skeleton.
-
-    Attributes
-    ----------
-    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
-        Complete: what is not seen is interpolated.
-    seen : ndarray of bool, shape (n_frames, n_limbs)
-        Whether a limb's rotation rests on markers of the frame.
-    inliers : ndarray, shape (n_frames, n_markers, 3), mm
-        Positions without those that the skeleton does not explain.
-    """
-
-    world_from_limb: Floats
-    seen: Bools
-    inliers: Floats
-
-    def local(self, skeleton: Skeleton, positions: Floats) -> Floats:
-        """Return positions of markers in the frames of their limbs [mm], shape (n_frames, n_markers, 3).
-
-        Parameters
-        ----------
-        skeleton : Skeleton
-            What is posed.
-        positions : ndarray, shape (n_frames, n_markers, 3), mm
-            In the world, NaN where unseen.
-
-        Returns
-        -------
-        ndarray, shape (n_frames, n_markers, 3), mm
-            NaN where unseen or on no limb.
-        """
-        poses = self.world_from_limb[:, skeleton.limb_of_marker]
-        shifted = (positions - poses[..., :3, 3])[..., np.newaxis]
-        local = (poses[..., :3, :3].swapaxes(-1, -2) @ shifted)[..., 0]
-        return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], local, np.nan))
-
-    def markers(self, skeleton: Skeleton) -> Floats:
-        """Return where the skeleton carries its markers [mm], shape (n_frames, n_markers, 3)."""
-        poses = self.world_from_limb[:, skeleton.limb_of_marker]
-        carried = (poses[..., :3, :3] @ skeleton.marker_offsets[..., np.newaxis])[..., 0] + poses[..., :3, 3]
-        return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], carried, np.nan))
-
-
-def pose_subject(
-    skeleton: Skeleton, positions: Floats, parameters: SkeletonParameters | None = None, monitor: Monitor = SILENT
-) -> SubjectPoses:
-    """Pose a subject's skeleton in the frames of a take.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The limbs, with types and axes of joints.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers in the skeleton's order, NaN where unseen.
-    parameters : SkeletonParameters, optional
-        Their `rotation`, `flatness`, `outlier_limit` and `robust`.
-    monitor : Monitor
-        Receives progress; may cancel.
-    """
-    parameters = parameters or SkeletonParameters()
-    n_frames = len(positions)
-    world = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
-    seen = np.zeros((n_frames, skeleton.n_limbs), dtype=np.bool_)
-    inliers = np.array(positions)
-    trees = [SkeletonTree(skeleton, int(root), None) for root in skeleton.roots]
-    for first in range(0, n_frames, BLOCK_FRAMES):
-        last = min(first + BLOCK_FRAMES, n_frames)
-        start = max(first - MARGIN, 0)
-        wide, inner = slice(start, min(last + MARGIN, n_frames)), slice(first - start, last - start)
-        for tree in trees:
-            if not len(tree.markers):
-                continue
-            poses, fixed, kept = _posed(tree, positions[wide][:, tree.markers], parameters)
-            part = poses[inner]
-            world[first:last, tree.limbs] = transform_from(part.rotations, part.origins(tree.chain))
-            seen[first:last, tree.limbs] = fixed[inner]
-            inliers[first:last, tree.markers] = kept[inner]
-        monitor.advance(last, n_frames)
-    return SubjectPoses(world, seen, inliers)
-
-
-def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
-    """Poses, whether rotations rest on markers of the frame, and the positions that are explained."""
-    chain = tree.chain
-    held = ConstrainedChain(chain, tree.articulation, tree.loops)
-    own, _ = pose_by_own_markers(chain, positions, parameters.flatness)
-    joints = own[..., :3, 3]  # they place limbs that show too little: a pelvis without markers between its neighbours
-    joints[:, 0] = np.nan
-    body = BodyOfTake(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
-    inliers, start, fixed = without_outliers(body, chain, parameters, tree.articulation)
-    poses = held.fit_in_time(held.projected(start), inliers, fixed)
-    outliers = out_of_line(held, poses, inliers, parameters.robust)
-    if outliers.any():
-        inliers = np.where(outliers[..., np.newaxis], np.nan, inliers)
-        poses = held.fit(poses, inliers)
-    return poses, fixed, inliers
-
-
-def subject_motion(skeleton: Skeleton, poses: SubjectPoses, measured: Floats, rate: float) -> Motion:
+def subject_motion(skeleton: Skeleton, poses: SkeletonPoses, measured: Floats, rate: float) -> Motion:
     """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
 
     Parameters
     ----------
     skeleton : Skeleton
         What is posed.
-    poses : SubjectPoses
+    poses : SkeletonPoses
         Its poses.
     measured : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
