@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, evenly_spread
 from skelgen.model.corrections import Correction
@@ -22,13 +24,15 @@ from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject import changes as take_changes
 from skelgen.stages.subject.labels import SubjectLabels, label_by_subject
 from skelgen.stages.subject.points import PlacedTrack
-from skelgen.stages.subject.posing import subject_motion
 
 TESTED_FRAMES = 1200
 """Frames in which places of markers are compared."""
 
 OTHER_SUBJECT = 0.5
 """Part of the tested markers: if so many sit elsewhere, it is not the markers that moved, but another subject."""
+
+BLOCK_FRAMES = 8_192
+"""Frames whose deviations are found at once: a take of forty markers needs some 10 KB for each."""
 
 MANY_LIMBS = 0.25
 """Part of the limbs: if more have moved markers, a notice says that this may be another subject."""
@@ -165,6 +169,37 @@ def reposed_subject(skeleton: Skeleton, trajectories: Trajectories) -> tuple[Ske
     skeleton = _with_new(skeleton, tuple(_of_no_limb(name) for name in trajectories.names[n_known:]))
     poses = pose_skeleton(skeleton, positions)
     return _with_deviations(skeleton, poses, positions), subject_motion(skeleton, poses, positions, trajectories.rate)
+
+
+def subject_motion(skeleton: Skeleton, poses: SkeletonPoses, measured: Floats, rate: float) -> Motion:
+    """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        What is posed.
+    poses : SkeletonPoses
+        Its poses.
+    measured : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    rate : float, Hz
+        Frame rate.
+    """
+    children = [joint.child for joint in skeleton.joints]
+    markers = poses.markers(skeleton)
+    motion = Motion(
+        world_from_limb=poses.world_from_limb,
+        joint_positions=poses.world_from_limb[:, children][..., :3, 3],
+        marker_positions=markers,
+        residuals=np.linalg.norm(measured - markers, axis=2),
+        limb_seen=poses.seen,
+        rate=rate,
+        compute_angles=MotionAngles(skeleton, measured),
+    )
+    starts = range(0, len(measured), BLOCK_FRAMES)
+    blocks = [np.arange(first, min(first + BLOCK_FRAMES, len(measured))) for first in starts]
+    stds = [posture_of(skeleton, motion, poses.inliers, block).joint_std for block in blocks]
+    return replace(motion, joint_std=np.concatenate(stds))
 
 
 @dataclass(frozen=True, eq=False)
