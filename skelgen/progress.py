@@ -102,6 +102,22 @@ def counted(count: int, singular: str, plural: str = "") -> str:
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
 
 
+def frames_between(first: int, last: int) -> str:
+    """Return words for frames.
+
+    Parameters
+    ----------
+    first, last : int
+        Both are of them.
+
+    Examples
+    --------
+    >>> frames_between(3, 7), frames_between(5, 5)
+    ('frames 3 to 7', 'frame 5')
+    """
+    return f"frames {first} to {last}" if first < last else f"frame {first}"
+
+
 def listed(parts: Iterable[str]) -> str:
     """Join parts as a sentence does.
 

@@ -1,15 +1,15 @@
 """A skeleton as bodies that turn about axes one after the other, which is how programs for robots and muscles pose it.
 
-A joint is written as its type only if the motion keeps to it. The fit lets joints that wobble turn freely, however
-clearly they are hinges; as hinges they would lose centimetres of the motion, so they become balls unless the user wants
-the types.
+A joint is written as its type only if the motion keeps to it, as bearings do. The fit lets joints that wobble turn
+freely, however clearly they are hinges; knees would lose centimetres of the motion as hinges, so they become balls
+unless the user wants the types.
 
 Masses and inertias of limbs are those of capsules along their bones, as thick as the markers lie far from them. A
 capsule is a cylinder between two half spheres. It reaches from end to end of the bone; where it is thicker than long,
 its half spheres stick out. Nothing is weighed: with the density of water a thigh comes near a thigh.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element
 
@@ -29,7 +29,10 @@ from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
 from skelgen_formats.writing import choices_in
 from skelgen_formats.xml_text import comment_text
 
-_HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
+_HELD = float(np.deg2rad(0.1))  # frames between recorded ones leave universal joints by less
+_PLAY, _WIDE = 0.025, np.pi / 2
+"""Part of a joint's turns, up to a right angle, by which bearings may leave its type; knees leave it by 8 %."""
+
 ANGLE_MARGIN, PLACE_MARGIN = float(np.deg2rad(5.0)), 0.1
 """Least margins of the ranges of angles [rad] and places [m]."""
 
@@ -210,7 +213,7 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
         Whether the format turns balls by three angles.
     """
     links = links_of(project, options.joints)
-    remarks = [*_on_wobble(project, links, options.joints)]
+    remarks = [*_on_wobble(project, links)]
     if project.skeleton.loops:
         remarks.append("Joints that close loops are left out; the motion keeps the loops closed all the same.")
     by_angles = [link for link in links if link.kind in {"ball", "free"}]
@@ -233,7 +236,7 @@ def _link(joint: Joint, name: str, bones: Sequence[str], motion: Motion, joints:
     world = motion.world_from_limb
     _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
     kind, axes, angles = _by_kind(joint, rotations)
-    if joints == AS_MOVED and _departure(axes, angles, rotations) > _HELD:
+    if joints == AS_MOVED and _departure(axes, angles, rotations) > _play(angles):
         kind, axes, angles = "ball", np.eye(3), euler_angles("XYZ", rotations)
     place = joint.position_in_parent
     translations = np.broadcast_to(place, (len(world), 3))
@@ -259,33 +262,38 @@ def _turned(axes: Floats, angles: Floats) -> Floats:
     return rotations
 
 
+def _play(angles: Floats) -> float:
+    """How far [rad] a joint with these turns may leave its type."""
+    turns = float(np.ptp(angles, axis=0).min()) if angles.size else 0.0
+    return max(_HELD, _PLAY * min(_WIDE, turns))
+
+
 def _departure(axes: Floats, angles: Floats, rotations: Floats) -> float:
     """Largest angle [rad] between rotations and what a joint makes of them."""
     apart = vector_from_matrix(_turned(axes, angles).swapaxes(1, 2) @ rotations)
     return float(np.linalg.norm(apart, axis=1).max())
 
 
-def _on_wobble(project: Project, links: Sequence[Link], joints: str) -> list[str]:
-    if joints == AS_FOUND:
-        moved = _moved_markers(project, links)
-        return [f"Joints kept to their kinds move markers by up to {moved:.3g} mm."] if moved > _MOVED else []
+def _on_wobble(project: Project, links: Sequence[Link]) -> Iterator[str]:
+    moved = _moved_markers(project, links)
+    if moved > _MOVED:
+        yield f"Joints kept to their kinds move markers by up to {moved:.3g} mm."
     found = {joint.child: joint.kind for joint in project.skeleton.joints}
     freed = [link.joint for link in links if link.kind == "ball" and found[link.limb] not in {"ball", "undetermined"}]
-    if not freed:
-        return []
-    return [
-        f"These joints wobble and are written as balls, so that the motion stays as it is: {', '.join(freed)}; with"
-        f" {JOINTS.name}={AS_FOUND} they are of the types found."
-    ]
+    if freed:
+        yield (
+            f"These joints wobble and are written as balls, so that the motion stays as it is: {', '.join(freed)}; with"
+            f" {JOINTS.name}={AS_FOUND} they are of the types found."
+        )
 
 
 def _moved_markers(project: Project, links: Sequence[Link]) -> float:
     """How far [mm] the farthest marker comes to lie from where the motion has it."""
     skeleton = project.skeleton
     used = np.flatnonzero(skeleton.limb_of_marker >= 0)
-    poses = posed(links)[:, skeleton.limb_of_marker[used]]
-    places = (poses[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + poses[..., :3, 3]
-    return float(np.linalg.norm(places - project.motion.marker_positions[:, used], axis=2).max(initial=0.0))
+    apart = (posed(links) - project.motion.world_from_limb)[:, skeleton.limb_of_marker[used]]
+    moved = (apart[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + apart[..., :3, 3]
+    return float(np.linalg.norm(moved, axis=2).max(initial=0.0))
 
 
 M_PER_MM = 1e-3

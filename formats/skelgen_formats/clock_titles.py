@@ -11,11 +11,16 @@ from dataclasses import dataclass
 
 from skelgen_formats.text import is_number, seconds_of
 
-_FRAME = re.compile(r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?")
-_UNIT = r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?) ?[\])]?)?"
+_FRAME = re.compile(
+    r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?"
+    r"|bild(?:_?(?:nummer|nr))?|trame|fotogramas?|кадр|帧|フレーム|프레임"
+)
+_UNIT = (
+    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?|local|utc) ?[\])]?)?"
+)
 _TIME = re.compile(
-    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo|seconds)"
-    + _UNIT,
+    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo"
+    r"|время|时间|時間|시간|seconds)" + _UNIT,
     re.IGNORECASE,
 )
 _NAMED_TIME = re.compile(r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)

@@ -19,6 +19,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 _UTF8_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_PAIRS = 16  # bytes that tell UTF-16 without a mark
 _LOOKED_AT = 1 << 20  # bytes looked at at once: what stays in the processor's cache
 _LINE_END, _PARTING = 10, str.maketrans(",;", "  ")
 _SHORT = 0.5  # of the usual length of a line: only shorter ones may hold nothing
@@ -230,7 +231,7 @@ class Lines(Sequence[str]):
 def read_lines(path: Path, sample: Sample | None = None) -> Lines:
     """Return the lines of a text file without their line ends.
 
-    UTF-8 with or without a byte order mark and UTF-16 with one are recognised; anything else is taken as latin-1,
+    UTF-8 and UTF-16 are recognised, with or without a byte order mark; anything else is taken as latin-1,
     as older Windows programs write it. Lines may end with LF, CR LF or CR.
 
     Parameters
@@ -248,8 +249,8 @@ def read_lines(path: Path, sample: Sample | None = None) -> Lines:
     content = read_content(path)
     if not content or content.isspace():
         raise FormatError(path, "", "the file is empty")
-    if content[:2] in _UTF16_MARKS:
-        content = _utf8_from_utf16(path, content)
+    if wide := _utf16_of(content):
+        content = _utf8_from_utf16(path, content, wide)
     if b"\0" in content:
         raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
     if b"\r" in content:
@@ -259,14 +260,23 @@ def read_lines(path: Path, sample: Sample | None = None) -> Lines:
 
 def decoded_head(head: bytes) -> str:
     """Return the beginning of a file as text for sniffing, without a byte order mark; never fails."""
-    if head[:2] in _UTF16_MARKS:
-        return head.decode("utf-16", errors="replace")
+    if wide := _utf16_of(head):
+        return head.decode(wide, errors="replace")
     return head.removeprefix(_UTF8_MARK).decode("latin-1")
 
 
-def _utf8_from_utf16(path: Path, content: bytes) -> bytes:
+def _utf16_of(content: bytes) -> str:
+    """Return which UTF-16 a text is, by its mark or by Latin letters, of which every other byte is 0; else nothing."""
+    if content[:2] in _UTF16_MARKS:
+        return "utf-16"
+    pairs = [content[at:_PAIRS:2] for at in (1, 0)]
+    kinds = zip(("utf-16-le", "utf-16-be"), pairs, pairs[::-1], strict=True)
+    return next((kind for kind, high, low in kinds if len(high) > 1 and not any(high) and b"\0" not in low), "")
+
+
+def _utf8_from_utf16(path: Path, content: bytes, encoding: str) -> bytes:
     try:
-        return content.decode("utf-16").encode()
+        return content.decode(encoding).encode()
     except UnicodeDecodeError as error:
         raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
 

@@ -110,7 +110,8 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     if rate is None or not 0 < rate < np.inf:
         raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
     positions, labels = _trajectories(path, found[0]["Trajectories"])
-    notices: list[str] = []
+    others = sorted(key for key in _KEYS_OF_BODIES & found[0].keys() if _labels(found[0][key]))
+    notices = [f"{key} are left out: {', '.join(_labels(found[0][key])[:8])}; export them alone" for key in others]
     if frames is not None and 0 <= frames < 1e9:
         check_frames(path, "Frames", int(frames), len(positions), notices)
     return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
@@ -138,6 +139,13 @@ def _bodies(path: Path, held: Mapping[str, _Value]) -> Poses:
     if len({len(one) for one in transforms}) > 1:
         raise FormatError(path, "Skeletons", "skeletons of different numbers of frames; export each alone")
     return take_from_bodies(path, np.concatenate(transforms, axis=1), names, rate)
+
+
+def _labels(held: _Value) -> list[str]:
+    """Return the names of rigid bodies, or of the segments of skeletons."""
+    every = [one for one in (held if isinstance(held, list) else [held]) if isinstance(one, Mapping)]
+    labels = [one.get("Name", one.get("SegmentLabels")) for one in every]
+    return [str(name) for some in labels for name in (some if isinstance(some, list) else [some]) if name]
 
 
 def _checked(

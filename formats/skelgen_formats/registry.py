@@ -45,6 +45,7 @@ from skelgen_formats import (
     tdf,
     tidy,
     trc,
+    untitled,
     urdf,
     usd,
     vectors,
@@ -69,8 +70,8 @@ FORMATS: tuple[Format, ...] = (
     *(qualisys_mat.FORMAT, tdf.FORMAT, emt.FORMAT, dtrack.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
-    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT, mfml.FORMAT),
-    *(classic_texts.COSTS, classic_texts.TREE),
+    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT),
+    *(untitled.FORMAT, mfml.FORMAT, classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 
@@ -268,7 +269,8 @@ def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     if pairs:
         return max(pairs, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
     suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
-    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
+    page = "; `skelgen report` writes a page of the results" if name.endswith((".html", ".htm")) else ""
+    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}{page}")
 
 
 def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> Options:

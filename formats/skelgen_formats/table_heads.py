@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, groupby, product
 from operator import mul
 
+from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, unquoted, without_trailing_empty
-from skelgen_formats.titles import Body, axis_alone, bodies_of, turned_without_place
-from skelgen_formats.turn_titles import AXES, angle_alone, component_alone
+from skelgen_formats.text import is_number, seconds_of, unquoted, without_trailing_empty
+from skelgen_formats.titles import axis_alone, bodies_of, not_taken, spelt, undoubled
+from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
 
 HEAD_LINES = 24
 """Lines that are looked through for titles."""
@@ -38,13 +39,24 @@ _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")
 _STATED = re.compile(
     r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
 )
-_APART, _CAMEL = re.compile(r" {2,}"), re.compile(r"(?<=[a-z])(?=[A-Z])")  # two statements in a line; posUnit
+_APART = re.compile(r" {2,}")  # two statements in a line
+CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+"""Where words of one title meet: posUnit, SegmentName."""
+
 _OWNER = re.compile(
     r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track)"
     r"[ _]?(?:id|index|no|number|name)?",
     re.IGNORECASE,
 )
 _NAMING = re.compile(r"(.+?)[._](?:(?:marker|rigid_?body|body|subject)_?)?(?:name|child_frame_id)")
+_LOCAL = re.compile(r"(?<![A-Za-z])[Ll]ocal(?![a-z])|(?<=[a-z])Local(?![a-z])")
+UNREAD_QUATERNION = "quaternions are left out until titles say which number is w (qw, qx, qy, qz)"
+"""A notice of quaternions whose components are numbered."""
+
+_OWNING = re.compile(
+    r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point)[ _]?(?:name|label|type)?", re.IGNORECASE
+)
+_NUMBERED = "X, Y and Z stand several times without names in their line: points are numbered"
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -130,9 +142,12 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def _read_preamble(head: Head, before: list[list[str]]) -> None:
-    for text in (part for row in before for part in _APART.split(":".join(filter(None, row)))):
+    texts = [
+        row if sum(":" in cell or "=" in cell for cell in row) > 1 else [":".join(filter(None, row))] for row in before
+    ]
+    for text in (part for row in texts for cell in row for part in _APART.split(cell)):
         key, _, value = text.lstrip("/ ").replace("=", ":", 1).partition(":")
-        key = _CAMEL.sub(" ", key.strip())
+        key = CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
         if stated and stated[1].lower().startswith("unit"):
             head.unit = head.unit or value.strip(": ")
@@ -151,21 +166,28 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
             for body in head.bodies
             for column in body.place.values()
             if column < len(row)
-        }
-        if len(units) != 1 or not units <= {"", *MM_PER_UNIT}:
+        } - {""}  # of rotations
+        if len(units) > 1 or not units <= {*MM_PER_UNIT}:
             return
-        head.unit = head.unit or units.pop()
+        head.unit = head.unit or next(iter(units), "")
+        head.n_cells = max(head.n_cells, len(without_trailing_empty(row)))
         head.n_lines += 1
 
 
 def _read_names(head: Head, every: list[list[str]]) -> None:
     """Call points as cells of the first row do where a column is theirs: ROS has ``markers0.marker_name``."""
     row = [*every, []][head.n_lines]
-    cells = [(title.lower(), cell) for title, cell in zip(every[head.n_lines - 1], row, strict=False) if cell]
+    titles = every[head.n_lines - 1]
+    cells = [(title.lower(), cell) for title, cell in zip(titles, row, strict=False) if cell]
     named = [(match[1], cell) for title, cell in cells if (match := _NAMING.fullmatch(title))]
     for body in head.bodies:
         owners = (body.name.lower(), body.name.lower().rpartition(".")[0])  # rigidbodies0.pose
         body.name = next((cell for owner in owners for name, cell in named if name == owner), body.name)
+    owning = [(at, row[at]) for at, title in enumerate(titles[: len(row)]) if _OWNING.fullmatch(title)]
+    if _NUMBERED in head.notices and len(owning) == len(head.bodies) and not any(is_number(cell) for _, cell in owning):
+        head.notices.remove(_NUMBERED)
+        for body in head.bodies:
+            body.name = [cell for at, cell in owning if at < min(body.every_column)][-1:][0]
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:
@@ -174,10 +196,14 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     for body in head.bodies:
         if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
             body.flag = None
+    is_same_frame = head.frames is not None and len({tuple(row[head.frames :][:1]) for row in rows[:2]}) < len(rows[:2])
     for column, title in enumerate(every[head.n_lines - 1]):
+        owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
         if _OWNER.fullmatch(title):
-            owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
             head.mixed = title if len(set(owners)) < len(owners) else head.mixed
+        elif is_same_frame and not head.mixed:
+            words = {row[column] for row in rows[:2] if column < len(row) and not is_number(seconds_of(row[column]))}
+            head.mixed = title if len(words) > 1 else ""
 
 
 def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
@@ -265,10 +291,13 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
     _find_times(found, titles)
-    if any(titles.count(axis) > 1 for axis in AXES.upper() + AXES):
-        found.notices.append("X, Y and Z stand several times without names in their line: points are numbered")
-    if lost := [name for name in turned_without_place(titles) if name != "body"]:
-        found.notices.append(f"rotations without positions are left out: {', '.join(lost[:8])}")
+    if undoubled(spelt(titles)) != spelt(titles):
+        found.notices.append(_NUMBERED)
+    found.notices += not_taken(titles, bodies)
+    if unread := numbered_quaternions(titles):
+        found.notices.append(f"{UNREAD_QUATERNION}: {', '.join(unread[:8])}")
+    if any(_LOCAL.search(titles[column]) for body in bodies for column in body.place.values()):
+        found.notices.append("positions called local are taken as ones in the room; those of a child may not be")
     return found
 
 

@@ -2,11 +2,14 @@
 
 import contextlib
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 
 from skelgen.progress import counted
 from skelgen_formats.table_heads import Head
 from skelgen_formats.text import is_number, unquoted
+
+_LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
 
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -95,25 +98,33 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         yield number, (head.delimiter or " ").join(cells) if cells else line
 
 
-def in_order(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines; where frame numbers go back, which they do where takes or people follow each other, say so once.
+def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, every: bool) -> Iterator[tuple[int, str]]:
+    """Yield lines; say once where frame numbers go back, as where takes or people follow each other, or leave some out.
 
     Parameters
     ----------
     numbered : iterable of (number, line)
         With all cells.
+    frames : int
+        The column of frame numbers.
     head : Head
-        Of the table; gets a notice.
+        Of the table; gets notices.
+    every : bool
+        Whether these are all rows, not a sample.
     """
-    last, is_noticed = -math.inf, head.frames is None
+    last, steps, back = math.nan, Counter[int](), 0
     for number, line in numbered:
-        if not is_noticed and head.frames is not None:
-            cells = line.split(head.delimiter, head.frames + 1)
-            with contextlib.suppress(ValueError, IndexError):
-                frame = float(cells[head.frames])
-                if frame < last:
-                    is_noticed = True
-                    what = "rows of several takes or people follow each other, and are taken as one"
-                    head.notices.append(f"frame numbers go back in line {number}: {what}")
-                last = frame
+        with contextlib.suppress(ValueError, IndexError, OverflowError):
+            frame = float(line.split(head.delimiter, frames + 1)[frames])
+            back = back or number * (frame < last)
+            last, step = frame, frame - last
+            steps[min(int(step), _LONG_STEP)] += 1
         yield number, line
+    usual = max(steps, key=steps.__getitem__, default=0)
+    longer = sum(count for step, count in steps.items() if step > usual > 0)
+    if back:
+        what = "rows of several takes or people follow each other, and are taken as one"
+        head.notices.append(f"frame numbers go back in line {back}: {what}")
+    elif longer and every:
+        where = counted(longer, "place", "places")
+        head.notices.append(f"frame numbers leave some out in {where}; rows are taken as if they followed each other")

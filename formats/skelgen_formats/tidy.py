@@ -23,6 +23,7 @@ from skelgen.progress import counted
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.table_heads import UNREAD_QUATERNION
 from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
 from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
 from skelgen_formats.turn_titles import (
@@ -30,11 +31,12 @@ from skelgen_formats.turn_titles import (
     COMPONENTS,
     angle_alone,
     cells_of,
+    numbered_quaternions,
     order_of,
 )
 from skelgen_formats.wide import since_first, take_from_table
 
-_UNSEEN_FLAGS = ("0", "false", "0.0")
+_UNSEEN_FLAGS, _HIDDEN_FLAGS = ("0", "false", "0.0"), ("1", "true", "1.0")
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
@@ -49,13 +51,15 @@ class _Rows:
     times: dict[float, float] = field(default_factory=dict)
 
 
-def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a tidy table of points or bodies.
+def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a tidy table of points or bodies from its lines.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file, for errors.
+    lines : Lines
+        Of the table.
     options : Options
         `recorded_rate` and `recorded_unit` count.
 
@@ -63,19 +67,6 @@ def read_tidy(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     ------
     FormatError
         If the titles name no frames and coordinates, or a row is not as long as they are.
-    """
-    return read_tidy_lines(path, read_lines(path), options)
-
-
-def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a tidy table from its lines; errors as of `read_tidy`.
-
-    Parameters
-    ----------
-    path, options
-        As there.
-    lines : Lines
-        Of the table.
     """
     head = find_tidy_head(lines)
     if head is None:
@@ -96,7 +87,9 @@ def read_tidy_lines(path: Path, lines: Lines, options: Options) -> Trajectories 
         raise FormatError(path, "", what)
     width = len(_numbered(at))
     if "name" not in at and n_names == 1 and width == len(AXES):
-        raise FormatError(path, 1, "one position per frame, and no column of names: a single point has no skeleton")
+        unread = f"; {UNREAD_QUATERNION}" if numbered_quaternions(head.titles) else ""
+        what = "one position per frame, and no column of names: a single point has no skeleton"
+        raise FormatError(path, 1, f"{what}{unread}")
     notices = [] if "axis" in at else _doubts(path, rows, places, "name" in at, width)
     numbers = np.full((len(every), n_names, width), np.nan)
     points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
@@ -148,7 +141,7 @@ def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) 
     pairs = places * len(rows.names) + np.frombuffer(rows.points, dtype=np.int64)
     twice = len(pairs) - len(np.unique(pairs))
     repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
-    return [repeated] if twice else []
+    return [f"{repeated} (write a file for each trial, if there are several)"] if twice else []
 
 
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
@@ -157,9 +150,10 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     parts = [at[what] for what in ("name", "group") if what in at]
     for number, line in lines.numbered(head.first + 1):
         cells = unquoted(line, head.delimiter).split(head.delimiter)
-        if len(cells) <= max(at.values()) or (not head.delimiter and len(cells) != len(head.titles)):
+        further = len(head.titles) if head.delimiter else len(cells)
+        if len(cells) <= max(at.values()) or any(map(str.strip, cells[further:])) or further < len(head.titles):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
-            raise FormatError(path, number, what)
+            raise FormatError(path, number, f"{what}, or have decimal commas: export with decimal points")
         time = clock.moment(cells) if clock else ""
         if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
             del at["frame"]  # names of images
@@ -171,6 +165,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         if clock and frame not in rows.times:
             rows.times[frame] = _number(path, number, time, "the time")
         is_hidden = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
+        is_hidden |= "hidden" in at and cells[at["hidden"]].strip().lower() in _HIDDEN_FLAGS
         seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
         if "axis" in at:
             along = cells[at["axis"]].strip().lower()
@@ -198,7 +193,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=lambda head, path: find_tidy_head(decoded_head(head).splitlines()) is not None,
-    read=read_tidy,
+    read=lambda path, options: read_tidy(path, read_lines(path), options),
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="A row per frame and point: frame, name, x, y, z; without names a cloud, with qw, qx, qy, qz, or roll, pitch,"
     " yaw, bodies.",

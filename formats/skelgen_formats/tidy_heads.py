@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
+from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, unquoted
 from skelgen_formats.titles import axis_alone, bodies_of, spelt, translation_alone
 from skelgen_formats.turn_titles import AXES, angle_alone, cell_alone, component_alone
@@ -48,6 +49,7 @@ _GROUPS = (
         "individual",
         "person",
         "subject",
+        "subject_name",
         "track",
         "person_id",
         "skeleton_id",
@@ -63,6 +65,7 @@ _SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_i
 _FLAGS = tuple(
     f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
 )
+_HIDDEN = tuple(f"{start}{word}" for start in ("", "is_") for word in ("occluded", "hidden", "missing", "lost"))
 _DELIMITERS = (",", ";", "\t", "|", None)
 _COMMENTS = ("#", "%")
 _AXIS_WORDS = ("axis", "coord", "coords", "coordinate", "dimension", "dim", "component")
@@ -106,15 +109,16 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
 def _unit_of(titles: Sequence[str], at: dict[str, int]) -> str:
     match = _VALUE.fullmatch(titles[at["value"]]) if "value" in at else None
     alone = axis_alone(titles[at["x"]]) if "x" in at else None
-    return (match[1] or "").lower() if match else alone[1] if alone else ""
+    named = [body.unit for body in bodies_of(titles)] if "x" in at and not alone else []
+    return (match[1] or "").lower() if match else alone[1] if alone else "".join(named[:1])
 
 
 def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> dict[str, int]:
     """Return the columns of frames, times, names, groups and coordinates; empty if one that is needed is missing."""
-    plain = [title.lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "axis": _AXIS_WORDS}
+    plain = [CAMEL.sub("_", title).lower().replace(" ", "_") for title in titles]
+    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "hidden": _HIDDEN, "axis": _AXIS_WORDS}
     found = {what: [plain.index(title) for title in words if title in plain] for what, words in known.items()}
-    found["value"] = [at for at, title in enumerate(titles) if _VALUE.fullmatch(title)]
+    found["value"] = [at for at, title in enumerate(titles) if _VALUE.fullmatch(title) and [at] != found["axis"][:1]]
     found["time"] = [max(clock.column, clock.fraction or 0)] if clock else []
     found["frame"] = [at for at, title in enumerate(titles) if is_frame(title)]
     if clock and _FRAME_OF_ROS in plain and not all(map(is_number, row[(at := plain.index(_FRAME_OF_ROS)) :][:1])):
@@ -134,5 +138,9 @@ def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> 
     places = {what: columns[0] for what, columns in found.items() if columns}
     if "name" in places and {"axis", "value"} <= places.keys() and not places.keys() & {*AXES}:
         return {what: at for what, at in places.items() if what != "side"} if clock or "frame" in places else {}
+    if "name" in places and (clock or "frame" in places) and not places.keys() & {*AXES}:
+        bodies = bodies_of(titles)  # one alone, whose name every row has: pos3d_x
+        places |= bodies[0].place if len(bodies) == 1 else {}
     is_tidy = places.keys() >= {*AXES} and ("name" in places or not bodies_of(titles))
+    is_tidy = is_tidy and titles.count(titles[places["x"]]) == 1
     return places if is_tidy and (clock or "frame" in places) else {}

@@ -14,34 +14,40 @@ numbered, ``knee_rot_0`` to ``knee_rot_8``. EuRoC names the frames: ``p_RS_R_x [
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
+from skelgen_formats.body_columns import Body
 from skelgen_formats.turn_titles import (
     AXES,
     BETWEEN,
-    COMPONENTS,
+    angle_alone,
     angle_of,
     cell_of,
-    cells_of,
+    component_alone,
     order_by_words,
-    order_of,
     quaternion_of,
 )
 
 _UNIT = re.compile(
     r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{0,2}[\[(]?)(mm|cm|m|(?:milli|centi)?met(?:er|re)s?)[\])]?", re.IGNORECASE
 )
-_PLACE_WORD = rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+_PLACE_WORD = (
+    rf"(?:(?:local|global|world){BETWEEN}?)?"
+    rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+)
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
-_AXIS_AND_NUMBER = re.compile(rf"(.{{1,200}}?){BETWEEN}([xyz])(\d{{1,4}})", re.IGNORECASE)
+_AXIS_AND_NUMBER = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??([xyz])_?(\d{{1,4}})", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
-_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Position|Translation){BETWEEN}?)")
-_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen))", re.IGNORECASE)
+_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
+_FLAG = re.compile(
+    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))",
+    re.IGNORECASE,
+)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
 _NO_NAME = rf"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|std\w*|err\w*|{_VERSION})"
@@ -65,60 +71,6 @@ _ANGLES = re.compile(rf"(?:(.*){BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee
 _TRANSLATIONS = ("t", "p")  # Tx, Ty, Tz beside a quaternion without a name
 
 
-@dataclass
-class Body:
-    """The columns of a point or a body: along which axis, and which component of its quaternion, where it has one.
-
-    Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
-    their unit, if titles say it; or the cells of a matrix. A fourth column beside x, y and z may show that these are a
-    quaternion, a flag whether the point is seen.
-    """
-
-    name: str
-    unit: str = ""
-    place: dict[str, int] = field(default_factory=dict)
-    turn: dict[str, int] = field(default_factory=dict)
-    angles: dict[str, int] = field(default_factory=dict)
-    matrix: dict[str, int] = field(default_factory=dict)
-    fourth: int | None = None
-    flag: int | None = None
-    stated_order: str = ""
-    angle_unit: str = ""
-
-    @property
-    def is_placed(self) -> bool:
-        """Whether all three coordinates are there."""
-        return len(self.place) == len(AXES)
-
-    @property
-    def is_turned(self) -> bool:
-        """Whether a whole quaternion or matrix is there."""
-        return len(self.turn) == len(COMPONENTS) or bool(self.cells)
-
-    @property
-    def cells(self) -> list[int]:
-        """The columns of the nine cells of its matrix, row by row, counted from 1 or 0; empty if one is missing."""
-        return cells_of(self.matrix)
-
-    @property
-    def has_angles(self) -> bool:
-        """Whether three angles are there, and neither quaternion nor matrix."""
-        return len(self.angles) == len(AXES) and not self.is_turned
-
-    @property
-    def angle_order(self) -> str:
-        """How the angles turn the body: as titles say, else about the axes in the order of their columns."""
-        return self.stated_order or order_of(self.angles)
-
-    def columns(self, *, turned: bool) -> list[int]:
-        """Return the columns of x, y, z, and of w, x, y, z, the matrix or the three angles if they are wanted."""
-        if len(self.turn) == len(COMPONENTS):
-            turn = [self.turn[component] for component in COMPONENTS]
-        else:
-            turn = self.cells or [self.angles[axis] for axis in AXES if axis in self.angles]
-        return [*(self.place[axis] for axis in AXES), *(turn if turned else [])]
-
-
 def bodies_of(titles: Sequence[str]) -> list[Body]:
     """Return points and bodies with three coordinates, in the order of their titles.
 
@@ -127,18 +79,20 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    titles = _undoubled(spelt(titles))
+    titles = undoubled(spelt(titles))
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
     numbered = partial(_numbered, first=first)
     styles = ((_axis_last, "w"), (_axis_first, "w"), (_axis_and_number, "w"), (numbered, str(first + len(AXES))))
-    for parsed, fourth in styles:
-        found = _joined(_gathered(titles, parsed))
-        if parsed is _axis_and_number:
-            _drop_numbers(found)
-        if found and (parsed is not numbered or len(found) >= _FEWEST):
-            return _with_fourths(found, titles, fourth)
-    return []
+    found = [(_joined(_gathered(titles, parsed)), fourth) for parsed, fourth in styles]
+    bodies, fourth = max(found[:-1], key=lambda style: len(style[0]))
+    if bodies and bodies is found[2][0]:
+        _drop_numbers(bodies)
+    if not bodies:
+        bodies, fourth = found[-1]
+        longer = {match[1] for match in map(_MANY.fullmatch, titles) if match and int(match[2]) > first + len(AXES)}
+        bodies = [body for body in bodies if body.name not in longer]
+    return _with_fourths(bodies, titles, fourth) if fourth == "w" or len(bodies) >= _FEWEST else []
 
 
 def spelt(titles: Sequence[str]) -> list[str]:
@@ -157,14 +111,24 @@ def spelt(titles: Sequence[str]) -> list[str]:
     return plain
 
 
-def _undoubled(titles: Sequence[str]) -> list[str]:
-    """Return titles with numbers behind X that stands twice: ``X.0``, ``X.1``, as pandas numbers all but the first."""
-    doubled = {axis for axis in AXES.upper() + AXES if titles.count(axis) > 1 or f"{axis}.1" in titles}
-    count = Counter[str]()
-    numbered = []
+def undoubled(titles: Sequence[str]) -> list[str]:
+    """Return titles with numbers before those without a name that stand several times: ``0 X``, ``1 X``.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Without quotes; pandas numbers all but the first, ``X``, ``X.1``.
+    """
+    every, count, numbered = Counter(titles), Counter[str](), []
+    doubled = {title for title, n in every.items() if n > 1 or f"{title}.1" in every}
+    if not any(map(axis_alone, doubled)):
+        return [*titles]
     for title in titles:
-        numbered.append(f"{title}.{count[title]}" if title in doubled else title)
-        count[title] += 1
+        base, _, number = title.rpartition(".")
+        plain = base if number.isdecimal() and base in doubled else title
+        is_nameless = axis_alone(plain) or component_alone(plain) or angle_alone(plain)
+        numbered.append(f"{count[plain]} {plain}" if is_nameless and plain in doubled else title)
+        count[plain] += 1
     return numbered
 
 
@@ -180,11 +144,13 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     """Return the same bodies with their fourth columns, ``knee.w`` beside ``knee.x``, or ``knee_4``, and flags."""
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
-    flags = {match[1].lower(): at for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    marks = {at: match for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    flags = {match[1].lower(): at for at, match in marks.items()}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
         body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
+        body.flag_of_unseen = 1.0 if body.flag in marks and marks[body.flag][2] else 0.0
     return bodies
 
 
@@ -198,6 +164,26 @@ def turned_without_place(titles: Sequence[str]) -> list[str]:
     """
     bodies = _gathered(titles, _axis_last)
     return [body.name or "body" for body in bodies if (body.is_turned or body.has_angles) and not body.place]
+
+
+def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:
+    """Return sentences on columns of places and rotations that belong to none of the bodies found.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    bodies : sequence of Body
+        From `bodies_of`.
+    """
+    taken = {column for body in bodies for column in body.every_column}
+    titles = undoubled(spelt(titles))
+    every = [body for parsed in (_axis_last, _axis_first, _axis_and_number) for body in _gathered(titles, parsed)]
+    others = [body for body in every if body.name and not body.every_column & taken]
+    turned = [body.name for body in others if not body.place and (body.is_turned or body.has_angles)]
+    placed = [body.name for body in others if body.is_placed]
+    kinds = (("rotations without positions", turned), ("points whose titles are of another form", placed))
+    return [f"{kind} are left out: {', '.join([*dict.fromkeys(names)][:8])}" for kind, names in kinds if names]
 
 
 def axis_alone(title: str) -> tuple[str, str] | None:
@@ -353,7 +339,7 @@ def _axis_first(title: str) -> tuple[str, str, str] | None:
 
 def _axis_and_number(title: str) -> tuple[str, str, str] | None:
     match = _AXIS_AND_NUMBER.fullmatch(title.strip())
-    return (f"{match[1]} {match[3]}", match[2].lower(), "") if match else None
+    return (f"{match[1] or ''} {match[3]}".strip(), match[2].lower(), "") if match else None
 
 
 def _numbered(title: str, first: int) -> tuple[str, str, str] | None:

@@ -188,9 +188,9 @@ def _rate(path: Path, lines: Lines, start: int, table: _Table, stated: float, no
 
 
 def _delimiter(lines: Lines, start: int) -> str:
-    """Return what parts cells: a tab, a comma, or blanks in a file without any tab in its titles."""
-    if lines[start + 1].strip()[len(_FIRST_KEY) :][:1] == ",":
-        return ","
+    """Return what parts cells: a tab, a comma, a semicolon, or blanks in a file without any tab in its titles."""
+    if (parting := lines[start + 1].strip()[len(_FIRST_KEY) :][:1]) in (",", ";"):
+        return parting
     return "\t" if "\t" in lines[start + 1] + lines[start + 3] else " "
 
 

@@ -1,7 +1,8 @@
 """Titles of columns with rotations: components of a quaternion, angles, cells of a matrix; `titles` shows them."""
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 from skelgen_formats.options import ROTATION_VECTOR
 
@@ -19,7 +20,7 @@ _QUATERNION = re.compile(
 _QUATERNION_IN_NAME = re.compile(rf"(.{{1,200}}?)(?:Rot|Rotation|Quat|Quaternion|Orientation|Q){BETWEEN}?([WXYZwxyz])")
 _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNORECASE)
 _ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
-_NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(roll|pitch|yaw)", re.IGNORECASE)
+_NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(?:(?<![a-z])(?:{_TURN_WORD}))?(roll|pitch|yaw)", re.IGNORECASE)
 _ABOUT_AXIS = re.compile(
     rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler(?:{BETWEEN}?angles?)?|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])",
     re.IGNORECASE,
@@ -29,6 +30,10 @@ _MATRIX = re.compile(
     rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:r|m|{_MATRIX_WORD}){BETWEEN}?[\[(]?([0-4])(?:\]\[|[ ,])?([0-4])[\])]?"
     rf"|(?:{_MATRIX_WORD}){BETWEEN}([0-3]){BETWEEN}([0-3])"
     rf"|(?-i:Rot)\[([0-8])\]|(?:{_MATRIX_WORD}|r(?=[\[(])){BETWEEN}?[\[(]?([0-9])[\])]?)",
+    re.IGNORECASE,
+)
+_NUMBERED = re.compile(
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .]?[\[(]?([0-4])[\])]?",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
@@ -170,3 +175,18 @@ def quaternion_of(title: str) -> tuple[str, str] | None:
     if match := _QUATERNION_FIRST.fullmatch(text):
         return match[2], match[1].lower().replace("0", "w").replace("o", "w")
     return None
+
+
+def numbered_quaternions(titles: Sequence[str]) -> list[str]:
+    """Return names of quaternions whose components have numbers, ``knee_quat_1`` to ``knee_quat_4``.
+
+    Which of them is the scalar, no title says.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    """
+    found = [(match[1] or "", match[2]) for match in map(_NUMBERED.fullmatch, map(str.strip, titles)) if match]
+    count = Counter(name for name, _ in dict.fromkeys(found))
+    return [name or "quaternion" for name, n in count.items() if n == len(COMPONENTS)]

@@ -19,7 +19,7 @@ from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.table_heads import HEAD_LINES
 from skelgen_formats.text import is_number, unquoted
-from skelgen_formats.tidy import read_tidy_lines
+from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import read_table
@@ -59,7 +59,7 @@ def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Po
     others = [name for name, size, end in zip(names, sizes, ends, strict=True) if size > len(AXES) and not end]
     text = "\n".join(_spread(path, lines, at, delimiter, ends))
     spread = Lines(path, text.encode(), "utf-8")
-    take = (read_table if find_tidy_head(spread) is None else read_tidy_lines)(path, spread, options)
+    take = (read_table if find_tidy_head(spread) is None else read_tidy)(path, spread, options)
     notices = [f"vectors of more than three numbers are left out: {', '.join(others[:8])}"] if others else []
     notices += ["vectors of four numbers are taken as quaternions x, y, z, w"] if _QUATERNION in ends else []
     return replace(take, notices=(*notices, *take.notices))

@@ -35,6 +35,8 @@ from skelgen_formats.bodies import (
     with_quaternions,
     with_quaternions_of_matrices,
 )
+from skelgen_formats.body_columns import Body
+from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import (
     are_outputs,
@@ -58,7 +60,6 @@ from skelgen_formats.options import (
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
 from skelgen_formats.table_rows import in_order, padded_rows, unquoted_rows, until_other_table, with_seconds
 from skelgen_formats.text import parse_rows, rate_in
-from skelgen_formats.titles import Body
 from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
@@ -67,16 +68,20 @@ ASSUMED_RATE = 100.0
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
 _OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}  # s
+_NEAR_STEPS = 3.0  # steps from frame to frame, within which a body may have been at the origin
+_EPOCH = (1e9, 4e9)  # s since 1970, of clocks between 2001 and 2096
 _MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
 
 
-def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table of points or bodies.
+def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table of points or bodies from its lines.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file, for errors.
+    lines : Lines
+        Of the table.
     options : Options
         `bodies`, `recorded_rate`, `recorded_unit` and `sample` count.
 
@@ -85,25 +90,15 @@ def read_wide_csv(path: Path, options: Options) -> Trajectories | PointCloud | P
     FormatError
         If the titles name no points, points have two coordinates, or a row is not as long as they are.
     """
-    return read_table(path, read_lines(path, options.sample), options)
-
-
-def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table from its lines; errors as of `read_wide_csv`.
-
-    Parameters
-    ----------
-    path, options
-        As there.
-    lines : Lines
-        Of the table.
-    """
     head = find_head([line for _, line in islice(lines.numbered(), HEAD_LINES)])
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
     if head.mixed:
-        what = f"rows of several people take turns, by the column {head.mixed}; write a file for each of them"
+        what = (
+            f"rows of several people or points take turns, by the column {head.mixed}; write a file for each of them,"
+            " or a row for each point with the titles frame, name, x, y, z"
+        )
         raise FormatError(path, head.n_lines, what)
     if not head.bodies and head.notices:
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
@@ -150,8 +145,10 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = with_seconds(in_order(padded_rows(numbers, len(lines), head), head), head)
-    rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
+    whole = padded_rows(numbers, len(lines), head)
+    if head.frames is not None:
+        whole = in_order(whole, head.frames, head, every=not lines.is_sampled)
+    rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
         return rows, None
     stamps = rows[:, -1]
@@ -164,25 +161,26 @@ def _numbers_of(
 
 
 def since_first(times: Floats, second: float) -> Floats:
-    """Return times since the first one [s], or in their unit if no title names it.
+    """Return times since the first one [s], or in their unit if neither title nor size tells it.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        As they stand in the file.
+        As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, they are in that unit.
     second : float
         Seconds per unit; 0 if unknown.
     """
     with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
-        return (times - times[:1]) * (second or 1.0)
+        since_1970 = (one for one in (1.0, *_OTHER_UNITS.values()) if _EPOCH[0] < times[:1].sum() * one < _EPOCH[1])
+        return (times - times[:1]) * (second or next(since_1970, 1.0))
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
-    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, is 0."""
+    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, says that one is unseen."""
     flagged = np.array([body.flag is not None for body in chosen])
     numbers, flags = np.split(rows, [rows.shape[1] - int(flagged.sum())], axis=1)
     unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
-    unseen[:, flagged] = flags == 0.0
+    unseen[:, flagged] = flags == [body.flag_of_unseen for body in chosen if body.flag is not None]
     if not unseen.any() or not np.isin(flags[np.isfinite(flags)], (0.0, 1.0)).all():
         return numbers
     points = numbers.reshape(len(rows), len(chosen), -1).copy()
@@ -248,10 +246,18 @@ def take_from_table(
 
 
 def _lost_unseen(bodies: Floats) -> Floats:
-    """Make bodies NaN at (0, 0, 0), where trackers put one that they lost and that leaves it, or with no rotation."""
+    """Make bodies NaN at (0, 0, 0), where trackers put one that they lost, or with no rotation.
+
+    A body that stays there, or comes as near to it as it moves in a few frames, is seen there.
+    """
     at_origin = (bodies[:, :, : len(AXES)] == 0.0).all(axis=2)
-    leaves = (~at_origin & ~np.isnan(bodies[:, :, 0])).any(axis=0)
-    bodies[(at_origin & leaves) | (bodies[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
+    for body, is_there in enumerate(at_origin.T):
+        track = bodies[~is_there & ~np.isnan(bodies[:, body, 0]), body, : len(AXES)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+            is_near = len(steps) and np.linalg.norm(track, axis=1).min() <= _NEAR_STEPS * np.median(steps)
+        at_origin[:, body] &= len(track) > 0 and not is_near
+    bodies[at_origin | (bodies[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
     return bodies
 
 
@@ -281,7 +287,7 @@ def _rate_of_times(times: Floats, notices: list[str]) -> float:
         return rate
     for unit, seconds in _OTHER_UNITS.items():
         rate = rate_of((times - times[0]) * seconds)
-        if _SLOW <= rate <= _FAST and not (np.diff(times) == 1.0).all():  # else they count frames
+        if _SLOW <= rate <= _FAST and np.median(np.diff(times)) != 1.0:  # else they count frames
             notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
             return rate
     return AS_RECORDED_RATE
@@ -298,7 +304,7 @@ CSV = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_is_wide,
-    read=read_wide_csv,
+    read=lambda path, options: read_table(path, read_lines(path, options.sample), options),
     options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="Columns name_x, name_y, name_z, as of anipose or FreeMoCap; with name_qx or name_roll bodies; rate and unit"
     " by option.",
@@ -311,7 +317,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     Parameters
     ----------
     path, options
-        See `read_wide_csv`, of which the errors are, too.
+        See `read_table`, of which the errors are, too.
 
     Raises
     ------
@@ -330,7 +336,8 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
                 raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
             chosen, are_bodies = _chosen(head, options)
             wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-            names = [titles[column] for column in [*wanted, *([head.clock.column] if head.clock else [])]]
+            clocks = [head.clock.column, head.clock.fraction] if head.clock else []
+            names = [titles[column] for column in [*wanted, *clocks] if column is not None]
             twice = [name for name in names if titles.count(name) > 1]
             if twice:
                 raise FormatError(path, "", f"two columns are called {twice[0]}")
@@ -343,8 +350,14 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
         raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
-    times = since_first(numbers[:, -1], head.clock.second) if head.clock else None
+    times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None
     return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
+
+
+def _stamps(columns: Floats, clock: Clock) -> Floats:
+    """Return times since the first of those in a column, and of the fractions of seconds beside it."""
+    fractions = [since_first(column, clock.per_fraction) for column in columns.T[1:]]
+    return since_first(columns[:, 0], clock.second) + sum(fractions)
 
 
 def _numbers(path: Path, column: Any) -> Floats:

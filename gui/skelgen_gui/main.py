@@ -149,7 +149,7 @@ class GarbageCollector(QObject):
 
 
 def collect_due_garbage() -> None:
-    """Collect the oldest generation of which Python would collect by now, and those that are younger."""
+    """Collect the oldest generation that Python would collect by now, and all younger ones."""
     due = [count > threshold > 0 for count, threshold in zip(gc.get_count(), gc.get_threshold(), strict=True)]
     if any(due):
         gc.collect(max(generation for generation, is_due in enumerate(due) if is_due))

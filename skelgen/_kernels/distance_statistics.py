@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 
 FAR = 3.0
 """Standard deviations beyond which a distance is far from the others."""
@@ -191,3 +191,61 @@ def _add_squares(take: Floats, mean: Floats, spread: Floats, markers: Ints, of_s
                     square = UNKNOWN
                 total[other, one] += min(square, LARGEST)
             total[other, place] = before + LARGEST  # where another marker is it is not
+
+
+def known_in_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
+    """Move the usual distances of some markers of a set to all others to a posture, where that was not done before.
+
+    Parameters
+    ----------
+    ways : ndarray, shape (n_of_set, n_ways, 2, n_of_set)
+        By how much distances of each marker and how much they vary differ in each way.
+    posture : ndarray, shape (n_ways + 1,)
+        How far the posture is off in each way, and the logarithm of the size.
+    of_set : ndarray of intp, shape (n_matched,)
+        Which markers.
+    known : ndarray of bool, shape (n_of_set,)
+        Where it was done; is set.
+    mean : ndarray, shape (2, n_of_set, n_of_set)
+        Logarithms of the usual distances and of how much they vary; moved row by row.
+    """
+    _add_ways(ways, posture, of_set, known, mean)
+
+
+@kernel
+def _add_ways(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
+    n_ways = ways.shape[1]
+    for place in of_set:
+        if not known[place]:
+            known[place] = True
+            for other in range(len(known)):
+                mean[0, place, other] += posture[n_ways]
+            for way in range(n_ways):
+                for half in range(2):
+                    for other in range(len(known)):
+                        mean[half, place, other] += posture[way] * ways[place, way, half, other]
+
+
+def ways_of_pairs(ways: Floats, pairs: Ints) -> Floats:
+    """Return what postures and the size do to the distances of pairs, shape (2, n_pairs, n_ways + 1).
+
+    Parameters
+    ----------
+    ways : ndarray, shape (n_of_set, n_ways, 2, n_of_set)
+        As for `known_in_posture`.
+    pairs : ndarray of intp, shape (2, n_pairs)
+        Markers of the set.
+    """
+    found = np.empty((2, pairs.shape[1], ways.shape[1] + 1))
+    _write_ways(ways, pairs, found)
+    return found
+
+
+@kernel
+def _write_ways(ways: Floats, pairs: Ints, found: Floats) -> None:
+    n_ways = ways.shape[1]
+    for pair in range(pairs.shape[1]):
+        for half in range(2):
+            for way in range(n_ways):
+                found[half, pair, way] = ways[pairs[0, pair], way, half, pairs[1, pair]]
+            found[half, pair, n_ways] = 1.0 - half  # a larger body moves alike

@@ -181,7 +181,7 @@ def _body_left_out(markers: Trajectories, labelling: Labelling) -> int:
 
 
 def _long_lost_tracks(markers: Trajectories, labelling: Labelling) -> tuple[Ints, Ints]:
-    """First and last frame of the long tracks of which nothing went to a marker."""
+    """First and last frames of long tracks that belong to no marker."""
     tracklets = labelling.tracklets
     if tracklets is None:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)

@@ -164,7 +164,7 @@ def _contradicted(project: Project, correction: Correction, earlier: Sequence[Co
 
 
 def _stated_of_limbs(project: Project, correction: Correction) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    """Markers that a correction says share a limb, and those of which no two do."""
+    """Markers that share a limb by a correction, and markers that are all on different limbs."""
     names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
     if correction.kind == "move":
         return [(*names[:2], *names[3:])], [(names[0], old) for old in names[2:3]]
@@ -196,8 +196,8 @@ def joint_constraints(
 
     of_person = {} if marker_set in {"auto", "none"} else joints_of_person(names_by_markers(project), project.limbs)
     stated: dict[tuple[int, int], bool] = {}
-    called = [body_and_limb(name)[1] for name in project.limbs.names]
-    roots = [limb for limb, name in enumerate(called) if of_person and name == "pelvis"]
+    limbs_called = project.limbs.limbs_called
+    roots = [limb for limb in limbs_called("pelvis") if of_person or len(project.limbs.markers_of(limb)) > 1]
     for correction in corrections_of(project, "joints", monitor):
         limbs = _limbs(project, correction)
         if correction.kind == "root":
@@ -209,12 +209,14 @@ def joint_constraints(
     is_joint = of_person | stated
     if options.hierarchy is not None and options.root is not None:
         raise InputError("a hierarchy says which limb is the root: give either of both")
+    if options.root is not None:
+        roots = [*(limbs_called(options.root) or [_limb_called(project, options.root)]), *roots]
     names = project.limbs.names
     return JointConstraints(
         joined=tuple(pair for pair, wanted in is_joint.items() if wanted),
         parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
         parents=None if options.hierarchy is None else parents_from_names(names, _by_name(names, options.hierarchy)),
-        roots=roots if options.root is None else (_limb_called(project, options.root), *roots),
+        roots=roots,
         of_person=tuple(pair for pair in of_person if pair not in stated),
     )
 
@@ -362,12 +364,10 @@ def corrected_marker(trajectories: Trajectories, correction: Correction, which: 
 
 
 def _limb_called(project: Project, name: str) -> int:
-    names, markers = project.limbs.names, project.trajectories.names
-    numbered = [f"limb{limb}" for limb in range(len(names))]
-    for called in (names, numbered):
-        if name in called:
-            return called.index(name)
-    limb = int(project.limbs.limb_of_marker[markers.index(name)]) if name in markers else -1
+    names, on_limbs = project.limbs.names, project.limbs.limb_of_marker.tolist()
+    limb_of = dict(zip(project.trajectories.names, on_limbs, strict=True))
+    limb_of |= {f"limb{limb}": limb for limb in range(len(names))} | {one: limb for limb, one in enumerate(names)}
+    limb = int(limb_of.get(name, -1))
     if limb < 0:
         raise InputError(f"there is no limb {name!r}; limbs are {', '.join(names)}")
     return limb

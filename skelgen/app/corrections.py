@@ -204,7 +204,7 @@ def with_stated_limb_names(project: Project) -> Project:
 
 
 def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Project:
-    """The project with limbs as its corrections call them; those of a calibrated skeleton keep their names else."""
+    """The project with limbs as its corrections call them; other limbs of a calibrated skeleton keep their names."""
     if not is_by_subject(project):
         return renamed_limbs(project)
     names = list(project.limbs.names)

@@ -166,7 +166,7 @@ def write_any(
     format: str | None = None,
     **options: ParameterValue,
 ) -> list[Path]:
-    """Write as `write`, replacing what is there: for those who have checked it.
+    """Write as `write` does, over files that are there: callers have checked that they may.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def names_in_motion(
 
 
 def _of_trees(limbs: Limbs, parents: Ints) -> Limbs:
-    """Limbs without names, each tree of which is a body."""
+    """Limbs without names; each tree is a body."""
     body_of_limb = np.zeros(limbs.n_limbs, dtype=np.intp)
     for body, members in enumerate(limbs_of_bodies(parents)):
         body_of_limb[members] = body
@@ -370,7 +370,7 @@ def _lines_of(path: Path) -> list[str]:
 
 
 def _read_pairs(path: Path, form: str, what: str) -> dict[str, str]:
-    """Map what stands before the first comma of each line to what stands behind it."""
+    """Map the first cell of each line to the rest of the line."""
     pairs: dict[str, str] = {}
     for number, line in enumerate(_lines_of(path), start=1):
         if not line.strip() or line.lstrip().startswith("#") or (not pairs and line.replace(" ", "").lower() == form):

@@ -20,7 +20,8 @@ from skelgen.geometry.statistics import median_of_known, pair_lengths
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.subject import SubjectFit, fit_subject, pose_subject, subject_motion, with_joints_as_fitted
+from skelgen.stages.labels import pose_skeleton
+from skelgen.stages.subject import SubjectFit, fit_subject, subject_motion, with_joints_as_fitted
 
 _LEAST_TAKES = 2
 
@@ -82,7 +83,7 @@ def calibrate_together(
 
 @dataclass(frozen=True, eq=False)
 class _Labelled:
-    """A take whose markers are those of all takes, and how they were found."""
+    """A take with the markers of all takes, and how they were found."""
 
     trajectories: Trajectories
     report: StageReport
@@ -184,7 +185,7 @@ def _posed(project: Project, shared: Project, frames: slice) -> Project:
     """A take with the shared skeleton, posed by its own frames alone."""
     trajectories = project.trajectories
     held = with_joints_as_fitted(shared.skeleton, shared.motion)
-    poses = pose_subject(held, trajectories.positions)
+    poses = pose_skeleton(held, trajectories.positions)
     motion = subject_motion(shared.skeleton, poses, trajectories.positions, trajectories.rate)
     topology = replace(shared.topology, raw_joint_positions=shared.topology.raw_joint_positions[frames])
     done = project.with_limbs(shared.limbs, shared.reports["limbs"])

@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.model import Joint, Limbs, PointCloud, Poses, Project, Take
 from skelgen.model.limbs import with_names_of_limbs
-from skelgen.progress import counted
+from skelgen.progress import counted, frames_between
 
 _MOST_POINTERS = 200
 """Warnings that are listed; nobody reads more."""
@@ -83,10 +83,7 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
         return ()
     found = [] if stage != "labels" else list(_label_pointers(project))
     names = {name: marker for marker, name in enumerate(project.trajectories.names)}
-    report = project.reports.get(stage)
-    for notice in report.notices if report is not None else ():
-        # Limbs may have got their names after the stage
-        sentence = with_names_of_limbs(notice, project.limbs) if project.has("limbs") else notice
+    for sentence in stage_notices(project, stage):
         limbs = _limbs_in(project, sentence)
         first, _, rest = sentence.partition(" is on ")
         if rest and first in names:
@@ -98,6 +95,20 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
         words = {word.strip(",.:;()'\"") for word in sentence.split()}
         found.append(Pointer(sentence, None, tuple(sorted(names[word] for word in words & names.keys()))))
     return tuple(found[:_MOST_POINTERS])
+
+
+def stage_notices(project: Project, stage: str) -> tuple[str, ...]:
+    """Return what a stage noticed, with the names that limbs got after it.
+
+    Parameters
+    ----------
+    project : Project
+        With or without results.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+    """
+    notices = project.reports[stage].notices if stage in project.reports else ()
+    return tuple(with_names_of_limbs(one, project.limbs) for one in notices) if project.has("limbs") else notices
 
 
 def has_doubts(project: Project, stage: str) -> bool:
@@ -168,7 +179,7 @@ def _label_pointers(project: Project) -> Iterator[Pointer]:
             f"{', '.join(finding.names)}: {finding.evidence}; {finding.outcome}", finding.first_frame, markers
         )
     for doubt in project.labelling.doubts:
-        frames = f"frames {doubt.first_frame} to {doubt.last_frame}"
+        frames = frames_between(doubt.first_frame, doubt.last_frame)
         sentence = f"{names[doubt.marker]}, {frames}: {doubt.reason}; {REMEDIES[doubt.kind]}"
         yield Pointer(sentence, doubt.first_frame, (doubt.marker,) + ((doubt.rival,) if doubt.rival >= 0 else ()))
 
@@ -213,7 +224,8 @@ def _about_joints(project: Project) -> Iterator[str]:
         worst = int(topology.edge_probability.argmin())
         parent, child = map(project.limbs.called, topology.edges[worst].tolist())
         sure, n_doubtful = f"{100 * topology.edge_probability[worst]:.0f} %", len(topology.doubtful)
-        yield f"{n_doubtful} of them are doubtful; least sure is that of {parent} and {child}, {sure}."
+        verb = "is" if n_doubtful == 1 else "are"
+        yield f"{n_doubtful} of them {verb} doubtful; least sure is that of {parent} and {child}, {sure}."
     if len(topology.loops):
         pairs = ", ".join(" and ".join(map(project.limbs.called, pair)) for pair in topology.loops)
         yield f"Loops would be closed by joints between {pairs}."

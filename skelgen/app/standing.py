@@ -66,7 +66,7 @@ def open_questions(project: Project) -> tuple[Question, ...]:
     """Return what the labels of a project leave open, what settles most first.
 
     Beside what labels say of themselves (`questions_on`) it is asked whether what stands still is a marker on a body: a
-    reflection that stays is as steady as any marker. What the user has confirmed, or deleted, is not asked for.
+    reflection that stays is as steady as any marker. What the user has named, confirmed or deleted is not asked for.
 
     Parameters
     ----------
@@ -76,7 +76,9 @@ def open_questions(project: Project) -> tuple[Question, ...]:
     if not project.has_labelling:
         return ()
     seen = project.trajectories.seen
-    found = list(questions_on(project.labelling))
+    stated = {one.name for one in project.identities.entries} if project.identities is not None else set()
+    by_user = {marker for marker, name in enumerate(project.trajectories.names) if name in stated}
+    found = [one for one in questions_on(project.labelling) if one.kind != "real" or one.markers[0] not in by_user]
     for marker, first in standing_markers(project):
         frames = np.flatnonzero(seen[first:, marker]) + first
         last, settles = int(frames[-1]), LEFT_OUT_SHARE * len(frames)

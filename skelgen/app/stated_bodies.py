@@ -1,4 +1,4 @@
-"""Bodies and limbs of which the number is stated.
+"""As many bodies and limbs as the user states.
 
 Bodies that stay too near each other to be parted by distances are parted by joints: limbs are found as if all were one
 body, with the joints between them. Two bodies are held together by no joint, so that the joints that fit worst are

@@ -30,13 +30,19 @@ from skelgen.model.arrays import Floats
 from skelgen.model.joint_spans import JointSpan
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints import find_joint_spans
-from skelgen.stages.labels import PointLabels, corrected_quality, history_of, labelling_of_cloud, labelling_of_markers
+from skelgen.stages.labels import (
+    PointLabels,
+    corrected_quality,
+    history_of,
+    labelling_of_cloud,
+    labelling_of_markers,
+    pose_skeleton,
+)
 from skelgen.stages.subject import (
     SensorShift,
     SubjectFit,
     find_moved_sensors,
     fit_subject,
-    pose_subject,
     subject_motion,
 )
 
@@ -212,7 +218,7 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     positions = _virtual_markers(take, subject)
     with threadpool_limits(limits=1):
         skeleton, seats, loose = find_moved_sensors(subject.skeleton, subject.trajectories.positions, positions)
-        poses = pose_subject(skeleton, positions, settings.skeleton, monitor)
+        poses = pose_skeleton(skeleton, positions, settings.skeleton, monitor)
         motion = subject_motion(skeleton, poses, positions, take.rate)
     sentences = _sentences_on_sensors(take, names, skeleton, seats, loose)
     for sentence in sentences:

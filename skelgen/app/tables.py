@@ -7,6 +7,7 @@ from skelgen_formats.lines import Sample
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.app.first_look import TakeFacts, account_of
+from skelgen.app.stage_summary import stage_notices
 from skelgen.app.standing import open_questions
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
@@ -177,7 +178,8 @@ def project_tables(project: Project, sample: Sample = ALL) -> ProjectTables:
         As of `take_facts`.
     """
     stages: list[Row] = [
-        {"stage": name, "seconds": one.seconds, "notices": [*one.notices]} for name, one in project.reports.items()
+        {"stage": name, "seconds": one.seconds, "notices": [*stage_notices(project, name)]}
+        for name, one in project.reports.items()
     ]
     tables: ProjectTables = {"take": take_facts(project.take, sample), "seed": project.seed, "stages": stages}
     if project.has_labelling:

@@ -104,7 +104,10 @@ def build_app(called: str = "") -> typer.Typer:
 
 
 def _calibrate() -> typer.Typer:
-    group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
+    group = typer.Typer(
+        help="Calibrate cameras, targets and joints for captures, or one skeleton from several takes.",
+        no_args_is_help=True,
+    )
     for name, function in (
         ("stereo", calibrate_commands.stereo),
         ("room", calibrate_commands.room),

@@ -1,4 +1,4 @@
-"""`skelgen calibrate`: what the stereo capture must know beforehand, measured by the cameras themselves."""
+"""`skelgen calibrate`: cameras, targets and joints for captures, and one skeleton from several takes of a body."""
 
 from __future__ import annotations
 

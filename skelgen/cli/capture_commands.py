@@ -124,7 +124,7 @@ class _Pictures(Protocol):
     """A window with pictures."""
 
     def show(self, captured: Captured | RoomCaptured) -> None:
-        """Show those of one moment."""
+        """Show the pictures of one moment."""
 
 
 _PICTURES = "skelgen_gui.capture.pictures"  # found by name: the command line does not depend on the window

@@ -210,8 +210,9 @@ def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        shown = 0.0 if abs(value) <= _ROUNDING else value
-        return f"{shown:.4g}" if 0 < abs(shown) < 0.01 else f"{shown:.3f}"
+        from skelgen.app.drawing.wording import digits
+
+        return digits(0.0 if abs(value) <= _ROUNDING else value).replace("\N{MINUS SIGN}", "-")
     if isinstance(value, list | tuple):
         return ", ".join(f"{item:.4g}" if isinstance(item, float) else _cell(item) for item in value)
     return str(value)

@@ -268,6 +268,11 @@ def _frozen(array: NDArray[_Number], shape: Sequence[int | None], what: str) -> 
     if array.ndim != len(shape) or array.shape != wanted:
         axes = ", ".join("any" if want is None else str(want) for want in shape)
         raise InputError(f"{what} has shape {array.shape}; it must be ({axes})")
+    return read_only(array)
+
+
+def read_only(array: NDArray[_Number]) -> NDArray[_Number]:
+    """Return the same array, which nobody can write into from now on: values take it as it is."""
     array.flags.writeable = False
     return array
 

@@ -129,6 +129,10 @@ class Limbs:
         """Indices of the markers on one limb, rising."""
         return np.flatnonzero(self.limb_of_marker == limb)
 
+    def limbs_called(self, name: str) -> list[int]:
+        """Return the limbs of that name, in a take of several bodies perhaps one of each."""
+        return [limb for limb, called in enumerate(self.names) if name in {called, body_and_limb(called)[1]}]
+
     def called(self, limb: int) -> str:
         """Return what sentences call a limb: its name, or ``limb 7`` if it has none."""
         return f"limb {limb}" if self.names[limb] == f"limb{limb}" else self.names[limb]

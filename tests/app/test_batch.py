@@ -22,14 +22,16 @@ import pytest
 import skelgen
 from skelgen.app.batch import work
 from skelgen.app.batch.records import finished_record, manifest_of
-from skelgen.app.batch.run import read_manifest, run_batch, write_page
+from skelgen.app.batch.run import read_manifest, result_rows, run_batch, write_page
 from skelgen.app.batch.takes import find_entries
 from skelgen.app.batch.work import Job
 from skelgen.app.batch.workers import in_processes
 from skelgen.app.project_file.archive import open_project
+from skelgen.app.stage_summary import has_doubts
 from skelgen.cli import main
 from skelgen.errors import InputError, ParameterError, WriteError
 from skelgen.model import Trajectories
+from skelgen.model.project import STAGES
 
 ROOT = Path(__file__).parents[2]
 
@@ -122,6 +124,14 @@ class TestOutcome:
         assert [record["outcome"] for record in result.records] == ["done", "done", "done", "failed", "done"]
         assert "wave2b.c3d" in result.failed[0]["error"]
         assert open_project(tmp_path / "out/wave3/wave3.skelgen").has("skeleton")
+
+    def test_what_is_doubtful_is_said_beside_done(self, tmp_path):
+        skelgen.write(skelgen.simulate("human", n_frames=30, motion="walk", noise=1.0).take, tmp_path / "walk.c3d")
+        result = run_batch([tmp_path / "walk.c3d"], tmp_path / "out", pool=here)
+        project = open_project(tmp_path / "out/walk/walk.skelgen")
+        doubtful = [stage for stage in STAGES if has_doubts(project, stage)]
+        assert "skeleton" in doubtful
+        assert [row.outcome for row in result_rows(result)] == [f"done, doubtful: {', '.join(doubtful)}"]
 
     def test_a_bug_stops_nothing(self, waves, tmp_path):
         wrong = Job(reader_options=3)  # no mapping, which no check expects

@@ -11,11 +11,14 @@ from skelgen_formats.bone_profiles import with_bone_names
 import skelgen
 from skelgen.app.advice import advice_on
 from skelgen.app.bodies import join_bodies, split_bodies
+from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import without_correction
 from skelgen.app.export import export_formats, export_path, export_project, preview_export
+from skelgen.app.pipeline import run_stages
 from skelgen.app.subject import joined_subjects
 from skelgen.errors import InputError, WriteError
 from skelgen.model import PointCloud, Project
+from skelgen.model.limbs import body_and_limb
 from skelgen.simulation import simulate
 
 
@@ -99,6 +102,13 @@ def test_limbs_of_two_people_are_called_by_their_body_and_alone_as_those_of_one(
     for body in skelgen.split_bodies(two_people):
         assert set(body.limbs.names) == set(names[:15]) == set(body.skeleton.limb_names)
         assert "left elbow" in body.skeleton.joint_names
+
+
+def test_people_hang_on_their_pelvis_and_a_root_that_is_called_by_its_name_is_that_of_each_body(two_people):
+    again = run_stages(two_people, "joints", "joints", options=RunOptions(root="chest"))
+    for project, root in ((two_people, "pelvis"), (again, "chest")):
+        names = [body_and_limb(project.limbs.names[limb])[1] for limb in project.topology.roots]
+        assert names == [root, root]
 
 
 def test_bone_names_of_a_rig_are_those_of_each_body(two_people):

@@ -1,5 +1,7 @@
 """Markers that stand still while others move are named, limbs that rest are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import skelgen
 from skelgen.app.advice import advice_on
 from skelgen.app.standing import open_questions, standing_markers
 from skelgen.model import Identities, Identity, Labelling, PointCloud, Project, StageReport, Trajectories
+from skelgen.model.labelling import Doubt, Tracklets
 from skelgen.simulation import simulate
 
 
@@ -75,3 +78,31 @@ def test_a_track_that_is_stated_to_be_nobody_is_not_asked_for_again():
     assert question.kind == "whose"
     stated = Identities((Identity("nobody", 0, question.position),))
     assert open_questions(skelgen.reconstruct(haunted(), until="labels", n_markers=9, identities=stated)) == ()
+
+
+@pytest.fixture
+def followed():
+    """Rods without labels; the first marker is one track, and unseen in its middle."""
+    project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=61, labelled=False).take, until="labels")
+    markers, labelling = project.trajectories, project.labelling
+    positions, confidence = markers.positions.copy(), labelling.confidence.copy()
+    positions[30, 0], confidence[30, 0] = np.nan, np.nan
+    labelling = replace(labelling, confidence=confidence, tracklets=Tracklets([0], [0], [0], [60], [60]), doubts=())
+    return replace(project, _trajectories=replace(markers, positions=positions), _labelling=labelling)
+
+
+def test_a_confirmed_marker_whose_track_has_a_gap_in_the_middle_keeps_it(followed):
+    confirmed = skelgen.correct(followed, "confirm", [followed.trajectories.names[0]], frames=(0, 10))
+    assert confirmed.labelling.tracklets.marker.tolist() == [0]
+    assert open_questions(confirmed) == ()
+
+
+def test_it_is_not_asked_whether_what_the_user_named_is_a_marker(followed):
+    doubt = Doubt(0, 5, 25, "alone", -1, 0.2, "nothing says so")
+    doubtful = replace(followed, _labelling=replace(followed.labelling, doubts=(doubt,)))
+    lower = replace(doubtful.labelling, confidence=np.minimum(doubtful.labelling.confidence, 0.2))
+    doubtful = replace(doubtful, _labelling=lower)
+    name, place = followed.trajectories.names[0], tuple(followed.trajectories.positions[5, 0])
+    assert [one.kind for one in open_questions(doubtful)] == ["real"]
+    named = replace(doubtful, identities=Identities((Identity(name, 5, place),)))
+    assert open_questions(named) == ()

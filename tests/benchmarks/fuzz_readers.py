@@ -110,6 +110,7 @@ _TEXTS = (
     "tidy-csv",
     "emt",
     "dtrack",
+    "untitled-poses",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 
@@ -119,8 +120,9 @@ MORE_SEEDS = {
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
-    "tidy-csv": ("blanks.txt", "long.csv", "tf.csv"),
-    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv"),
+    "tidy-csv": ("blanks.txt", "long.csv", "tf.csv", "segments.csv"),
+    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv", "kinect.csv"),
+    "untitled-poses": ("kitti.txt",),
     "vector-csv": ("vectors.sto", "turns.csv"),
 }
 """Further sound files of a format."""
@@ -322,6 +324,15 @@ _TEXT_SEEDS = {
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
+    "untitled-poses.tum": "# ground truth\n1305031098.66 1.5 2.5 3.5 0 0 0 1\n1305031098.68 1.6 2.6 3.6 0 0 0.6 0.8\n",
+    "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
+    "segments.csv": "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,Occluded\n"
+    + "".join(f"{frame},Ann,{name},{frame}.5,2,3,False\n" for frame in range(3) for name in "ab"),
+    "face.csv": "frame,timestamp,gaze_0_x,gaze_0_y,gaze_0_z,x_0,x_1,y_0,y_1,X_0,X_1,Y_0,Y_1,Z_0,Z_1,a_unc[0],a_quat_1\n"
+    + "".join(f"{frame},{1e9 + frame / 50},0,0,1,9,9,9,9,1,2,3,4,5,6,7,8\n" for frame in range(3)),
+    "kinect.csv": "Frame,Time,Joint,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ,"
+    "Joint,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ\n"
+    + "".join(f"{frame},{frame / 50},Hip,1,2,3,1,0,0,0,Knee,{frame}.5,5,6,0.8,0,0,0.6\n" for frame in range(3)),
     "motion.asf": ":units\n  length 0.45\n  angle deg\n:root\n  order TX TY TZ RX RY RZ\n  position 0 20 0\n"
     "  orientation 0 0 10\n:bonedata\n  begin\n    name thigh\n    direction 0 -1 0\n    length 8\n"
     "    axis 0 0 90 XYZ\n    dof rx ry tz\n  end\n  begin\n    name shank\n    direction 0 -1 0\n    length 7\n"

@@ -39,3 +39,15 @@ def test_frames_that_are_names_of_images_give_way_to_times(put):
     rows = "".join(f"{frame / 50},{frame:03}.jpg,{name},1,2,3\n" for frame in range(3) for name in "ab")
     take = read_take(put("images.csv", f"time,frame,name,x,y,z\n{rows}"))
     assert (take.n_frames, take.rate) == (3, pytest.approx(50.0))
+
+
+@pytest.mark.parametrize("unit", [1, 1e3, 1e6, 1e9])
+def test_times_since_1970_tell_their_unit_by_their_size(put, unit):
+    rows = "".join(f"{(1518661897 + frame / 2) * unit:.1f},1,2,3,4,5,6\n" for frame in range(3))
+    assert read_take(put("slow.csv", f"Time Stamp,{POINTS}\n{rows}")).rate == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("titles", ["帧,时间", "フレーム,時間", "Bild,Zeit", "Trame,Temps"])
+def test_titles_of_times_and_frames_may_be_in_other_languages(put, titles):
+    rows = "".join(f"{frame},{frame / 50},1,2,3,4,5,6\n" for frame in range(3))
+    assert read_take(put("times.csv", f"{titles},{POINTS}\n{rows}")).rate == pytest.approx(50.0)

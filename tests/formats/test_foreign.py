@@ -20,7 +20,7 @@ import pytest
         ("imu.sto", b"DataType=Quaternion\nendheader\ntime\ta\n0\t1,0,0,0\n", "orientations of sensors, of OpenSim"),
         ("keypoints.json", b'{"people": []}', "JSON; write the points as TRC"),
         ("points.txt", b"0.0\t1.5\t-2.5e-3\n", "numbers without titles"),
-        ("pose.txt", b"# ground truth\n0.0 1.5 2.5 3 0 0 0 1\n", "x, y, z, qx, qy, qz, qw"),
+        ("pose.txt", b"# ground truth\n0.0 1.5 2.5 3 0 0 1 1\n", "x, y, z, qx, qy, qz, qw"),
         ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
         ("skeleton.tsv", b"NO_OF_FRAMES\t1\nDATA_INCLUDED\tSKELETON\n", "holds SKELETON; export the 3D data"),
         ("bones.tsv", b"NO_OF_FRAMES\t1\nREFERENCE\tGLOBAL\nSOLVER\t1\n", "without the line of titles"),

@@ -6,7 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from skelgen_formats.lines import Sample
+from skelgen_formats.lines import Sample, read_lines
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import FormatError
@@ -198,3 +198,8 @@ def test_frames_of_empty_cells_keep_their_time_where_no_column_tells_it(name, po
     np.testing.assert_allclose(whole.positions, positions)
     assert some.n_frames + sample.n_left_out == N_FRAMES
     np.testing.assert_array_equal(some.positions, whole.positions[np.linspace(0, N_FRAMES - 1, MOST).astype(int)])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf16_without_a_mark_is_told_by_its_zeros(put, encoding):
+    assert read_lines(put("wide.txt", "Frame;Knie\r\n1;2\r\n".encode(encoding)))[:] == ["Frame;Knie", "1;2", ""]

@@ -115,3 +115,10 @@ def test_bodies_are_read_where_there_are_no_trajectories(put, held):
 )
 def test_bodies_that_cannot_be_read_say_what_to_export(refused, put, held, sentence):
     assert sentence in refused(put("bodies.mat", content(Trajectories=[], **held)))
+
+
+def test_bodies_beside_trajectories_are_told(put):
+    take = read_take(put("both.mat", content(RigidBodies=RIGID, Skeletons=SKELETON)))
+    assert take.names == ("knee", "ankle")
+    left = [f"{kind} are left out: Hips, Spine; export them alone" for kind in ("RigidBodies", "Skeletons")]
+    assert take.notices == tuple(left)

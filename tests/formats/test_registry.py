@@ -180,3 +180,8 @@ def test_page_of_formats_is_up_to_date():
 def test_error_for_an_unknown_file_lists_the_formats(put):
     with pytest.raises(FormatError, match="known are c3d"):
         recognise(put("photo.jpg", b"\xff\xd8\xff\xe0 and so on"))
+
+
+def test_who_wants_a_page_is_told_what_writes_it(walk, tmp_path):
+    with pytest.raises(WriteError, match="`skelgen report` writes a page"):
+        write_file(walk, tmp_path / "walk.html")

@@ -203,6 +203,18 @@ def test_any_motion_of_joints_that_wobble_is_kept(small_project, tmp_path, name)
     assert np.abs(data.body("limb0").xmat.reshape(3, 3) - small_project.motion.rotations[-1, 0]).max() < ROTATION
 
 
+@pytest.mark.parametrize(("part", "kind"), [(0.01, "hinge"), (0.1, "ball")])
+def test_a_hinge_stays_one_where_it_wobbles_no_more_than_bearings_do(jointed_project, part, kind):
+    joint = next(one for one in jointed_project.skeleton.joints if one.kind == "hinge")
+    (link,) = (link for link in links_of(jointed_project, "as-moved") if link.limb == joint.child)
+    across = np.cross(joint.axis, [1.0, 0.0, 0.0])
+    wobble = matrix_from_vector(part * np.ptp(link.angles) * across / np.linalg.norm(across))
+    poses = jointed_project.motion.world_from_limb.copy()
+    poses[-1, joint.child, :3, :3] = poses[-1, joint.child, :3, :3] @ wobble
+    wobbly = replace(jointed_project, _motion=replace(jointed_project.motion, world_from_limb=poses))
+    assert next(link.kind for link in links_of(wobbly, "as-moved") if link.limb == joint.child) == kind
+
+
 def test_export_says_what_robots_cannot_hold(jointed_project):
     urdf = " ".join(find_format("urdf").remarks(jointed_project, Options()))
     assert "three, two and six joints in a row" in urdf

@@ -16,6 +16,11 @@ def test_points_are_unseen_where_their_flag_is_0(put, first, second):
     assert "1 position is unseen, as the columns of flags say" in take.notices
 
 
+def test_points_are_unseen_where_a_flag_calls_them_occluded(put):
+    content = TITLES.format("knee_occluded", "toe_isOccluded") + "0,1,2,3,0,4,5,6,0\n0.01,1,2,3,1,4,5,6,0\n"
+    assert read_take(put("flags.csv", content)).seen.tolist() == [[True, True], [False, True]]
+
+
 def test_columns_that_are_no_flags_hide_nothing(put):
     content = TITLES.format("knee_v", "toe_v") + "0,1,2,3,0,4,5,6,0.5\n0.01,1,2,3,0.2,4,5,6,0\n"
     assert read_take(put("speeds.csv", content)).seen.all()
@@ -82,3 +87,10 @@ def test_times_that_cannot_be_read_state_no_rate(put):
     rows = "".join(f"01:02:03:{frame:02},1,2,3,4,5,6\n" for frame in range(3))
     take = read_take(put("code.csv", f"time,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
     assert any("100 Hz is assumed" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(("frames", "places"), [((1, 2, 5, 6, 7), 1), ((0, 2, 4, 6), 0), ((4, 4, 5, 5), 0)])
+def test_frames_that_are_left_out_are_told(put, frames, places):
+    rows = "".join(f"{frame},1,2,3,4,5,6\n" for frame in frames)
+    notices = read_take(put("frames.csv", f"frame,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}")).notices
+    assert sum("frame numbers leave some out in 1 place" in notice for notice in notices) == places

@@ -184,3 +184,39 @@ def test_position_may_stand_in_one_cell(put):
     take = read_take(put("lists.csv", f"frame,name,position\n{rows}"), recorded_unit="mm")
     assert take.names == ("a", "b")
     np.testing.assert_array_equal(take.positions[:, 0], [[1, 2, 1.5], [1, 2, 2.5]])
+
+
+def test_words_of_a_title_may_meet_at_a_capital(put):
+    """As scripts of Vicon's DataStream write segments."""
+    titles = "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,RX,RY,RZ"
+    rows = "".join(f"{frame},Ann,{name},1,2,900,0,0,0\n" for frame in range(2) for name in ("Hip", "Knee"))
+    assert read_take(put("segments.csv", f"{titles}\n{rows}")).names == ("Hip", "Knee")
+
+
+@pytest.mark.parametrize(("title", "word"), [("Occluded", "True"), ("isOccluded", "1"), ("lost", "true")])
+def test_point_that_a_flag_calls_hidden_is_unseen(put, title, word):
+    rows = "".join(f"{frame},{name},1,2,3,{word if name == 'b' else 0}\n" for frame in range(2) for name in "abc")
+    assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")
+
+
+@pytest.mark.parametrize("titles", ["time;marker;coordinate;value", "time;marker;axis;coordinate"])
+def test_axis_and_value_may_both_be_called_coordinate(put, titles):
+    cells = [("X", 1), ("Y", 2), ("Z", 3)]
+    rows = "".join(f"{frame / 50};{name};{axis};{n}.5\n" for frame in range(3) for name in "ab" for axis, n in cells)
+    take = read_take(put("long.csv", f"{titles}\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.positions[1, 0].tolist()) == (("a", "b"), [1.5, 2.5, 3.5])
+
+
+def test_coordinates_may_have_a_word_before_them(put):
+    """As a recorder of UWB tags writes them."""
+    titles = "Timestamp (Local),Tag ID,Tag Name,Range_A0 (cm),Computed_X (cm),Computed_Y (cm),Computed_Z (cm)"
+    rows = "".join(
+        f"02:00:0{f}.5,{n},{name},181,{n + 1},2,{f}\n" for f in range(2) for n, name in enumerate(("Wrist", "Head"))
+    )
+    take = read_take(put("uwb.csv", f"{titles}\n{rows}"))
+    assert take.names == ("Wrist", "Head")
+    np.testing.assert_array_equal(take.positions[1], [[10, 20, 10], [20, 20, 10]])
+
+
+def test_decimal_commas_beside_commas_are_told(refused, put):
+    assert "export with decimal points" in refused(put("commas.csv", "frame,marker,x,y,z\n0,a,1,5,2,5,3,5\n"))

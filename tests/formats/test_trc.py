@@ -95,6 +95,12 @@ def test_commas_for_tabs_are_understood(put, text, walk):
     assert back.names == walk.names
 
 
+def test_semicolons_and_decimal_commas_are_understood(put, text):
+    """As spreadsheets save TRC where a comma is the decimal point."""
+    back = read_take(put("semicolons.trc", text.replace(".", ",").replace("\t", ";")))
+    np.testing.assert_allclose(back.positions, read_take(put("tabs.trc", text)).positions)
+
+
 def test_doubled_tabs_are_single_ones(put):
     doubled = HEADER_OF_NONE.replace("\t0\tmm", "\t2\tmm").replace("Time\t", "Time\tA\t\t\tB\t\t").replace("\t", "\t\t")
     take = read_take(put("doubled.trc", doubled + "1\t\t0\t\t1\t\t2\t\t3\t\t4\t\t5\t\t6\n"))

@@ -240,3 +240,30 @@ def test_bodies_of_track_manager_without_its_header_are_read(put):
     take = read_take(put("6d.tsv", "Frame\tTime\t" + "\t".join(titles) + "\n" + rows))
     assert take.names == ("ship",)
     np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-12)
+
+
+def test_angles_may_have_a_word_of_their_own(put):
+    """As loggers of the Unreal engine write them."""
+    titles = "{n}_Loc_X,{n}_Loc_Y,{n}_Loc_Z,{n}_Rot_Pitch,{n}_Rot_Yaw,{n}_Rot_Roll"
+    take = read_take(put("unreal.csv", two_rows(titles, "0.1,0.2,0.3,0,90,0,0.4,0.5,0.6,0,0,0")))
+    assert take.names == ("thigh", "shank")
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-9)
+
+
+def test_rotations_that_are_read_are_not_told_to_be_left_out(put):
+    titles = ",".join(f"X{n},Y{n},Z{n},qo{n},qx{n},qy{n},qz{n}" for n in "ab")
+    take = read_take(put("aurora.csv", f"{titles}\n" + "1,2,3,1,0,0,0,4,5,6,1,0,0,0\n" * 2))
+    assert take.n_bodies == 2
+    assert not any("left out" in notice for notice in take.notices)
+
+
+def test_bodies_whose_titles_stand_again_have_the_names_in_their_cells(put):
+    """A recorder of the Kinect repeats all titles for each joint, and names it in a cell before its place."""
+    joint = "Joint,Status,PositionX,PositionY,PositionZ,RotationW,RotationX,RotationY,RotationZ"
+    row = "Hip,TRACKED,0.1,0.2,0.3,1,0,0,0,Knee,INFERRED,0.4,0.5,0.6,0.8,0,0,0.6"
+    take = read_take(
+        put("kinect.csv", f"EventIndex,Time,{joint},{joint}\n" + "".join(f"{n},{n / 50},{row}\n" for n in (0, 1)))
+    )
+    assert (take.names, take.rate) == (("Hip", "Knee"), 50.0)
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [400, 500, 600])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, misfits_to_set
+from skelgen._kernels.distance_statistics import (
+    LARGEST,
+    MOTION_WEIGHT,
+    UNKNOWN,
+    known_in_posture,
+    misfits_to_set,
+    ways_of_pairs,
+)
 
 
 @pytest.mark.parametrize(
@@ -22,3 +29,22 @@ def test_distances_are_compared_as_defined(markers, of_set):
         expected += one
     found = misfits_to_set(take, mean, spread, np.array(markers), np.array(of_set))
     np.testing.assert_allclose(found, expected / max(len(markers) - 1, 1), rtol=1e-12)
+
+
+def test_distances_are_moved_to_a_posture_once_for_each_marker():
+    rng = np.random.default_rng(0)
+    ways, posture, mean = rng.normal(size=(5, 3, 2, 5)), rng.normal(size=4), rng.normal(size=(2, 5, 5))
+    expected, moved, known = mean.copy(), mean.copy(), np.zeros(5, dtype=bool)
+    expected[:, [1, 4]] += np.einsum("w,pwho->hpo", posture[:3], ways[[1, 4]])
+    expected[0, [1, 4]] += posture[3]
+    for of_set in ([1], [4, 1, 4]):
+        known_in_posture(ways, posture, np.array(of_set), known, moved)
+    np.testing.assert_allclose(moved, expected)
+    np.testing.assert_array_equal(known, [False, True, False, False, True])
+
+
+def test_ways_of_pairs_end_with_the_size():
+    ways, pairs = np.random.default_rng(0).normal(size=(5, 3, 2, 5)), np.array([[0, 2], [3, 4]])
+    found = ways_of_pairs(ways, pairs)
+    np.testing.assert_array_equal(found[:, :, :3], [[ways[0, :, half, 3], ways[2, :, half, 4]] for half in (0, 1)])
+    np.testing.assert_array_equal(found[:, :, 3], [[1.0, 1.0], [0.0, 0.0]])

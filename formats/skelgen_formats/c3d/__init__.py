@@ -113,8 +113,8 @@ C3D = Format(
     remarks=_remarks,
     filled_mark="filled positions have residual 0 and no camera, measured ones residual 1 and one camera",
     options=(POINTS, BODIES, RECORDED_UNIT, AXES, UNIT, RATE, FILLED),
-    note="Units from the file. A point is unseen where its residual is below 0 or it lies at 0, 0, 0. Outputs of "
-    "models are left out; rotations, as Theia writes them, are bodies.",
+    note="A point is unseen where its residual is below 0 or it lies at 0, 0, 0. When read, units are those of the "
+    "file, outputs of models are left out, and rotations, as Theia writes them, are bodies.",
 )
 
 

@@ -270,7 +270,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
 
     @abstractmethod
     def adding(self, found: _CalibrationT) -> Callable[[Path, AnySettings], tuple[str, ...]]:
-        """Return what adds a result to settings on another thread; it returns what the user should know."""
+        """Return a function that adds a result to settings on another thread, and returns notices."""
 
     def start(self) -> None:
         """Collect images as the form says, from the beginning."""

@@ -47,7 +47,7 @@ class MarkerTableModel(RowModel[MarkerRow]):
         )
 
     def data(self, index: Index, role: int = Role.DisplayRole) -> object:
-        """Return what a cell shows, and by what it is sorted."""
+        """Return the text of a cell, and its sort key."""
         row, column = self.rows[index.row()], index.column()
         values = (row.name, row.work, row.gaps, row.doubts, row.seen, row.limb)
         if role == Role.UserRole:

@@ -79,7 +79,7 @@ def _doubts_of(labelling: Labelling, n_markers: int) -> tuple[Ints, Floats]:
 
 
 def set_choices() -> dict[str, str]:
-    """Return the marker sets of which names are offered, and what each is called in full."""
+    """Return the marker sets whose names are offered, with their titles."""
     from skelgen.stages.names import MARKER_SET_CHOICES, find_marker_set  # noqa: PLC0415 - reads tables
 
     names = (name for name in MARKER_SET_CHOICES if name not in {"auto", "none"})
@@ -228,6 +228,8 @@ def answers(project: Project, question: Question) -> tuple[Answer, ...]:
 def with_point_named(project: Project, question: Question, name: str) -> Project:
     """Return a project that states which marker a track is that was left out; its labels are to be found anew.
 
+    A marker that has the name by now is stated by a point of its own, too: else the track would be a marker by itself.
+
     Parameters
     ----------
     project : Project
@@ -240,7 +242,27 @@ def with_point_named(project: Project, question: Question, name: str) -> Project
     stated = () if project.identities is None else project.identities.entries
     position = question.position or _only_point(project, question.first_frame)
     entry = Identity(name.strip() or NOBODY, question.first_frame, position, last_frame=question.last_frame)
-    return replace(project, identities=Identities((*stated, entry))).before("labels")
+    own = () if entry.name in {one.name for one in stated} else _own_point(project, entry.name)
+    return replace(project, identities=Identities((*stated, *own, entry))).before("labels")
+
+
+def _own_point(project: Project, name: str) -> tuple[Identity, ...]:
+    """A point amid the longest track of the marker of this name, if there is one."""
+    markers, tracklets = project.trajectories, project.labelling.tracklets
+    if name not in markers.names or tracklets is None:
+        return ()
+    marker = markers.names.index(name)
+    parts = np.flatnonzero(tracklets.marker == marker)
+    if not len(parts):
+        return ()
+    longest = parts[tracklets.n_points[parts].argmax()]
+    first, last = int(tracklets.first[longest]), int(tracklets.last[longest])
+    frames = first + np.flatnonzero(markers.seen[first : last + 1, marker])
+    if not len(frames):
+        return ()
+    frame = int(frames[len(frames) // 2])
+    x, y, z = markers.positions[frame, marker].tolist()
+    return (Identity(name, frame, (x, y, z)),)
 
 
 def _only_point(project: Project, frame: int) -> tuple[float, float, float]:

@@ -239,7 +239,7 @@ class Scene:
         return markers, limbs
 
     def without(self, snapshot: Snapshot, hidden: frozenset[str]) -> Snapshot:
-        """Return a frame without what is hidden: markers, and limbs of which all markers are.
+        """Return a frame without hidden markers, and without limbs whose markers are all hidden.
 
         Parameters
         ----------

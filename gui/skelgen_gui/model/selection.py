@@ -193,7 +193,7 @@ class Marked:
     hovered: Pick | None = None
 
     def markers(self, scene: Scene) -> set[int]:
-        """Return the markers that have a ring: selected ones, those of the selected limb, that under the pointer."""
+        """Return the markers with a ring: selected ones, those on the selected limb, and the one under the pointer."""
         markers = set(self.selection.markers)
         if self.selection.limbs:
             markers |= set(np.flatnonzero(np.isin(scene.limb_of_marker, list(self.selection.limbs))).tolist())

@@ -104,7 +104,7 @@ def joint_words(project: Project, joint: int) -> str:
 
 
 def own_name_of_joint(project: Project, joint: int) -> str:
-    """Return the name of a joint, empty if it has none but those of its limbs.
+    """Return the name of a joint; empty if it is only called by its limbs.
 
     Parameters
     ----------

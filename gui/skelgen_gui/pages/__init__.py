@@ -31,7 +31,7 @@ def _make_takes_page(context: Context) -> QWidget:
 
 
 PAGES: tuple[PageEntry, ...] = (
-    PageEntry("capture", "Capture", "Record with two cameras, and calibrate them.", _make_capture_page),
+    PageEntry("capture", "Capture", "Record with two or more cameras, and calibrate them.", _make_capture_page),
     PageEntry(HOME, "Open", "Open a recording or a project.", OpenPage),
     *(
         PageEntry(stage, _TITLES[stage], summary, partial(StagePage, stage), stage)

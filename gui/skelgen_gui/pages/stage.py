@@ -32,7 +32,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled
+from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -106,7 +106,9 @@ class StagePage(QWidget):
         area = scrolled((summary, self.runs, self.uses_saved, saved, *number, self.form), QScrollArea(self))
         self._column = bare_column(self, (area, self.go, self._box))
         self._column.setStretchFactor(area, 3)
-        column(self._box, (self.result, self.warnings)).setStretchFactor(self.warnings, 1)
+        outcome = QWidget(self)
+        bare_column(outcome, (self.result, self.warnings)).setStretchFactor(self.warnings, 1)
+        column(self._box, (scrolling(outcome, QScrollArea(self)),))
 
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs
@@ -214,7 +216,7 @@ class StagePage(QWidget):
             item = QListWidgetItem(pointer.sentence, self.warnings)
             item.setData(_POINTER, pointer)
         self.warnings.setVisible(bool(pointers))
-        self._column.setStretchFactor(self._box, 2 if pointers else 0)
+        self._column.setStretchFactor(self._box, 3 if pointers else 1)
 
     def _look(self, item: QListWidgetItem) -> None:
         pointer: Pointer = item.data(_POINTER)

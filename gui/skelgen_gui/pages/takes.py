@@ -90,7 +90,8 @@ class TakesPage(QWidget):
         tr = self.tr
         self.table.setModel(self.takes)
         choose_by_rows(self.table)
-        self.table.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table.horizontalHeader().setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
         self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
         self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
         self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
@@ -179,8 +180,9 @@ class TakesPage(QWidget):
             tip = "\n".join(filter(None, (str(take.path), row.error, *row.notices)))
             rows.append(_Row(take.path, row.outcome, row.length, row.residual, tip, row.project))
         self.takes.show_rows(tuple(rows))
-        words = self.tr("{0} of {1} takes are done, {2} of them before")
-        self.status.setText(words.format(result.n_done, len(result.records), result.n_kept))
+        words = self.tr("{0} of {1} takes are done")
+        before = self.tr("{0} of them were done before").format(result.n_kept) if result.n_kept else ""
+        self.status.setText(", ".join(filter(None, (words.format(result.n_done, len(result.records)), before))))
 
     def _chosen(self) -> list[_Row]:
         return [self.takes.rows[place.row()] for place in self.table.selectionModel().selectedRows()]

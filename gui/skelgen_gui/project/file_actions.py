@@ -75,7 +75,7 @@ class FileActions(QObject):
 
     @property
     def has_unsaved_work(self) -> bool:
-        """Whether something would be lost; a recording of which nothing was computed can be opened again."""
+        """Whether unsaved work would be lost; a recording without results can be opened again."""
         project, is_dirty = self._document.session.project, self._document.session.is_dirty
         return is_dirty and project is not None and bool(project.reports or project.corrections or project.identities)
 

@@ -117,7 +117,8 @@ class Outline(PanelWhileSeen):
             self._fill(project)
         for item in self._items():
             item.setExpanded(item.text(_NAME) not in folded)
-        self.tree.resizeColumnToContents(_NAME)
+        for column in range(self.tree.columnCount()):
+            self.tree.resizeColumnToContents(column)
         self._is_following = False
         self._check()
         self._follow_selection()
@@ -254,7 +255,7 @@ class Outline(PanelWhileSeen):
         self._is_following = False
 
     def _filter(self, text: str) -> None:
-        """Show what has a text in its name, with the limb that it is on; of a limb that has it, all markers."""
+        """Show what has a text in its name: markers with their limb, limbs with all their markers."""
         has = partial(_has, text.strip().lower())
         for top in self._tops():
             for child in _children(top):

@@ -188,14 +188,14 @@ class Autosave(QObject):
             self._thread.join()
 
     def leave(self) -> None:
-        """Wait for what is being written, and leave what was kept to the next window."""
+        """Wait until the copy is written, and leave it to the next window."""
         self._timer.stop()
         self.wait()
         if (self._folder / _NOTE).is_file():
             self._forget_inherited()
 
     def end(self) -> None:
-        """Wait for what is being written, and remove what was kept: nothing is lost any more."""
+        """Wait until the copy is written, and delete it: it is not needed any more."""
         self._timer.stop()
         self._remove()
         self._forget_inherited()

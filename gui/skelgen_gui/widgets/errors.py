@@ -25,7 +25,7 @@ _DETAILS_HEIGHT = 260
 
 
 def sentence_of(error: BaseException) -> str:
-    """Return one sentence: that of an error which the user can act on, or that the program has a fault."""
+    """Return the sentence of an error that the user can act on, or say that the program has a fault."""
     if isinstance(error, SkelgenError):
         return str(error)
     if isinstance(error, MemoryError):

@@ -69,6 +69,19 @@ def scrolled(parts: Iterable[QWidget | QLayout], area: QScrollArea, *, has_margi
     if not has_margin:
         layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
     layout.addStretch(1)
+    return scrolling(inner, area)
+
+
+def scrolling(inner: QWidget, area: QScrollArea) -> QScrollArea:
+    """Let a widget scroll where there is too little room for it; what is in it is reached by Tab.
+
+    Parameters
+    ----------
+    inner : QWidget
+        It takes all room that there is.
+    area : QScrollArea
+        Where; it loses its frame.
+    """
     area.setWidgetResizable(True)
     area.setFrameShape(QScrollArea.Shape.NoFrame)
     area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -150,7 +163,7 @@ _Row = TypeVar("_Row")
 
 
 class RowModel(QAbstractTableModel, Generic[_Row]):
-    """Rows of one sort; those who derive from it name the columns in `heads`, and tell what their cells show.
+    """Model of rows of one type; subclasses name the columns in `heads`, and return the cells.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ class FileFacts(TypedDict):
 
 
 class Facts(TypedDict, total=False):
-    """What the page of a batch shows of a take: counts, rate, mean residual and notices."""
+    """What the page of a batch shows of a take: counts, rate, mean residual, doubtful steps and notices."""
 
     frames: int
     rate_hz: float
@@ -29,6 +29,7 @@ class Facts(TypedDict, total=False):
     limbs: int
     joints: int
     residual_mm: float | None
+    doubtful: list[str]
     notices: list[str]
 
 
@@ -72,7 +73,7 @@ class Record(TypedDict):
 
 
 class Manifest(TypedDict):
-    """All records of a batch, with what was done and how many takes came to what."""
+    """All records of a batch, its job, and the number of takes with each outcome."""
 
     format: str
     version: int
@@ -156,12 +157,12 @@ def _are_facts(facts: Mapping[str, Any]) -> bool:
         all(type(count) is int and 0 <= count < _MANY for count in counts)
         and all(isinstance(number, int | float) and 0 <= number < _MANY for number in (facts["rate_hz"], residual))
         and facts["rate_hz"] > 1 / _MANY
-        and all(isinstance(sentence, str) for sentence in facts["notices"])
+        and all(isinstance(words, str) for words in (*facts.get("doubtful", ()), *facts["notices"]))
     )
 
 
 def clear(folder: Path) -> None:
-    """Take away what an earlier run left in a take's folder: its record first, its files, what it did not finish.
+    """Delete the record of an earlier run in a take's folder, then its files and what it did not finish.
 
     Files that no record names stay.
 

@@ -280,7 +280,8 @@ def result_rows(result: BatchResult) -> tuple[ResultRow, ...]:
 
 def _row(record: Record) -> dict[str, object]:
     facts, name = record["facts"], record["name"]
-    row: dict[str, object] = {"name": name, "outcome": record["outcome"], "error": record["error"]}
+    doubtful = f", doubtful: {', '.join(facts['doubtful'])}" if facts.get("doubtful") else ""
+    row: dict[str, object] = {"name": name, "outcome": record["outcome"] + doubtful, "error": record["error"]}
     row |= {"notices": facts.get("notices", []), "counts": [facts.get(key, "–") for key in _COUNTS]}
     for kind, suffix in _LINKS.items():
         file = next((file for file in record["files"] if file.endswith(suffix)), None)

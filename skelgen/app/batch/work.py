@@ -26,10 +26,12 @@ from skelgen.app.files import NamedFile, open_input
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
+from skelgen.app.stage_summary import has_doubts, stage_notices
 from skelgen.app.subject import joined_subjects, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
 from skelgen.files import open_regular, sha256_of
 from skelgen.model import PointCloud, Project
+from skelgen.model.project import STAGES
 from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT
 
@@ -96,7 +98,7 @@ class Job:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of the job; it is that of earlier versions, so that their batches can be continued."""
+        """Hash of the job, the same as in earlier versions, so that their batches can be continued."""
         data = self.as_mapping()
         text = json.dumps(data | {"wishes": data.pop("options")}, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -247,7 +249,7 @@ def failed_record(entry: Entry, job: Job, error: str) -> records.Record:
 
 
 def check_formats(names: Sequence[str]) -> None:
-    """Raise `WriteError` if a name is not that of a format that can be written."""
+    """Raise `WriteError` if no format of that name can be written."""
     for name in names:
         if name != REPORT.name and find_format(name).write is None:
             raise WriteError(f"the format {name} can only be read")
@@ -303,7 +305,7 @@ def _write_picture(project: Project, path: Path) -> None:
 def _facts(project: Project, notices: Sequence[str]) -> records.Facts:
     """What the page of the batch shows of a take."""
     take = project.take
-    every = [*take.notices, *[line for report in project.reports.values() for line in report.notices], *notices]
+    every = [*take.notices, *[line for stage in project.reports for line in stage_notices(project, stage)], *notices]
     facts: records.Facts = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
     if project.has("labels"):
         facts["markers"] = project.trajectories.n_markers
@@ -315,7 +317,8 @@ def _facts(project: Project, notices: Sequence[str]) -> records.Facts:
         residuals = project.motion.residuals
         known = residuals[~np.isnan(residuals)]
         facts["residual_mm"] = float(known.mean()) if len(known) else None
-    return facts | {"notices": list(dict.fromkeys(every))}
+    doubtful = [stage for stage in STAGES if has_doubts(project, stage)]
+    return facts | {"doubtful": doubtful, "notices": list(dict.fromkeys(every))}
 
 
 def _is_of_disk(error: SkelgenError) -> bool:

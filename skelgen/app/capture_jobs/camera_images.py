@@ -79,7 +79,7 @@ class CameraImage:
         bodies: Mapping[int, FoundBody] = NO_BODIES,
         ball_of_point: Ints = NO_POINTS,
     ) -> CameraImage:
-        """Return an image, copied, with its balls, those of bodies in their groups.
+        """Return a copy of an image with its balls, and those of bodies as groups.
 
         Parameters
         ----------

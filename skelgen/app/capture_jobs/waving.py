@@ -71,7 +71,7 @@ class WandCollector:
             self._feed.put(WandShot(last.images, taking.progress()))
 
     def calibrate(self) -> WandCalibration:
-        """Return the cameras by what was taken.
+        """Calibrate the cameras from the images taken so far.
 
         Raises
         ------

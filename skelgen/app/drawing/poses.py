@@ -224,26 +224,22 @@ def find_bones(edges: Ints, limb_of_marker: Ints) -> Bones:
             lines.extend((end, int(marker), limb, True) for marker in spokes)
             members.append(spokes)
             continue
-        hub, tips, around = _hub(limb, edges, joints, markers, first_middle + limb)
+        hub, tips, around = _hub(joints, markers, first_middle + limb)
         lines.extend((hub, int(tip), limb, bool(tip >= len(edges))) for tip in tips)
         members.append(around)
     table = np.array(lines, dtype=np.intp).reshape(-1, 4)
     return Bones(table[:, :2], table[:, 2], table[:, 3].astype(np.bool_), tuple(members))
 
 
-def _hub(limb: int, edges: Ints, joints: Ints, markers: Ints, middle: int) -> tuple[int, Ints, Ints]:
+def _hub(joints: Ints, markers: Ints, middle: int) -> tuple[int, Ints, Ints]:
     """Where the lines of a limb start, where they end, and what is around the middle if they start there."""
-    nothing = joints[:0]
-    inward = joints[edges[joints, 1] == limb]
     if len(joints) == 0:
         return middle, markers, markers
     if len(joints) == 1:
-        return int(joints[0]), markers, nothing
+        return int(joints[0]), markers, joints[:0]
     if len(joints) == 2:
-        return int(joints[0]), joints[1:], nothing
-    if len(inward):
-        return int(inward[0]), joints[joints != inward[0]], nothing
-    return middle, joints, joints
+        return int(joints[0]), joints[1:], joints[:0]
+    return middle, joints, joints  # as a chest or a pelvis, whatever the root is
 
 
 def _middle(points: Floats) -> Floats:

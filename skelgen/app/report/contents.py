@@ -24,6 +24,7 @@ from skelgen.app.report.pictures import cost_figure, gaps_figure
 from skelgen.app.report.play import PlayContent, play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
 from skelgen.app.report.stages import StageRow, stage_rows
+from skelgen.app.stage_summary import stage_notices
 from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import PointCloud, Poses, Project
@@ -313,7 +314,8 @@ def _fit_sentence(project: Project) -> str:
 
 
 def _tiles(project: Project) -> list[tuple[str, str]]:
-    tiles = [(str(project.take.n_frames), "frames"), (f"{plain(project.take.rate)} Hz", "frame rate")]
+    rate = plain(float(f"{project.take.rate:.4g}"))  # a tile has no room for 69.9926
+    tiles = [(str(project.take.n_frames), "frames"), (f"{rate} Hz", "frame rate")]
     if project.has("labels"):
         tiles.append((str(project.trajectories.n_markers), "markers"))
     if project.has("limbs"):
@@ -379,8 +381,8 @@ def _notices(project: Project) -> list[tuple[str, str]]:
     if project.has("labels"):
         of_take = set(project.take.notices)
         notices += [("labels", sentence) for sentence in project.trajectories.notices if sentence not in of_take]
-    for stage, report in project.reports.items():
-        notices += [(stage, sentence) for sentence in report.notices]
+    for stage in project.reports:
+        notices += [(stage, sentence) for sentence in stage_notices(project, stage)]
     return list(dict.fromkeys(notices))
 
 

@@ -164,7 +164,7 @@ def _size(board: Board) -> tuple[int, int]:
 
 
 def _sizes_seen(image: Image, board: Board) -> set[tuple[int, int]]:
-    """Columns and rows, both ways round, of what may be a board in an image, or a part of one; not those of `board`."""
+    """Columns and rows, both ways round, of boards or parts of them that an image may show, except `board`."""
     cv2, found = opencv(), set()
     least = [max(count - _MISCOUNTED, _LEAST_CORNERS) for count in _size(board)]
     for how in (cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_EXHAUSTIVE):

@@ -131,7 +131,7 @@ def calibrate_joints(
 
 
 def _chosen(frames: Sequence[_T], use: int | Sequence[int]) -> Sequence[_T]:
-    """So many frames, evenly spaced, or those of some indices."""
+    """A number of frames, evenly spaced, or the frames at some indices."""
     if isinstance(use, int):
         if use < 2:
             raise InputError(f"{counted(use, 'frame')} cannot show a motion; use 2 or more, {MIN_FRAMES} are better")

@@ -53,7 +53,7 @@ Spans = tuple[Sequence[int], Sequence[int]]
 
 @dataclass(frozen=True, eq=False)
 class TrackPairs:
-    """Pairs of a left and a right track of which balls fit each other.
+    """Pairs of a left and a right track whose balls fit each other.
 
     Attributes
     ----------

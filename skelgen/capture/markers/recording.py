@@ -159,7 +159,7 @@ class ImageHealth:
                 self._exchanged.append(exchanged_share(left, right, self._rig))
 
     def check(self, name: str) -> None:
-        """Refuse a recording of which nothing can come."""
+        """Refuse a recording that cannot give markers."""
         faults = "; ".join(self.notices())
         if not self._n_pairs:
             raise InputError(f"{name}: there is no pair of images")

@@ -76,7 +76,7 @@ class FolderSets(NothingToOpen):
 
     @property
     def n_frames(self) -> int:
-        """Number of moments of which any camera has an image."""
+        """Number of moments that at least one camera has an image of."""
         return len(self._files)
 
     def __iter__(self) -> Iterator[FrameSet]:

@@ -95,7 +95,7 @@ class RoomPoints:
         return RoomPoints(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
 
     def as_stereo(self, noise: float) -> StereoPoints:
-        """Return the points for those who look for bodies: none shares a ball with another.
+        """Return points of which no two share a ball, as the search for bodies needs them.
 
         Parameters
         ----------

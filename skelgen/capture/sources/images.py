@@ -109,7 +109,7 @@ def _listed(path: Path, number: int, line: str, before: float | None) -> ImagePa
 
 
 def _by_usual_names(folder: Path) -> list[dict[str, Path]]:
-    """Return the images of both sides by what is left of the name without the side; the way that pairs most wins."""
+    """Return the images of both sides by their names without the side; the way that pairs most wins."""
     inside = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
     below = [
         [path for path in (folder / side).glob("*") if path.suffix.lower() in IMAGE_SUFFIXES] for side in _SIDES[0]
@@ -130,7 +130,7 @@ def _without(paths: list[Path], word: str) -> dict[str, Path]:
 
 
 def _matching(folder: Path, pattern: str) -> dict[str, Path]:
-    """Return files by what the stars of a pattern stand for."""
+    """Return files by the texts that the stars of a pattern match."""
     if "**" in pattern:
         raise InputError(f"{pattern!r}: a pattern names images of one folder; two stars together are not understood")
     first, *others = (re.escape(part) for part in pattern.split("*"))

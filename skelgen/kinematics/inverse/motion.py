@@ -13,7 +13,7 @@ from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, check_bools, check_floats, set_fields, spread_frames
+from skelgen.model.arrays import Bools, Floats, check_bools, check_floats, read_only, set_fields, spread_frames
 
 CHUNK_FRAMES = 8_192
 
@@ -70,12 +70,12 @@ class PosedMotion(Motion):
     @cached_property
     def world_from_limb(self) -> Floats:
         """Pose of every limb's frame, shape (n_frames, n_limbs, 4, 4)."""
-        return _frozen(transform_from(matrix_from_quaternion(self.orientations_wxyz), self.origins))
+        return read_only(transform_from(matrix_from_quaternion(self.orientations_wxyz), self.origins))
 
     @cached_property
     def joint_positions(self) -> Floats:
         """World positions of the joints [mm], shape (n_frames, n_joints, 3)."""
-        return _frozen(self.origins[:, [joint.child for joint in self.skeleton.joints]])
+        return read_only(self.origins[:, [joint.child for joint in self.skeleton.joints]])
 
     @cached_property
     def marker_positions(self) -> Floats:
@@ -84,7 +84,7 @@ class PosedMotion(Motion):
         for first in range(0, self.n_frames, CHUNK_FRAMES):
             part = slice(first, first + CHUNK_FRAMES)
             placed[part] = self._markers_in(part)
-        return _frozen(placed)
+        return read_only(placed)
 
     @cached_property
     def residuals(self) -> Floats:
@@ -93,18 +93,13 @@ class PosedMotion(Motion):
         for first in range(0, self.n_frames, CHUNK_FRAMES):
             part = slice(first, first + CHUNK_FRAMES)
             found[part] = np.linalg.norm(self.measured[part] - self._markers_in(part), axis=2)
-        return _frozen(found)
+        return read_only(found)
 
     def _markers_in(self, frames: slice) -> Floats:
         limb = self.skeleton.limb_of_marker
         turns = matrix_from_quaternion(self.orientations_wxyz[frames])[:, limb]
         placed = np.einsum("fmij,mj->fmi", turns, self.skeleton.marker_offsets)
         return np.asarray(placed + self.origins[frames][:, limb])
-
-
-def _frozen(array: Floats) -> Floats:
-    array.flags.writeable = False
-    return array
 
 
 @dataclass(frozen=True, eq=False)

@@ -167,10 +167,13 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         worst = float(np.sqrt(max(values[-1], 0.0)))
         limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
         n_open = open_directions(covariance, size, joint.axis if joint.kind == "hinge" else None)
-        place = _undetermined(joint, turned, relative, vectors[:, -1], (worst, size))
-        place = place if len(shown) else _never_shown(limbs, worst, size)
-        others = _not_by_motion(joint, turned, n_open, len(shown) > 0)
-        sentence = "; ".join(part for part in (*others, place) if part)
+        way = _way(skeleton, joint, vectors[:, -1])
+        place = _undetermined(joint, turned, relative, vectors[:, -1], (worst, size), way)
+        place = place if len(shown) else _never_shown(worst, size)
+        findings = [*_not_by_motion(joint, turned, n_open, len(shown) > 0), *([place] if place else [])]
+        sentence = (
+            f"the joint between limb {joint.parent} and {joint.child} {'; it '.join(findings)}" if findings else ""
+        )
         advice = ""
         if not joint.is_determined or n_open > (joint.kind == "hinge") or joint.kind == "undetermined":
             markers = skeleton.marker_offsets[skeleton.markers_of(joint.child)]
@@ -193,17 +196,16 @@ def _not_by_motion(joint: Joint, motion: RangeOfMotion, n_open: int, is_shown: b
     What is known of joints of any body places it in the directions that motion leaves open and that are known (`n_open`
     are not).
     """
-    called = f"the joint between limb {joint.parent} and {joint.child}"
     if joint.is_placed_by_marker_set:
-        yield f"{called} is placed by the marker set: the motion alone does not determine where it is"
+        yield "is placed by the marker set: the motion alone does not determine where it is"
     elif joint.open_directions > n_open and joint.is_determined:
-        yield f"{called} turns about one axis only: what is known of such joints places it along that axis"
+        yield "turns about one axis only: what is known of such joints places it along that axis"
     elif joint.open_directions > n_open:
-        yield f"{called} lies where joints of such limbs are expected: the motion alone does not determine where it is"
+        yield "lies where joints of such limbs are expected: the motion alone does not determine where it is"
     if joint.kind == "undetermined" and is_shown:
         turn = motion.ranges[0]
         hidden = f"turns by {np.rad2deg(turn):.0f} deg, but errors of the markers hide its type"
-        yield f"{called} {hidden if turn >= AMPLE else 'turns too little to tell its type'}"
+        yield hidden if turn >= AMPLE else "turns too little to tell its type"
 
 
 def middle_of(relative: Floats) -> Floats:
@@ -263,38 +265,48 @@ def size_of_limb(skeleton: Skeleton, limb: int) -> float:
     return float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
 
 
-def _never_shown(limbs: tuple[int, int], std: float, size: float) -> str:
+def _never_shown(std: float, size: float) -> str:
     """Say that no frame shows how a joint turns, and how well its place is known if that is not determined."""
     place = f": its place is not determined, +-{std:.0f} mm" if std > DETERMINED_PART * size else ""
-    return f"no frame shows how the joint between limb {limbs[0]} and {limbs[1]} turns{place}"
+    return f"has no frame that shows how it turns{place}"
+
+
+def _way(skeleton: Skeleton, joint: Joint, direction: Floats) -> str:
+    """Say where a direction in the parent of a joint points, seen from the joint."""
+    markers = skeleton.marker_offsets[skeleton.markers_of(joint.parent)]
+    along = markers.mean(axis=0) - joint.position_in_parent if len(markers) else np.zeros(3)
+    inward, length = abs(direction @ along), np.linalg.norm(along)
+    if inward > ALIGNED * length:
+        return f"towards the middle of limb {joint.parent}"
+    return f"{'sideways of' if inward < np.sqrt(1 - ALIGNED**2) * length else 'obliquely to'} limb {joint.parent}"
 
 
 def _undetermined(
-    joint: Joint, motion: RangeOfMotion, relative: Floats, direction: Floats, deviation: tuple[float, float]
+    joint: Joint,
+    motion: RangeOfMotion,
+    relative: Floats,
+    direction: Floats,
+    deviation: tuple[float, float],
+    way: str,
 ) -> str:
-    """Say in a sentence which direction of a joint's position is not determined; empty if all are.
+    """Say which direction of a joint's position is not determined, after the joint's name; empty if all are.
 
     The deviation [mm] along that direction stands beside the size of the limb [mm], which it does not exceed.
     """
     std, size = deviation
     if std <= DETERMINED_PART * size:
         return ""
-    called = f"the joint between limb {joint.parent} and {joint.child}"
     at_all = std >= ALL_OF_IT * size
     spread = f" (anywhere within the limb's size, +-{size:.0f} mm)" if at_all else f", +-{std:.0f} mm"
     if motion.ranges[0] < STILL:
-        return f"{called} does not turn: its place is not determined{spread}"
+        return f"does not turn: its place is not determined{spread}"
     if joint.kind == "hinge" and abs(joint.free_axis() @ direction) > ALIGNED:
-        return f"{called} turns about one axis only: its place along that axis is not determined{spread}"
+        return f"turns about one axis only: its place along that axis is not determined{spread}"
     about, across = np.rad2deg(turned_about_and_across(relative, direction))
-    way = ", ".join(f"{one:.2f}" for one in direction)
     known = f"is not determined{spread}" if at_all else f"is known to +-{std:.0f} mm only"
     if np.deg2rad(across) >= AMPLE:
-        return (
-            f"the place of {called} along ({way}) of limb {joint.parent} {known}, although it turns by "
-            f"{across:.0f} deg across that direction"
-        )
-    return (
-        f"{called} turns by {across:.0f} deg across ({way}) of limb {joint.parent}, which is too little (the "
-        f"{about:.0f} deg about that direction tell nothing of it): along it its place {known}"
-    )
+        return f"turns by {across:.0f} deg, but its place {way} {known}"
+    if about > across:
+        ranges = f"by {about:.0f} deg about one axis, by {across:.0f} deg about those across it"
+        return f"turns {ranges}: its place along that axis {known}"
+    return f"turns too little ({across:.0f} deg) to tell its place {way}: that {known}"

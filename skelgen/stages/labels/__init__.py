@@ -5,21 +5,21 @@ merging/       tracklets are merged into markers by the likelihood of their dist
 model_fit/     a skeleton of these markers says which marker every point is
 confidence/    how sure each identity is, and why
 user_labels/   identities that the user states, and corrections
+by_skeleton/   which point is which marker of a whole skeleton: a calibrated one, or that of the take itself
 online/        labels while points arrive
 """
 
+from skelgen.stages.labels.by_skeleton.matching import by_track_votes, gates_of, match_points, n_carried
+from skelgen.stages.labels.by_skeleton.points import FollowedPoints, tracked_points
+from skelgen.stages.labels.by_skeleton.posing import SkeletonPoses, pose_skeleton, with_free_joints
 from skelgen.stages.labels.confidence.label_quality import (
     PointLabels,
     history_of,
     labelling_of_cloud,
     labelling_of_markers,
 )
-from skelgen.stages.labels.merging.bridges import follow_over_gaps
-from skelgen.stages.labels.online.pose_filter import PoseFilter
-from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.point_labels import filled_labels
 from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
 from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
@@ -31,21 +31,26 @@ from skelgen.stages.labels.user_labels.corrections import (
 
 __all__ = [
     "CorrectedLabels",
+    "FollowedPoints",
     "LabelParameters",
     "PointLabels",
-    "PoseFilter",
-    "SkeletonLabels",
+    "SkeletonPoses",
     "Tracker",
     "apply_corrections",
+    "by_track_votes",
     "check_labels",
     "corrected_quality",
-    "filled_labels",
-    "follow_over_gaps",
+    "gates_of",
     "history_of",
     "label_markers",
     "labelling_of_cloud",
     "labelling_of_markers",
+    "match_points",
+    "n_carried",
+    "pose_skeleton",
     "refit_labels",
     "stated_positions",
+    "tracked_points",
     "typical_spacing",
+    "with_free_joints",
 ]

@@ -301,6 +301,10 @@ def _markers(task: LabelTask, monitor: Monitor) -> Ints:
             other = put_right(heard, found)
         found = better_labels(take, found, other)
     found = label_rest(take, found)
+    if not take.is_very_long:
+        from skelgen.stages.labels.by_skeleton.again import label_again  # noqa: PLC0415 - few takes need it
+
+        found = label_again(take, found, task.seed, monitor)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 

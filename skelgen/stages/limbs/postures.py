@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, known_in_posture, ways_of_pairs
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 MOST_PAIRS = 400
 """Of markers, by whose distances a posture is found: many times what is unknown of it."""
@@ -39,7 +39,7 @@ class Postures:
     ----------
     mean : ndarray, shape (2, n_markers, n_markers)
         Logarithms of the usual distances, of no unit, and of how much they vary.
-    ways : ndarray, shape (n_ways, 2, n_markers, n_markers)
+    ways : ndarray, shape (n_markers, n_ways, 2, n_markers)
         By how much these differ where a posture is one standard deviation off in one way.
     spread : ndarray, shape (2, n_markers, n_markers)
         Standard deviations of what no posture explains.
@@ -63,21 +63,19 @@ class Postures:
         known = np.flatnonzero(~np.isnan(take[0, first, second]))
         used = known[spread_frames(len(known), MOST_PAIRS)]
         first, second = first[used], second[used]
-        one, other = of_set[first], of_set[second]
-        spread = (self.spread[:, one, other] / np.sqrt([[1.0], [MOTION_WEIGHT]])).ravel()
-        off = (take[:, first, second] - self.mean[:, one, other]).ravel() / spread
-        size = np.repeat([1.0, 0.0], len(one))
-        ways = np.concatenate([self.ways[:, :, one, other].reshape(len(self.ways), -1), size[np.newaxis]]) / spread
-        prior = np.diag([1.0] * len(self.ways) + [SIZE_SPREAD**-2])
-        posture, information = np.zeros(len(ways)), np.zeros_like(prior)
-        posture[-1] = np.median((off * spread)[: len(one)]) if len(one) else 0.0
+        pairs = np.stack([of_set[first], of_set[second]])
+        spread = self.spread[:, pairs[0], pairs[1]] / np.sqrt([[1.0], [MOTION_WEIGHT]])
+        away = take[:, first, second] - self.mean[:, pairs[0], pairs[1]]
+        prior = np.diag([1.0] * self.ways.shape[1] + [SIZE_SPREAD**-2])
+        ways = (ways_of_pairs(self.ways, pairs) / spread[..., np.newaxis]).reshape(-1, len(prior))
+        off = (away / spread).ravel()
+        posture, information = np.zeros(len(prior)), np.zeros_like(prior)
+        posture[-1] = np.median(away[0]) if len(used) else 0.0
         for _ in range(ROUNDS):
-            weighted = ways / (1.0 + ((off - posture @ ways) / NEAR) ** 2)
-            information = weighted @ ways.T
-            posture = np.asarray(np.linalg.solve(information + prior, weighted @ off), dtype=np.float64)
-        found = self.mean + np.tensordot(posture[:-1], self.ways, 1)
-        found[0] += posture[-1]
-        return Assumed(found, self, np.asarray(INDEPENDENT * information + prior))
+            weighted = ways / (1.0 + ((off - ways @ posture) / NEAR) ** 2)[:, np.newaxis]
+            information = weighted.T @ ways
+            posture = np.asarray(np.linalg.solve(information + prior, off @ weighted), dtype=np.float64)
+        return Assumed(posture, self, np.asarray(INDEPENDENT * information + prior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +84,8 @@ class Assumed:
 
     Attributes
     ----------
-    mean : ndarray, shape (2, n_markers, n_markers)
-        Logarithms of the distances, and of how much they vary.
+    posture : ndarray, shape (n_ways + 1,)
+        How far it is off in each way, and the logarithm of the size.
     of : Postures
         All postures.
     precision : ndarray, shape (n_ways + 1, n_ways + 1)
@@ -95,16 +93,34 @@ class Assumed:
         are known.
     """
 
-    mean: Floats
+    posture: Floats
     of: Postures
     precision: Floats
+
+    @cached_property
+    def _moved(self) -> tuple[Bools, Floats]:
+        return np.zeros(len(self.of.ways), dtype=np.bool_), self.of.mean.copy()
+
+    def mean(self, of_set: Ints) -> Floats:
+        """Logarithms of the distances, and of how much they vary, shape (2, n_markers, n_markers).
+
+        Parameters
+        ----------
+        of_set : ndarray of intp
+            Markers whose rows are right, at least.
+        """
+        known, mean = self._moved
+        known_in_posture(self.of.ways, self.posture, of_set, known, mean)
+        return mean
 
     @cached_property
     def spread(self) -> Floats:
         """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers)."""
         covariance = np.linalg.inv(self.precision)[:-1, :-1]
-        ways = np.tensordot(np.linalg.cholesky(covariance).T, self.of.ways, 1)
-        return np.asarray(np.sqrt(self.of.spread**2 + (ways**2).sum(axis=0)))
+        n_markers, n_ways = self.of.ways.shape[:2]
+        ways = np.linalg.cholesky(covariance).T @ self.of.ways.reshape(n_markers, n_ways, -1)
+        unknown = (ways**2).sum(axis=1).reshape(n_markers, 2, n_markers)
+        return np.asarray(np.sqrt(self.of.spread**2 + unknown.swapaxes(0, 1)))
 
     @cached_property
     def widening(self) -> Floats:

@@ -187,21 +187,22 @@ def in_posture(
         markers, of_set = markers[inliers], of_set[inliers]
         assumed, is_careful = postures.assumed(shape.of(markers).tables, of_set), rounds.is_careful and part < 1.0
         spread = assumed.spread if is_careful else postures.spread
-        costs = misfits_to_set(shape.tables, assumed.mean, spread, markers, of_set)
+        costs = misfits_to_set(shape.tables, assumed.mean(of_set), spread, markers, of_set)
         costs = costs + _mean_cost(assumed.widening, of_set) if is_careful else costs
         costs = costs if beside is None else costs + beside(markers, of_set)
         markers, of_set = _assigned(costs, without_partner if part == 1.0 else np.inf)
         taken = shape.of(markers).tables
-        misfits = own_misfits(taken, assumed.mean, postures.spread, of_set)
+        misfits = own_misfits(taken, assumed.mean(of_set), postures.spread, of_set)
         besides = 0.0 if beside is None else float(beside(markers, of_set)[markers, of_set].sum())
         cost = float(misfits.sum()) + besides + without_partner * (n_markers - len(markers))
         if cost < least:
             best, least = (markers, of_set), cost
         if is_careful:
-            misfits = own_misfits(taken, assumed.mean, spread, of_set) + _mean_cost(assumed.widening, of_set)[of_set]
+            misfits = own_misfits(taken, assumed.mean(of_set), spread, of_set)
+            misfits += _mean_cost(assumed.widening, of_set)[of_set]
     markers, of_set = best
     taken = shape.of(markers).tables
-    own = own_misfits(taken, postures.assumed(taken, of_set).mean, postures.spread, of_set)
+    own = own_misfits(taken, postures.assumed(taken, of_set).mean(of_set), postures.spread, of_set)
     misfit = float(own.sum()) + without_partner * (n_markers - len(markers))
     return Match(markers, of_set, own, misfit / n_markers), least / n_markers
 
@@ -230,7 +231,7 @@ def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints)
     shape, worn, markers, of_set
         As for `misfits_of`.
     """
-    mean = worn.postures.assumed(shape.of(markers).tables, of_set).mean
+    mean = worn.postures.assumed(shape.of(markers).tables, of_set).mean(of_set)
     return misfits_to_set(shape.tables, mean, worn.postures.spread, markers, of_set)
 
 

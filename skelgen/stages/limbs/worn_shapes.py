@@ -100,7 +100,8 @@ class WornSet:
     @cached_property
     def postures(self) -> Postures:
         """What postures and proportions do to the distances of its markers."""
-        return Postures(self.mean.tables, square_of_pairs(self.ways), square_of_pairs(self.left))
+        ways = np.ascontiguousarray(np.moveaxis(square_of_pairs(self.ways), 2, 0))
+        return Postures(self.mean.tables, ways, square_of_pairs(self.left))
 
     @cached_property
     def halves(self) -> tuple[tuple[Ints, WornSet], ...]:

@@ -93,11 +93,11 @@ class MarkerSet:
 
     @property
     def sentence(self) -> str:
-        """What is recognised, e.g. ``39 of 39 markers: Plug-in Gait full body``."""
+        """What is recognised, e.g. ``marker set: Plug-in Gait full body (39 of 39 markers are of it)``."""
         n_wearers = len(set(self.wearers.values()))
-        whole = "" if len(self.segments) == self.n_markers else f" ({len(self.segments)} of its {self.n_markers})"
+        whole = "" if len(self.segments) == self.n_markers else f"; it has {self.n_markers}"
         worn = f", worn by {n_wearers}" if n_wearers > 1 else whole
-        return f"{len(self.segments)} of {self.n_taken} markers: {self.title}{worn}"
+        return f"marker set: {self.title} ({len(self.segments)} of {self.n_taken} markers are of it{worn})"
 
     @property
     def hint(self) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.labelling import Finding
+from skelgen.progress import frames_between
 from skelgen.stages.repair.limb_distances import RigidModel, rigid_model, robust_limbs
 
 FITS = 3.0
@@ -79,8 +80,9 @@ class Move:
     @property
     def sentence(self) -> str:
         """Notice for the user."""
+        frames = frames_between(self.first_frame, self.last_frame)
         return (
-            f"{self.name} is where {self.other_name} was in frames {self.first_frame} to {self.last_frame}, in which "
+            f"{self.name} is where {self.other_name} was in {frames}, in which "
             f"{self.other_name} has no label: {self.evidence}; these points are given to {self.other_name}"
         )
 

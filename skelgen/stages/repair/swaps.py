@@ -19,7 +19,7 @@ from skelgen._kernels.marker_steps import lengths as lengths_to
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Finding
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, frames_between
 from skelgen.stages.repair.exchange_evidence import (
     Cycle,
     Evidence,
@@ -97,10 +97,8 @@ class Swap:
     @property
     def sentence(self) -> str:
         """Notice for the user."""
-        return (
-            f"labels exchanged in frames {self.first_frame} to {self.last_frame}, repaired: {' -> '.join(self.names)} "
-            f"({self.evidence})"
-        )
+        frames = frames_between(self.first_frame, self.last_frame)
+        return f"labels exchanged in {frames}, repaired: {' -> '.join(self.names)} ({self.evidence})"
 
     @property
     def finding(self) -> Finding:

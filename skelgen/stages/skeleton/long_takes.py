@@ -18,7 +18,7 @@ from skelgen.geometry.rotations import (
 from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.motion import PosedMotion
 from skelgen.model import Skeleton
-from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread, runs_of
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread, read_only, runs_of
 from skelgen.progress import Monitor
 from skelgen.stages.skeleton.assembly import BodyOfTake, StructuredTake
 from skelgen.stages.skeleton.fitting import FittedBody
@@ -117,8 +117,8 @@ def play_back(
     for one in fitted:
         present = ~np.isnan(trajectories.positions[:, one.body.markers, 0]).all(axis=1)
         _fill_absence(one, np.asarray(present), found)
-    deviations = _frozen(_deviations(fitted, skeleton, frames, n_frames))
-    orientations, origins = _frozen(found.orientations), _frozen(found.origins)
+    deviations = read_only(_deviations(fitted, skeleton, frames, n_frames))
+    orientations, origins = read_only(found.orientations), read_only(found.origins)
     motion = PosedMotion(skeleton, orientations, origins, trajectories, found.seen, deviations)
     return Playback(motion, found.n_outliers)
 
@@ -177,8 +177,3 @@ def _deviations(fitted: list[FittedBody], skeleton: Skeleton, frames: Ints, n_fr
     for one in fitted:
         by_limb[:, one.body.limbs] = one.deviations
     return np.asarray(by_limb[:, [joint.child for joint in skeleton.joints]][nearest])
-
-
-def _frozen(array: Floats) -> Floats:
-    array.flags.writeable = False
-    return array

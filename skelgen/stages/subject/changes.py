@@ -24,7 +24,7 @@ A body of another size has all its limbs larger, or all smaller: a sign test ove
 each marker.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import binomtest, ttest_ind
@@ -36,7 +36,7 @@ from skelgen.kinematics.chain.articulation import FREEDOMS
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
-from skelgen.stages.subject.posing import SubjectPoses
+from skelgen.stages.labels import SkeletonPoses, with_free_joints
 
 N_SPANS = 12
 """Spans of a take: long against the time for which skin stays on one side, enough for a covariance of three numbers."""
@@ -203,25 +203,6 @@ HELD = 1e-3
 """rad; joints that keep so near to their types are held to them: the end of a limb then errs by parts of a mm."""
 
 
-def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -> Skeleton:
-    """Return a skeleton some of whose joints, or all, are ball joints.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        With its types of joints.
-    which : tuple of int, optional
-        Indices of joints; all if not given.
-    """
-    chosen = range(skeleton.n_joints) if which is None else which
-    joints = list(skeleton.joints)
-    for index in chosen:
-        if joints[index].kind not in {"ball", "undetermined"}:
-            free = replace(joints[index], kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
-            joints[index] = free
-    return replace(skeleton, joints=tuple(joints))
-
-
 def with_joints_as_fitted(skeleton: Skeleton, motion: Motion) -> Skeleton:
     """Return a skeleton whose joints are ball joints where its own motion does not keep to their types.
 
@@ -239,14 +220,14 @@ def with_joints_as_fitted(skeleton: Skeleton, motion: Motion) -> Skeleton:
     return with_free_joints(skeleton, tuple(loose))
 
 
-def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) -> tuple[int, ...]:
+def freer_joints(skeleton: Skeleton, before: SkeletonPoses, after: SkeletonPoses) -> tuple[int, ...]:
     """Find joints whose type does not hold in a new take.
 
     Parameters
     ----------
     skeleton : Skeleton
         With the types of joints.
-    before, after : SubjectPoses
+    before, after : SkeletonPoses
         The calibrated and the new take, posed with all joints free.
 
     Returns

@@ -5,23 +5,34 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, evenly_spread
 from skelgen.model.corrections import Correction
 from skelgen.model.limbs import body_and_limb, names_of_bodies
 from skelgen.progress import SILENT, Monitor, counted
-from skelgen.stages.labels import CorrectedLabels, LabelParameters, apply_corrections
+from skelgen.stages.labels import (
+    CorrectedLabels,
+    LabelParameters,
+    SkeletonPoses,
+    apply_corrections,
+    pose_skeleton,
+    with_free_joints,
+)
 from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject import changes as take_changes
 from skelgen.stages.subject.labels import SubjectLabels, label_by_subject
 from skelgen.stages.subject.points import PlacedTrack
-from skelgen.stages.subject.posing import SubjectPoses, pose_subject, subject_motion
 
 TESTED_FRAMES = 1200
 """Frames in which places of markers are compared."""
 
 OTHER_SUBJECT = 0.5
 """Part of the tested markers: if so many sit elsewhere, it is not the markers that moved, but another subject."""
+
+BLOCK_FRAMES = 8_192
+"""Frames whose deviations are found at once: a take of forty markers needs some 10 KB for each."""
 
 MANY_LIMBS = 0.25
 """Part of the limbs: if more have moved markers, a notice says that this may be another subject."""
@@ -109,7 +120,7 @@ def fit_subject(
         If the skeleton explains too little of the take.
     """
     names, calibrated = subject.trajectories.names, subject.skeleton
-    free = take_changes.with_free_joints(calibrated)
+    free = with_free_joints(calibrated)
     labels = label_by_subject(take, free, subject.trajectories, labelling, monitor)
     monitor.begin("poses of the subject")
     found = _found(take, names, labels)
@@ -118,12 +129,12 @@ def fit_subject(
     new = (*labels.new, *(_of_no_limb(name) for name in all_names[found.n_markers :]))
     moved_tracks = [one.marker for one in labels.moved]
     test, moved, freer = _compared(subject, positions[:, : len(names)], moved_tracks, posing)
-    skeleton = _with_new(take_changes.with_free_joints(calibrated, freer), new)
+    skeleton = _with_new(with_free_joints(calibrated, freer), new)
     shifts = test.distances
     if moved:
-        skeleton = _replaced(skeleton, pose_subject(skeleton, _without(positions, moved), posing), positions, moved)
+        skeleton = _replaced(skeleton, pose_skeleton(skeleton, _without(positions, moved), posing), positions, moved)
         shifts = np.linalg.norm(skeleton.marker_offsets[: len(names)] - calibrated.marker_offsets, axis=1)
-    poses = pose_subject(skeleton, positions, posing, monitor)
+    poses = pose_skeleton(skeleton, positions, posing, monitor)
     skeleton = _with_deviations(skeleton, poses, positions)
     seen = ~np.isnan(positions[:, : len(names), 0]).all(axis=0)
     missing = tuple(np.flatnonzero(~seen & (calibrated.limb_of_marker >= 0)).tolist())
@@ -156,8 +167,39 @@ def reposed_subject(skeleton: Skeleton, trajectories: Trajectories) -> tuple[Ske
     """
     positions, n_known = trajectories.positions, len(skeleton.limb_of_marker)
     skeleton = _with_new(skeleton, tuple(_of_no_limb(name) for name in trajectories.names[n_known:]))
-    poses = pose_subject(skeleton, positions)
+    poses = pose_skeleton(skeleton, positions)
     return _with_deviations(skeleton, poses, positions), subject_motion(skeleton, poses, positions, trajectories.rate)
+
+
+def subject_motion(skeleton: Skeleton, poses: SkeletonPoses, measured: Floats, rate: float) -> Motion:
+    """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        What is posed.
+    poses : SkeletonPoses
+        Its poses.
+    measured : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    rate : float, Hz
+        Frame rate.
+    """
+    children = [joint.child for joint in skeleton.joints]
+    markers = poses.markers(skeleton)
+    motion = Motion(
+        world_from_limb=poses.world_from_limb,
+        joint_positions=poses.world_from_limb[:, children][..., :3, 3],
+        marker_positions=markers,
+        residuals=np.linalg.norm(measured - markers, axis=2),
+        limb_seen=poses.seen,
+        rate=rate,
+        compute_angles=MotionAngles(skeleton, measured),
+    )
+    starts = range(0, len(measured), BLOCK_FRAMES)
+    blocks = [np.arange(first, min(first + BLOCK_FRAMES, len(measured))) for first in starts]
+    stds = [posture_of(skeleton, motion, poses.inliers, block).joint_std for block in blocks]
+    return replace(motion, joint_std=np.concatenate(stds))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,15 +271,15 @@ def _compared(
 
     Returns the comparison, the markers that moved, and the joints with more freedoms than before.
     """
-    skeleton = take_changes.with_free_joints(subject.skeleton)
+    skeleton = with_free_joints(subject.skeleton)
     every = subject.trajectories.positions
     shown = every[evenly_spread(np.arange(len(every)), TESTED_FRAMES)]
-    calibrated = pose_subject(skeleton, shown, posing)
+    calibrated = pose_skeleton(skeleton, shown, posing)
     before = take_changes.span_means(calibrated.local(skeleton, shown))
     some = positions[evenly_spread(np.arange(len(positions)), TESTED_FRAMES)]
     moved, errors = list(at_first), take_changes.place_errors(skeleton)
     while True:
-        poses = pose_subject(skeleton, _without(some, tuple(moved)), posing)
+        poses = pose_skeleton(skeleton, _without(some, tuple(moved)), posing)
         test = take_changes.compare_places(before, take_changes.span_means(poses.local(skeleton, some)), errors)
         candidates = np.where(test.is_moved, test.distances, 0.0)
         candidates[moved] = 0.0
@@ -246,7 +288,7 @@ def _compared(
         moved.append(int(np.argmax(candidates)))
 
 
-def _replaced(skeleton: Skeleton, poses: SubjectPoses, positions: Floats, moved: tuple[int, ...]) -> Skeleton:
+def _replaced(skeleton: Skeleton, poses: SkeletonPoses, positions: Floats, moved: tuple[int, ...]) -> Skeleton:
     """The skeleton with moved markers at their mean places in this take."""
     local = poses.local(skeleton, positions)[:, list(moved)]
     seen: Bools = ~np.isnan(local[:, :, 0])
@@ -257,7 +299,7 @@ def _replaced(skeleton: Skeleton, poses: SubjectPoses, positions: Floats, moved:
     return replace(skeleton, marker_offsets=offsets)
 
 
-def _with_deviations(skeleton: Skeleton, poses: SubjectPoses, positions: Floats) -> Skeleton:
+def _with_deviations(skeleton: Skeleton, poses: SkeletonPoses, positions: Floats) -> Skeleton:
     """The skeleton with the deviations of markers that this take shows."""
     error = poses.local(skeleton, positions) - skeleton.marker_offsets
     seen = ~np.isnan(error[:, :, 0])

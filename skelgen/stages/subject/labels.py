@@ -1,53 +1,39 @@
 """Labels by a subject's skeleton: which point of a new take is which of its markers, and what the others are.
 
-Proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton followed
-through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
-The one that explains most positions is kept. The skeleton is then posed in all frames, and points that no marker has
-are given to markers whose place they are at.
-What a take without names has left then is labelled by a skeleton that is fitted to it: skin moves otherwise and joints
-turn farther than in the calibrated take, which may have been short; at last by the distances of that take.
+Points are matched with the skeleton's markers by its pose (`stages.labels.by_skeleton`). What a take
+without names has left then is labelled by a skeleton that is fitted to it: skin moves otherwise and joints turn farther
+than in the calibrated take, which may have been short; at last by the distances of that take.
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import (
+    FollowedPoints,
     LabelParameters,
-    PoseFilter,
-    SkeletonLabels,
-    filled_labels,
+    SkeletonPoses,
+    gates_of,
+    match_points,
+    n_carried,
+    pose_skeleton,
     refit_labels,
+    tracked_points,
     typical_spacing,
 )
-from skelgen.stages.subject.points import FollowedPoints, PlacedTrack, place_tracks, tracked_points
-from skelgen.stages.subject.posing import SubjectPoses, pose_subject
+from skelgen.stages.subject.points import PlacedTrack, place_tracks
 from skelgen.stages.subject.present import BodyLabels, label_present_bodies
-
-GATE = 5.0
-"""Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""
 
 LEAST_EXPLAINED = 0.5
 """Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
 
 OTHER_BODY = "it is of another body, or of other markers: calibrate this take by itself, without that skeleton"
 """What a take is that the skeleton explains no better, if its points lie as far apart as markers of bodies do."""
-
-ROUNDS = 3
-"""Rounds of assigning points to markers and posing: a point that is found poses its limb, which finds others."""
-
-HELD_SHARE = 0.5
-"""A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
-
-EVIDENCE_FRAMES = 200
-"""Frames in which proposals are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +46,7 @@ class SubjectLabels:
         Marker of each point; beyond those of the skeleton new ones; -1 for none.
     points : FollowedPoints
         The points.
-    poses : SubjectPoses
+    poses : SkeletonPoses
         Of the skeleton, by the points at their places.
     moved : tuple of PlacedTrack
         Markers of the skeleton that are at another place of their limb.
@@ -76,7 +62,7 @@ class SubjectLabels:
 
     marker_of_point: Ints
     points: FollowedPoints
-    poses: SubjectPoses
+    poses: SkeletonPoses
     moved: tuple[PlacedTrack, ...]
     new: tuple[PlacedTrack, ...]
     explained: float
@@ -114,16 +100,14 @@ def label_by_subject(
     monitor.begin("labels by the subject's skeleton")
     parameters, names = parameters or LabelParameters(), calibrated.names
     points = tracked_points(take, parameters, monitor)
-    gates = GATE * PoseFilter(skeleton).deviation
 
     def labelled(sought: Skeleton, some: FollowedPoints) -> BodyLabels:
-        proposed, by_name = _proposed(some, sought, names, gates, monitor)
-        return BodyLabels(sought, some, *_reassigned_and_posed(some, proposed, sought, gates, monitor), by_name)
+        return BodyLabels(sought, some, *match_points(some, sought, names, monitor))
 
     present, sentences = label_present_bodies(points, skeleton, labelled)
     skeleton, placed, poses = present.skeleton, present.marker_of_point, present.poses
     # Part of what could be explained, frame by frame the fewer of points and markers, that is explained
-    possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
+    possible = np.minimum(points.cloud.points_per_frame, n_carried(skeleton)).sum()
     explained = float((placed >= 0).sum() / max(int(possible), 1))
     if explained < LEAST_EXPLAINED:
         raise InputError(
@@ -133,9 +117,9 @@ def label_by_subject(
     if not points.names:
         refit = refit_labels(points.cloud, points.tracks, placed, calibrated, parameters, monitor)
         if not np.array_equal(refit, placed):
-            placed, poses = refit, pose_subject(skeleton, points.positions(refit, len(names)), monitor=monitor)
+            placed, poses = refit, pose_skeleton(skeleton, points.positions(refit, len(names)), monitor=monitor)
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
-    moved, new = place_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
+    moved, new = place_tracks(points, placed, skeleton, poses, gates_of(skeleton), names_of_tracks)
     result = placed.copy()
     for number, one in enumerate((*moved, *new)):
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
@@ -153,173 +137,3 @@ def _other_unit(cloud: PointCloud, calibrated: PointCloud) -> str:
         return ""
     apart = f"{factor:g} times as far apart" if factor > 1.0 else f"{1.0 / factor:g} times as close together"
     return f"its points are about {apart} as the skeleton's markers, so that its unit of length is probably another one"
-
-
-def _proposed(
-    points: FollowedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
-) -> tuple[Ints, bool]:
-    """Markers of the points by what explains most of them, and whether that is the names of the take."""
-    ways = _followed_both_ways(points, skeleton, monitor)
-    proposals = [
-        (filled_labels(points.cloud, ways, len(names)), False),
-        (by_track_votes(points, ways, len(names)), False),
-    ]
-    # Markers by the names of the take, if the skeleton has any of them
-    known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
-    named = known[points.tracks] if (known >= 0).any() else None
-    if named is not None:
-        proposals.append((named, True))
-    counts = [_n_explained(points, marker_of_point, skeleton, gates) for marker_of_point, _ in proposals]
-    return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
-
-
-def _followed_both_ways(points: FollowedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
-    """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
-    spacing, n_frames = typical_spacing(points.cloud), points.cloud.n_frames
-    forward = _followed(points, skeleton, spacing, range(n_frames), monitor)
-    alone = np.bincount(points.frames[forward < 0], minlength=n_frames)
-    missing = _n_carried(skeleton) - np.bincount(points.frames[forward >= 0], minlength=n_frames)
-    if not ((alone > 0) & (missing > 0)).any():
-        return [forward]
-    return [forward, _followed(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
-
-
-def _followed(points: FollowedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
-    model = SkeletonLabels(skeleton)
-    starts = points.cloud.frame_starts
-    marker_of_point = np.full(points.cloud.n_points, -1, dtype=np.intp)
-    for count, frame in enumerate(frames):
-        part = slice(int(starts[frame]), int(starts[frame + 1]))
-        if part.stop > part.start:
-            marker_of_point[part] = model.update(points.cloud.points[part], points.tracks[part], 1, spacing)
-        if count % 100 == 0:
-            monitor.advance(count, len(frames))
-    return marker_of_point
-
-
-def _n_explained(points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
-    """Number of positions at their places in some frames."""
-    frames = spread_frames(points.cloud.n_frames, EVIDENCE_FRAMES)
-    positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
-    if np.isnan(positions[:, :, 0]).all():
-        return 0
-    off = positions - pose_subject(skeleton, positions).markers(skeleton)
-    return int((np.linalg.norm(off, axis=2) < gates).sum())
-
-
-def _reassigned_and_posed(
-    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
-) -> tuple[Ints, SubjectPoses]:
-    """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
-
-    A track that is at a marker's place now and then is tried as that marker in all its frames, which turns a limb that
-    few markers hold to where it belongs.
-    """
-    marker_of_point, poses = _refined(points, marker_of_point, skeleton, gates, monitor)
-    n_markers = len(skeleton.limb_of_marker)
-    tried = filled_labels(
-        points.cloud, [marker_of_point, by_track_votes(points, [marker_of_point], n_markers)], n_markers
-    )
-    if not np.array_equal(marker_of_point, tried):
-        other, poses_of_other = _refined(points, tried, skeleton, gates, monitor)
-        if (other >= 0).sum() > (marker_of_point >= 0).sum():
-            marker_of_point, poses = other, poses_of_other
-    return _with_rest_of_tracks(points, marker_of_point, poses.markers(skeleton)), poses
-
-
-def _with_rest_of_tracks(points: FollowedPoints, marker_of_point: Ints, predicted: Floats) -> Ints:
-    """Give a marker what its track shows in between: skin may move farther than in the calibrated take.
-
-    The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
-    """
-    if (marker_of_point < 0).all():
-        return marker_of_point
-    n_markers = predicted.shape[1]
-    most = by_track_votes(points, [marker_of_point], n_markers)
-    own = np.maximum(most, 0)
-    tracks = np.maximum(points.tracks, 0)
-    held = np.bincount(tracks, (marker_of_point == most) & (most >= 0))
-    agreed = held > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
-    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
-    near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
-    return filled_labels(points.cloud, [marker_of_point, np.where(near, most, -1)], n_markers)
-
-
-def _refined(
-    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
-) -> tuple[Ints, SubjectPoses]:
-    """Assign points to markers and pose, again and again, until nothing changes."""
-    n_markers = len(skeleton.limb_of_marker)
-    if (marker_of_point < 0).all():
-        return marker_of_point, pose_subject(skeleton, points.positions(marker_of_point, n_markers)[:0])
-    poses = pose_subject(skeleton, points.positions(marker_of_point, n_markers), monitor=monitor)
-    for _ in range(ROUNDS):
-        before, marker_of_point = marker_of_point, _reassigned(points, marker_of_point, poses.markers(skeleton), gates)
-        if (marker_of_point < 0).all() or np.array_equal(before, marker_of_point):
-            break
-        poses = pose_subject(skeleton, points.positions(marker_of_point, n_markers), monitor=monitor)
-    return marker_of_point, poses
-
-
-def _reassigned(points: FollowedPoints, marker_of_point: Ints, predicted: Floats, gates: Floats) -> Ints:
-    own = np.maximum(marker_of_point, 0)
-    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
-    kept = np.where((marker_of_point >= 0) & (away < gates[own]), marker_of_point, -1)
-    free = np.flatnonzero((kept < 0) & (points.tracks >= 0))
-    taken = np.zeros(predicted.shape[:2], dtype=np.bool_)
-    taken[points.frames[kept >= 0], kept[kept >= 0]] = True
-    for some in np.split(free, np.flatnonzero(np.diff(points.frames[free])) + 1):
-        if not len(some):
-            continue
-        frame = int(points.frames[some[0]])
-        markers = np.flatnonzero(~taken[frame] & ~np.isnan(predicted[frame, :, 0]))
-        apart = np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2)
-        apart /= gates[markers]
-        rows, columns = linear_sum_assignment(np.minimum(apart, 1.0))
-        near = apart[rows, columns] < 1.0
-        kept[some[rows[near]]] = markers[columns[near]]
-    return kept
-
-
-def _n_carried(skeleton: Skeleton) -> int:
-    return int((skeleton.limb_of_marker >= 0).sum())
-
-
-def by_track_votes(points: FollowedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
-    """Return the marker of each point by the votes of all frames of its track.
-
-    Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined,
-    most votes first, unless a track of the marker is seen in the same frames.
-
-    Parameters
-    ----------
-    points : FollowedPoints
-        The take.
-    owners : iterable of ndarray of intp, shape (n_points,)
-        Markers of the points, -1 for none, from each way of following them.
-    n_markers : int
-        Number of markers.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for points on no track, or on one without a marker.
-    """
-    order = np.flatnonzero(points.tracks >= 0)
-    n_tracks = int(points.tracks.max(initial=0)) + 1
-    votes = np.zeros((n_tracks, n_markers), dtype=np.intp)
-    for marker_of_point in owners:
-        voting = order[marker_of_point[order] >= 0]
-        np.add.at(votes, (points.tracks[voting], marker_of_point[voting]), 1)
-    by_track = order[np.argsort(points.tracks[order], kind="stable")]
-    ends = np.cumsum(np.bincount(points.tracks[by_track], minlength=n_tracks))
-    frames_of = np.split(points.frames[by_track], ends[:-1])
-    taken = np.zeros((n_markers, points.cloud.n_frames), dtype=np.bool_)
-    marker_of_track = np.full(n_tracks, -1, dtype=np.intp)
-    tracks, markers = np.nonzero(votes)
-    for pair in np.argsort(-votes[tracks, markers], kind="stable").tolist():
-        track, marker = tracks[pair], markers[pair]
-        if marker_of_track[track] < 0 and not taken[marker, frames_of[track]].any():
-            marker_of_track[track] = marker
-            taken[marker, frames_of[track]] = True
-    return np.where(points.tracks >= 0, marker_of_track[points.tracks], -1)

@@ -1,80 +1,12 @@
-"""A take as points in tracks, whether its markers have names or not, and tracks that the skeleton does not explain.
-
-Such tracks are markers that moved on their limb since the calibrated take, or markers that are new.
-"""
+"""Tracks that a subject's skeleton does not explain: markers that moved on their limb, or markers that are new."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.model import PointCloud, Skeleton, Trajectories
+from skelgen.model import Skeleton
 from skelgen.model.arrays import Floats, Ints
-from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import LabelParameters, follow_over_gaps
-from skelgen.stages.subject.posing import SubjectPoses
-
-
-@dataclass(frozen=True, eq=False)
-class FollowedPoints:
-    """Points of a take, and which of them are one point in several frames.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-        All points that are seen.
-    frames : ndarray of intp, shape (n_points,)
-        Frame of each.
-    tracks : ndarray of intp, shape (n_points,)
-        Track of each, -1 for none; of a labelled take the index of its marker.
-    names : tuple of str
-        Names of the tracks of a labelled take; empty for others.
-    """
-
-    cloud: PointCloud
-    frames: Ints
-    tracks: Ints
-    names: tuple[str, ...]
-
-    def positions(self, marker_of_point: Ints, n_markers: int) -> Floats:
-        """Return positions of markers [mm], shape (n_frames, n_markers, 3).
-
-        Parameters
-        ----------
-        marker_of_point : ndarray of intp, shape (n_points,)
-            Marker of each point, -1 for none.
-        n_markers : int
-            Number of markers.
-        """
-        owned = marker_of_point >= 0
-        placed = np.full((self.cloud.n_frames, n_markers, 3), np.nan)
-        placed[self.frames[owned], marker_of_point[owned]] = self.cloud.points[owned]
-        return placed
-
-
-def tracked_points(
-    take: PointCloud | Trajectories, parameters: LabelParameters, monitor: Monitor = SILENT
-) -> FollowedPoints:
-    """Return the points of a take in tracks.
-
-    Parameters
-    ----------
-    take : PointCloud or Trajectories
-        The take.
-    parameters : LabelParameters
-        How points without names are followed.
-    monitor : Monitor
-        Receives progress; may cancel.
-    """
-    if isinstance(take, PointCloud):
-        frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)
-        tracks = follow_over_gaps(take, parameters, monitor)
-        return FollowedPoints(take, frames, np.asarray(tracks, dtype=np.intp), ())
-    frames, columns = np.nonzero(~np.isnan(take.positions[:, :, 0]))
-    starts = np.searchsorted(frames, np.arange(take.n_frames + 1))
-    times = np.arange(take.n_frames) / take.rate
-    cloud = PointCloud(take.positions[frames, columns], starts, times, name=take.name)
-    return FollowedPoints(cloud, frames, columns, take.names)
-
+from skelgen.stages.labels import FollowedPoints, SkeletonPoses
 
 LEAST_FRAMES = 30
 """Frames that must show a track before its place on a limb counts, as for the skeleton's own limbs."""
@@ -115,7 +47,7 @@ def place_tracks(
     points: FollowedPoints,
     marker_of_point: Ints,
     skeleton: Skeleton,
-    poses: SubjectPoses,
+    poses: SkeletonPoses,
     gates: Floats,
     marker_of_track: dict[int, int],
 ) -> tuple[tuple[PlacedTrack, ...], tuple[PlacedTrack, ...]]:
@@ -129,7 +61,7 @@ def place_tracks(
         Marker of each point, -1 for none.
     skeleton : Skeleton
         The subject's skeleton.
-    poses : SubjectPoses
+    poses : SkeletonPoses
         Its poses.
     gates : ndarray, shape (n_markers,), mm
         How far from its place each marker may be.
@@ -164,7 +96,7 @@ def _as(one: PlacedTrack, marker: int) -> PlacedTrack:
 
 
 def _alone(
-    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SubjectPoses, gate: float
+    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SkeletonPoses, gate: float
 ) -> list[PlacedTrack]:
     """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))

@@ -16,8 +16,8 @@ from skelgen.model import PointCloud, Skeleton
 from skelgen.model.arrays import Bools, Ints
 from skelgen.model.limbs import names_of_bodies
 from skelgen.progress import listed
-from skelgen.stages.subject.points import LEAST_FRAMES, FollowedPoints
-from skelgen.stages.subject.posing import SubjectPoses, pose_subject
+from skelgen.stages.labels import FollowedPoints, SkeletonPoses, pose_skeleton
+from skelgen.stages.subject.points import LEAST_FRAMES
 
 PRESENT_SHARE = 0.5
 """A body is there in a frame if it adds this part of its markers to what the other bodies explain."""
@@ -47,7 +47,7 @@ class BodyLabels:
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
-    poses : SubjectPoses
+    poses : SkeletonPoses
         Of the skeleton, by the points at their places.
     by_name : bool
         Whether the names of the take decided.
@@ -56,7 +56,7 @@ class BodyLabels:
     skeleton: Skeleton
     points: FollowedPoints
     marker_of_point: Ints
-    poses: SubjectPoses
+    poses: SkeletonPoses
     by_name: bool
 
     @property
@@ -155,7 +155,7 @@ def _one_after_the_other(labels: BodyLabels, label: Label) -> BodyLabels:
         best = max(range(len(found)), key=lambda body: (found[body].worth, -found[body].deviation))
         marker_of_point[left] = found[best].marker_of_point
         del bodies[best]
-    poses = pose_subject(skeleton, points.positions(marker_of_point, len(skeleton.limb_of_marker)))
+    poses = pose_skeleton(skeleton, points.positions(marker_of_point, len(skeleton.limb_of_marker)))
     return BodyLabels(skeleton, points, marker_of_point, poses, labels.by_name)
 
 

@@ -22,8 +22,9 @@ from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats
+from skelgen.stages.labels import with_free_joints
 from skelgen.stages.skeleton import SkeletonParameters
-from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_root_mean_squares, with_free_joints
+from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_root_mean_squares
 
 LEAST_ROTATION = 0.05
 """Part of the largest singular value below which a direction is not determined: rotations of some 3 degrees."""

@@ -13,6 +13,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import colour_of_limb, theme_palette
 
 from skelgen.app.drawing.measures import find_deviation_matrix
+from skelgen.app.drawing.wording import millimetres
 from skelgen.model import Project
 
 
@@ -37,7 +38,7 @@ def test_hover_names_the_pair_and_its_value(view, matrix, walked):
     value = project.limbs.distance_deviation[matrix.markers[row], matrix.markers[column]]
     told = view.tip_at(view.cell_place(row, column))
     assert f"{matrix.names[row]} ({project.limbs.called(matrix.limbs[row])}) – {matrix.names[column]}" in told
-    assert told.endswith(f" {value:.3g}\N{NO-BREAK SPACE}mm")
+    assert told.endswith(f" {millimetres(value)}")
 
 
 def test_a_click_selects_both_markers(view, matrix, session, qtbot):

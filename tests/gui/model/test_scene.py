@@ -130,6 +130,12 @@ def test_bones_go_between_joints_and_end_limbs_end_amid_their_markers(edges, lim
     assert {(int(start), int(end)) for start, end in found.ends} == bones
 
 
+def test_a_trunk_is_drawn_alike_whichever_of_its_neighbours_it_hangs_on():
+    limbs = np.array([0, 1, 2, 3])
+    hanging = find_bones(np.array([[1, 0], [0, 2], [0, 3]]), limbs)  # limb 0 has three joints; middles begin with 7
+    assert {(7, 0), (7, 1), (7, 2)} == {tuple(ends) for ends in hanging.ends.tolist() if 7 in ends}
+
+
 def test_a_bone_that_starts_in_the_middle_of_a_limb_starts_between_its_joints():
     joints = np.array([[0.0, 0, 0], [4, 0, 0], [0, 8, 0]])
     bones = find_bones(np.array([[0, 1], [0, 2], [0, 3]]), np.array([0, 1, 2, 3]))

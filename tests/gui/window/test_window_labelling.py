@@ -228,3 +228,13 @@ def test_a_question_about_a_point_marks_it_in_the_view(window, person, haunted):
     assert (window.session.frame, window.session.selection.point) == (20, (20, second.point))
     assert Marked(window.session.selection).points(20) == {second.point}
     assert Marked(window.session.selection).points(21) == set()
+
+
+def test_a_point_that_is_called_as_a_marker_goes_on_with_that_marker(haunted):
+    """Names that the program gives come anew with the labels: a point of the marker says which one is meant."""
+    (first, *_), name = open_questions(haunted), haunted.trajectories.names[2]
+    followed = Tracklets([0, 1, 2], [-1, -1, 2], [20, 20, 0], [59, 59, 59], [40, 40, 60])
+    tracked = replace(haunted, _labelling=replace(haunted.labelling, tracklets=followed))
+    own, point = with_point_named(tracked, first, name).identities.entries
+    assert (own.name, own.position) == (name, tuple(haunted.trajectories.positions[own.frame, 2]))
+    assert (point.name, point.frame) == (name, 20)

@@ -26,6 +26,17 @@ def test_it_works_at_1024_by_700(qtbot, window, person, rods):
     assert window.view3d.width() >= 300
 
 
+def test_it_stays_small_however_much_came_out_of_a_step(qtbot, window, gapped):
+    window.session.open(gapped)
+    window.resize(1024, 640)
+    page = window.pages.page("skeleton")
+    page.result.setText("A joint is not determined. " * 40)
+    page.warnings.show()
+    qtbot.wait(1)
+    assert (window.width(), window.height()) == (1024, 640)
+    assert page.result.height() >= page.result.heightForWidth(page.result.width())  # nothing is cut off
+
+
 def test_the_layout_is_put_back(window, person):
     docks = {dock.objectName(): dock for dock in window.findChildren(QDockWidget)}
     before = {name: (window.dockWidgetArea(dock), dock.isHidden()) for name, dock in docks.items()}

@@ -33,15 +33,15 @@ def test_limbs_that_never_move_have_no_range():
 
 @pytest.fixture
 def joined():
-    """`joined(kind, ranges [deg], deviations [mm])`: two limbs of `SIZE` whose joint turns and is known as stated."""
+    """`joined(kind, ranges, deviations or covariance)`: two limbs of `SIZE` whose joint turns and is known so."""
 
     def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1), is_seen=True):
         turns = swing(ranges)
         world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
         world[:, 1, :3, :3] = turns
         axis = np.array([1.0, 0.0, 0.0]) if kind == "hinge" else None
-        covariance = np.diag(np.square(deviations)).astype(float)
-        joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.array(deviations), covariance=covariance)
+        covariance = np.diag(np.square(deviations)).astype(float) if np.ndim(deviations) == 1 else deviations
+        joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.sqrt(np.diag(covariance)), covariance=covariance)
         offsets = np.array([[SIZE, 0, 0], [0, SIZE, 0], [0, 0, SIZE]] * 2)
         offsets[3:] += 3 * SIZE * np.array(along)
         labels, pose = np.array(limb_of_marker), np.tile(np.eye(4), (2, 1, 1))
@@ -78,14 +78,31 @@ def test_what_is_nowhere_told_is_as_uncertain_as_the_limb_is_large(joined):
 def test_joint_that_turns_too_little_names_the_direction_and_the_turns_across_it(joined):
     """Turns about the direction, however large, say nothing of the place along it."""
     said = joined("ball", (120, 3, 2), [15, 1, 1]).sentence
-    assert "turns by 3 deg across (1.00, 0.00, 0.00) of limb 0, which is too little (the 120 deg about" in said
-    assert said.endswith("along it its place is known to +-15 mm only")
+    assert said == (
+        "the joint between limb 0 and 1 turns by 120 deg about one axis, by 3 deg about those across it: "
+        "its place along that axis is known to +-15 mm only"
+    )
+
+
+@pytest.mark.parametrize(
+    ("known", "way"), [([1, 15, 1], "sideways of limb 0"), (np.full((3, 3), 81.0), "towards the middle of limb 0")]
+)
+def test_the_direction_in_which_a_place_is_open_is_said_in_words(joined, known, way):
+    """The middle of limb 0 lies along (1, 1, 1) from its joint."""
+    said = joined("ball", (20, 2, 2), known).sentence
+    assert said.startswith("the joint between limb 0 and 1 turns too little (")
+    assert f"to tell its place {way}: that is known to +-" in said
+
+
+def test_a_joint_is_named_once(joined):
+    said = joined("undetermined", (20, 2, 2), [1, 15, 1]).sentence
+    assert said.startswith("the joint between limb 0 and 1 turns too little to tell its type; it turns too little (")
 
 
 def test_turns_that_suffice_are_not_called_too_little(joined):
     """A joint whose place is open although it turns far enough lacks better markers, not more motion."""
     seen = joined("ball", (40, 120, 2), [15, 1, 1])
-    assert seen.sentence.endswith("is known to +-15 mm only, although it turns by 120 deg across that direction")
+    assert seen.sentence.endswith("turns by 120 deg, but its place sideways of limb 0 is known to +-15 mm only")
     assert seen.advice == "markers nearer to the bone, or more of them, would tell it"
     hidden = joined("undetermined", (120, 3, 2), [1, 1, 1]).sentence
     assert hidden.endswith("turns by 120 deg, but errors of the markers hide its type")
@@ -142,5 +159,5 @@ def test_a_limb_with_one_marker_is_advised_a_second_and_no_motion(joined, limb_o
 def test_a_joint_that_no_frame_shows_is_not_said_to_stand_still(joined):
     """A limb with one marker is posed by interpolation: how it turns is not measured."""
     seen = joined("undetermined", (60, 30, 2), [80, 1, 1], limb_of_marker=(0, 0, 0, 1, -1, -1), is_seen=False)
-    shown = "no frame shows how the joint between limb 0 and 1 turns: its place is not determined, +-80 mm"
+    shown = "the joint between limb 0 and 1 has no frame that shows how it turns: its place is not determined, +-80 mm"
     assert seen.notice == f"{shown}; one marker only: put a second one on limb 1"

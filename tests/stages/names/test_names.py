@@ -43,7 +43,7 @@ def test_every_set_is_recognised_and_names_its_limbs_rightly(marker_set):
 
 def test_a_part_of_a_body_is_recognised_and_said():
     legs = [marker.name for marker in worn_markers("plug-in-gait") if marker.name[1:] in LEGS]
-    assert recognised_set(legs).sentence == "16 of 16 markers: Plug-in Gait full body (16 of its 39)"
+    assert recognised_set(legs).sentence == "marker set: Plug-in Gait full body (16 of 16 markers are of it; it has 39)"
 
 
 LEGS = {"ASI", "PSI", "THI", "KNE", "TIB", "ANK", "HEE", "TOE"}

@@ -14,12 +14,9 @@ from skelgen.evaluation.matching import find_identity
 from skelgen.model import PointCloud, Project, StageReport, Trajectories
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.structures import find_structure
-from skelgen.stages.labels import LabelParameters
+from skelgen.stages.labels import FollowedPoints, LabelParameters, by_track_votes, pose_skeleton, tracked_points
 from skelgen.stages.subject import fit_subject
 from skelgen.stages.subject.changes import N_SPANS, compare_places
-from skelgen.stages.subject.labels import by_track_votes
-from skelgen.stages.subject.points import FollowedPoints, tracked_points
-from skelgen.stages.subject.posing import pose_subject
 
 FRAMES = 300
 NOISE = 0.5  # mm
@@ -206,7 +203,7 @@ def test_limb_without_markers_is_posed_by_its_neighbours(known):
     positions = np.array(simulated.take.positions)
     names = list(known.trajectories.names)
     positions[:, [names.index(f"pelvis {number}") for number in (1, 2, 3)]] = np.nan
-    poses = pose_subject(known.skeleton, positions)
+    poses = pose_skeleton(known.skeleton, positions)
     limb = int(known.limbs.limb_of_marker[names.index("pelvis 1")])
     carried = poses.markers(known.skeleton)[:, known.limbs.limb_of_marker == limb]
     away = np.linalg.norm(carried - simulated.truth.marker_positions[:, :3], axis=2)

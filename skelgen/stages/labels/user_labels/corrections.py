@@ -95,7 +95,7 @@ def corrected_quality(
         Positions of the corrected labels whose marker the user has stated earlier.
     """
     prior = LABELS_FOUND if are_found else LABELS_GIVEN
-    tracklets = None if before.tracklets is None else _followed(before.tracklets, edits)
+    tracklets = None if before.tracklets is None else _followed(before, before.tracklets, edits)
     breaks = None if tracklets is None else _track_breaks(tracklets, edits.trajectories.seen)
     stated = edits.touched if stated is None else edits.touched | stated
     certainty = identity_confidence(edits.trajectories, breaks, stated, prior)
@@ -261,15 +261,19 @@ def _frames(correction: Correction) -> slice:
     return slice(correction.first_frame or 0, None if last is None else last + 1)
 
 
-def _followed(tracklets: Tracklets, edits: CorrectedLabels) -> Tracklets:
+def _followed(before: Labelling, tracklets: Tracklets, edits: CorrectedLabels) -> Tracklets:
     """Parts of tracklets with the markers that they went to after the corrections, as their middle frames tell.
 
     Parts that are no marker, as the user states, are left out: nobody asks again which marker they are.
     """
-    middle = (tracklets.first + tracklets.last) // 2
-    there = edits.source[middle] == tracklets.marker[:, np.newaxis]
-    marker = np.where(there.any(axis=1) & (tracklets.marker >= 0), there.argmax(axis=1), -1)
-    is_deleted = edits.deleted[middle, tracklets.marker] & (tracklets.marker >= 0)
+    middle, seen, found = (tracklets.first + tracklets.last) // 2, np.isfinite(before.confidence), tracklets.marker
+    for part in np.flatnonzero((found >= 0) & ~seen[middle, found]).tolist():  # the middle is in a gap
+        span = slice(tracklets.first[part], tracklets.last[part] + 1)
+        shown = np.flatnonzero(seen[span, found[part]])
+        middle[part] = span.start + shown[len(shown) // 2] if len(shown) else middle[part]
+    there = edits.source[middle] == found[:, np.newaxis]
+    marker = np.where(there.any(axis=1) & (found >= 0), there.argmax(axis=1), -1)
+    is_deleted = edits.deleted[middle, found] & (found >= 0)
     return dataclasses.replace(tracklets, marker=marker).of(~is_deleted)
 
 

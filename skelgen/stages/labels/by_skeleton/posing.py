@@ -1,4 +1,4 @@
-"""A subject's skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
+"""A skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
 
 Each tree is placed from the root outward, then fitted to all markers at once with its joints held to their types, as
 the skeleton stage does after its calibration; positions that the chain does not explain are left out.
@@ -10,11 +10,9 @@ import numpy as np
 
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.chain.chain import ChainPoses
-from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.kinematics.inverse.root_outward import pose_by_own_markers
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
-from skelgen.model import Motion, Skeleton
+from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.skeleton import BodyOfTake, ConstrainedChain, SkeletonParameters, out_of_line, without_outliers
@@ -27,8 +25,8 @@ MARGIN = 400
 
 
 @dataclass(frozen=True, eq=False)
-class SubjectPoses:
-    """Poses of a subject's skeleton.
+class SkeletonPoses:
+    """Poses of a skeleton.
 
     Attributes
     ----------
@@ -71,10 +69,10 @@ class SubjectPoses:
         return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], carried, np.nan))
 
 
-def pose_subject(
+def pose_skeleton(
     skeleton: Skeleton, positions: Floats, parameters: SkeletonParameters | None = None, monitor: Monitor = SILENT
-) -> SubjectPoses:
-    """Pose a subject's skeleton in the frames of a take.
+) -> SkeletonPoses:
+    """Pose a skeleton in the frames of a take.
 
     Parameters
     ----------
@@ -106,7 +104,7 @@ def pose_subject(
             seen[first:last, tree.limbs] = fixed[inner]
             inliers[first:last, tree.markers] = kept[inner]
         monitor.advance(last, n_frames)
-    return SubjectPoses(world, seen, inliers)
+    return SkeletonPoses(world, seen, inliers)
 
 
 def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
@@ -126,32 +124,20 @@ def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters
     return poses, fixed, inliers
 
 
-def subject_motion(skeleton: Skeleton, poses: SubjectPoses, measured: Floats, rate: float) -> Motion:
-    """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
+def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -> Skeleton:
+    """Return a skeleton some of whose joints, or all, are ball joints.
 
     Parameters
     ----------
     skeleton : Skeleton
-        What is posed.
-    poses : SubjectPoses
-        Its poses.
-    measured : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    rate : float, Hz
-        Frame rate.
+        With its types of joints.
+    which : tuple of int, optional
+        Indices of joints; all if not given.
     """
-    children = [joint.child for joint in skeleton.joints]
-    markers = poses.markers(skeleton)
-    motion = Motion(
-        world_from_limb=poses.world_from_limb,
-        joint_positions=poses.world_from_limb[:, children][..., :3, 3],
-        marker_positions=markers,
-        residuals=np.linalg.norm(measured - markers, axis=2),
-        limb_seen=poses.seen,
-        rate=rate,
-        compute_angles=MotionAngles(skeleton, measured),
-    )
-    starts = range(0, len(measured), BLOCK_FRAMES)
-    blocks = [np.arange(first, min(first + BLOCK_FRAMES, len(measured))) for first in starts]
-    stds = [posture_of(skeleton, motion, poses.inliers, block).joint_std for block in blocks]
-    return replace(motion, joint_std=np.concatenate(stds))
+    chosen = range(skeleton.n_joints) if which is None else which
+    joints = list(skeleton.joints)
+    for index in chosen:
+        if joints[index].kind not in {"ball", "undetermined"}:
+            free = replace(joints[index], kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
+            joints[index] = free
+    return replace(skeleton, joints=tuple(joints))

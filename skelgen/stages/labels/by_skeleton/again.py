@@ -1,0 +1,109 @@
+"""Labels found again by the skeleton of the take itself, for as long as that explains more of it.
+
+Tracklets, limbs, tree and poses improve one another (Schönauer 2007, 6.1). Labels that are mostly right imply a
+skeleton that is mostly right; followed from frame to frame, its pose says who is who where whole limbs come back after
+they were hidden, and where points are too fast for tracks. Of these labels and those before, each part is kept that
+explains the take better (`merging.fusing`), so that no turn ends with less than it began with.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Skeleton, Trajectories
+from skelgen.model.arrays import Ints
+from skelgen.progress import Monitor
+from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.by_skeleton.matching import match_points
+from skelgen.stages.labels.by_skeleton.points import FollowedPoints
+from skelgen.stages.labels.by_skeleton.posing import with_free_joints
+from skelgen.stages.labels.confidence import label_quality
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.fusing import fused_labels
+from skelgen.stages.labels.merging.judging import better_labels
+from skelgen.stages.labels.merging.leftovers import label_rest
+from skelgen.stages.labels.merging.turns import put_right
+from skelgen.stages.limbs import LimbParameters, find_limbs
+from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
+
+DOUBTFUL = 0.005
+"""Part of the positions that are expected to be another marker's, from which labels are sought again."""
+
+MOST_TURNS = 2
+"""Skeletons that are fitted one after the other."""
+
+NEARLY_ALL = 0.95
+"""Of the evidence of labels, which those by their skeleton must have: of a skeleton that is far off, parts that seem to
+explain more do so by chance."""
+
+BY_MARKERS_ALONE = SkeletonParameters(soft_tissue=False, known_build=False)
+"""How they are fitted: slides of skin, and what bodies are usually like, say little of who is who."""
+
+
+def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -> Ints:
+    """Find labels again by the skeleton that they imply, if much of them is doubtful.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    found : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    seed : int
+        Random seed of the stages that find the skeleton.
+    monitor : Monitor
+        Receives progress; may cancel.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; labels found if no skeleton explains more.
+    """
+    if not _are_doubtful(take, found):
+        return found
+    monitor.begin("labels by the skeleton")
+    frames = take.frame_of_point().astype(np.intp)
+    points = FollowedPoints(take.cloud, frames, take.track_of_point.astype(np.intp), ())
+    judge = replace(take, by_posture=True)
+    for turn in range(MOST_TURNS):
+        skeleton = _skeleton_of(take, found, seed)
+        if skeleton is None:
+            break
+        matched = match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32)
+        other, (before, chance) = label_rest(take, matched), judge.evidence(found)
+        if judge.evidence(other)[0] < NEARLY_ALL * before:
+            break
+        fused = fused_labels(take, found, other)
+        found = better_labels(take, found, better_labels(take, fused, label_rest(take, put_right(take, fused))))
+        monitor.advance(turn + 1, MOST_TURNS)
+        if judge.evidence(found)[0] <= before + chance:
+            break
+    return found
+
+
+def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
+    """Whether many positions are expected to be another marker's."""
+    labelled = _trajectories(take, found)
+    history = label_quality.history_of(
+        label_quality.PointLabels(take.cloud, take.track_of_point, found), labelled.n_markers
+    )
+    confidence = label_quality.labelling_of_cloud(labelled, history).confidence
+    return bool(np.nanmean(1.0 - confidence) > DOUBTFUL) if np.isfinite(confidence).any() else False
+
+
+def _trajectories(take: FollowedCloud, found: Ints) -> Trajectories:
+    names = point_labels.marker_names(int(found.max(initial=-1)) + 1)
+    return Trajectories(point_labels.all_positions(take.cloud, found, len(names)), names, take.rate)
+
+
+def _skeleton_of(take: FollowedCloud, found: Ints, seed: int) -> Skeleton | None:
+    """The skeleton that labels imply, with joints that turn freely; None if there is none."""
+    markers = _trajectories(take, found)
+    try:
+        limbs = find_limbs(markers, LimbParameters(), seed=seed)
+        topology = find_joints(markers, limbs, JointParameters(), seed=seed)
+        return with_free_joints(fit_skeleton(markers, limbs, topology, BY_MARKERS_ALONE)[0])
+    except InputError:
+        return None
