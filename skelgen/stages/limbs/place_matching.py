@@ -19,7 +19,7 @@ from skelgen.marker_sets import EVERY_PLACE, worn_markers
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches, misfits_in_posture
 from skelgen.stages.limbs.worn_sets import set_of_table
-from skelgen.stages.limbs.worn_shapes import Shape, WornSet
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet, square_of_pairs
 
 FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
@@ -97,7 +97,7 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
 def _places_in_postures() -> tuple[WornSet, ...]:
     """All places, in each of the postures from which searches begin: others are far from the usual distances."""
     places = worn_places()
-    means = places.mean.tables + np.tensordot(places.beginnings, places.postures.ways, 1)
+    means = places.mean.tables + square_of_pairs(np.tensordot(places.beginnings, places.ways, 1))
     return tuple(replace(places, mean=Shape(*mean)) for mean in means)
 
 
