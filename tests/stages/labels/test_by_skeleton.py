@@ -68,3 +68,9 @@ def test_an_arm_whose_markers_were_mistaken_for_each_other_is_told_by_the_skelet
 def test_labels_that_are_not_doubtful_stay(person):
     take, true = person
     assert label_again(take, true, 0, SILENT) is true
+
+
+def test_a_take_without_labels_stays_without(person):
+    take, true = person
+    nothing = np.full_like(true, -1)
+    assert label_again(take, nothing, 0, SILENT) is nothing

@@ -85,12 +85,14 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
 
 def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
     """Whether many positions are expected to be another marker's."""
+    if (found < 0).all():
+        return False
     labelled = _trajectories(take, found)
     history = label_quality.history_of(
         label_quality.PointLabels(take.cloud, take.track_of_point, found), labelled.n_markers
     )
     confidence = label_quality.labelling_of_cloud(labelled, history).confidence
-    return bool(np.nanmean(1.0 - confidence) > DOUBTFUL) if np.isfinite(confidence).any() else False
+    return bool(np.nanmean(1.0 - confidence) > DOUBTFUL)
 
 
 def _trajectories(take: FollowedCloud, found: Ints) -> Trajectories:
