@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skelgen.model import PointCloud
 from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 from skelgen.stages.labels.by_skeleton.again import label_again
@@ -74,3 +75,12 @@ def test_a_take_without_labels_stays_without(person):
     take, true = person
     nothing = np.full_like(true, -1)
     assert label_again(take, nothing, 0, SILENT) is nothing
+
+
+def test_two_markers_that_bear_no_evidence_stay():
+    rng = np.random.default_rng(0)
+    points = np.cumsum(rng.normal(0.0, 5.0, (80, 2, 3)), axis=0) + [[[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]]]
+    cloud = PointCloud(points.reshape(-1, 3), np.arange(0, 161, 2), np.arange(80) / RATE)
+    marker = np.tile(np.arange(2, dtype=np.int32), 80)
+    marker[100:] = 1 - marker[100:]
+    assert (label_again(FollowedCloud(cloud, marker, RATE, 60.0), marker, 0, SILENT) >= 0).all()

@@ -73,7 +73,7 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
             break
         matched = match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32)
         other, (before, chance) = label_rest(take, matched), judge.evidence(found)
-        if judge.evidence(other)[0] < NEARLY_ALL * before:
+        if not judge.evidence(other)[0] >= NEARLY_ALL * before > 0.0:
             break
         fused = fused_labels(take, found, other)
         found = better_labels(take, found, better_labels(take, fused, label_rest(take, put_right(take, fused))))
