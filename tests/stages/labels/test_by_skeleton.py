@@ -79,7 +79,7 @@ def test_a_take_without_labels_stays_without(person):
 
 def test_two_markers_that_bear_no_evidence_stay():
     rng = np.random.default_rng(0)
-    points = np.cumsum(rng.normal(0.0, 5.0, (80, 2, 3)), axis=0) + [[[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]]]
+    points = np.cumsum(rng.normal(0.0, 5.0, (80, 2, 3)), axis=0) + np.array([[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]])
     cloud = PointCloud(points.reshape(-1, 3), np.arange(0, 161, 2), np.arange(80) / RATE)
     marker = np.tile(np.arange(2, dtype=np.int32), 80)
     marker[100:] = 1 - marker[100:]
