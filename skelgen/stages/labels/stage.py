@@ -300,11 +300,9 @@ def _markers(task: LabelTask, monitor: Monitor) -> Ints:
         else:
             other = put_right(heard, found)
         found = better_labels(take, found, other)
-    found = label_rest(take, found)
-    if not take.is_very_long:
-        from skelgen.stages.labels.by_skeleton.again import label_again  # noqa: PLC0415 - few takes need it
+    from skelgen.stages.labels.by_skeleton.again import label_again  # noqa: PLC0415 - it needs all stages
 
-        found = label_again(take, found, task.seed, monitor)
+    found = label_again(take, label_rest(take, found), task.seed, monitor)
     return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 

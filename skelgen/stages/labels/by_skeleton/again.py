@@ -31,6 +31,9 @@ from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 DOUBTFUL = 0.005
 """Part of the positions that are expected to be another marker's, from which labels are sought again."""
 
+MOST_FRAMES = 10_000
+"""Of longer takes, which show distances for longer, labels are not sought again: a frame takes four milliseconds."""
+
 MOST_TURNS = 2
 """Skeletons that are fitted one after the other."""
 
@@ -61,7 +64,7 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none; labels found if no skeleton explains more.
     """
-    if not _are_doubtful(take, found):
+    if take.cloud.n_frames > MOST_FRAMES or not _are_doubtful(take, found):
         return found
     monitor.begin("labels by the skeleton")
     frames = take.frame_of_point().astype(np.intp)
