@@ -15,7 +15,7 @@ from skelgen.stages.limbs.pair_evidence import log_odds
 from skelgen.stages.limbs.parameters import MarkerConstraints
 from skelgen.stages.limbs.relative_motion import LOOKED_AT, STEPS, pairs_within, white_noise
 from skelgen.stages.limbs.worn_places import PLACES_BEYOND_DOUBT, believed_places, worn_odds
-from skelgen.stages.limbs.worn_sets import belief_in_set, nearest_set
+from skelgen.stages.limbs.worn_sets import HOPELESS, belief_in_set, nearest_set
 
 SOFT = 0.025
 """Of how neighbouring limbs move against each other: limbs that bend less are plates, which stay as they are. A racing
@@ -128,7 +128,9 @@ def is_worn(by_motion: Floats, whole: Floats) -> bool:
         All frames.
     """
     nearest = nearest_set(whole)
-    if nearest is not None and belief_in_set(*nearest, by_motion) > BELIEVED:
+    if nearest is None or nearest[0].misfit > HOPELESS:
+        return False
+    if belief_in_set(*nearest, by_motion) > BELIEVED:
         return True
     places = believed_places(whole, by_motion)
     return places is not None and places.match.misfit < PLACES_BEYOND_DOUBT
