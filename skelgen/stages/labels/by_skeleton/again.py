@@ -1,9 +1,9 @@
-"""Labels found again by the skeleton of the take itself, for as long as that explains more of it.
+"""Labels found again by the skeleton of the take itself, if that explains more of it.
 
 Tracklets, limbs, tree and poses improve one another (Schönauer 2007, 6.1). Labels that are mostly right imply a
 skeleton that is mostly right; followed from frame to frame, its pose says who is who where whole limbs come back after
-they were hidden, and where points are too fast for tracks. Of these labels and those before, each part is kept that
-explains the take better (`merging.fusing`), so that no turn ends with less than it began with.
+they were hidden, and where points are too fast for tracks. If these labels explain more of the take than those before,
+the better of both is kept part by part (`merging.fusing`), so that nothing is lost.
 """
 
 from dataclasses import replace
@@ -32,14 +32,7 @@ DOUBTFUL = 0.005
 """Part of the positions that are expected to be another marker's, from which labels are sought again."""
 
 MOST_FRAMES = 10_000
-"""Of longer takes, which show distances for longer, labels are not sought again: a frame takes four milliseconds."""
-
-MOST_TURNS = 2
-"""Skeletons that are fitted one after the other."""
-
-NEARLY_ALL = 0.95
-"""Of the evidence of labels, which those by their skeleton must have: of a skeleton that is far off, parts that seem to
-explain more do so by chance."""
+"""Of longer takes, which show distances for longer, labels are not sought again: a frame takes some milliseconds."""
 
 BY_MARKERS_ALONE = SkeletonParameters(soft_tissue=False, known_build=False)
 """How they are fitted: slides of skin, and what bodies are usually like, say little of who is who."""
@@ -67,23 +60,19 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
     if take.cloud.n_frames > MOST_FRAMES or not _are_doubtful(take, found):
         return found
     monitor.begin("labels by the skeleton")
+    skeleton = _skeleton_of(take, found, seed)
+    if skeleton is None:
+        return found
     frames = take.frame_of_point().astype(np.intp)
     points = FollowedPoints(take.cloud, frames, take.track_of_point.astype(np.intp), ())
+    other = label_rest(take, match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32))
     judge = replace(take, by_posture=True)
-    for turn in range(MOST_TURNS):
-        skeleton = _skeleton_of(take, found, seed)
-        if skeleton is None:
-            break
-        matched = match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32)
-        other, (before, chance) = label_rest(take, matched), judge.evidence(found)
-        if not judge.evidence(other)[0] >= NEARLY_ALL * before > 0.0:
-            break
-        fused = fused_labels(take, found, other)
-        found = better_labels(take, found, better_labels(take, fused, label_rest(take, put_right(take, fused))))
-        monitor.advance(turn + 1, MOST_TURNS)
-        if judge.evidence(found)[0] <= before + chance:
-            break
-    return found
+    evidence, chance = judge.evidence(found)
+    if judge.evidence(other)[0] <= max(evidence, 0.0):  # of a skeleton that is off, parts explain more by chance
+        return found
+    fused = fused_labels(take, found, other)
+    right = better_labels(take, fused, label_rest(take, put_right(take, fused)))
+    return better_labels(take, found, right, chance)
 
 
 def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
