@@ -193,7 +193,8 @@ def _add_squares(take: Floats, mean: Floats, spread: Floats, markers: Ints, of_s
             total[other, place] = before + LARGEST  # where another marker is it is not
 
 
-def known_in_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
+@kernel
+def move_to_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
     """Move the usual distances of some markers of a set to all others to a posture, where that was not done before.
 
     Parameters
@@ -209,11 +210,6 @@ def known_in_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, 
     mean : ndarray, shape (2, n_of_set, n_of_set)
         Logarithms of the usual distances and of how much they vary; moved row by row.
     """
-    _add_ways(ways, posture, of_set, known, mean)
-
-
-@kernel
-def _add_ways(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
     n_ways = ways.shape[1]
     for place in of_set:
         if not known[place]:
@@ -232,7 +228,7 @@ def ways_of_pairs(ways: Floats, pairs: Ints) -> Floats:
     Parameters
     ----------
     ways : ndarray, shape (n_of_set, n_ways, 2, n_of_set)
-        As for `known_in_posture`.
+        As for `move_to_posture`.
     pairs : ndarray of intp, shape (2, n_pairs)
         Markers of the set.
     """

@@ -7,8 +7,8 @@ from skelgen._kernels.distance_statistics import (
     LARGEST,
     MOTION_WEIGHT,
     UNKNOWN,
-    known_in_posture,
     misfits_to_set,
+    move_to_posture,
     ways_of_pairs,
 )
 
@@ -38,7 +38,7 @@ def test_distances_are_moved_to_a_posture_once_for_each_marker():
     expected[:, [1, 4]] += np.einsum("w,pwho->hpo", posture[:3], ways[[1, 4]])
     expected[0, [1, 4]] += posture[3]
     for of_set in ([1], [4, 1, 4]):
-        known_in_posture(ways, posture, np.array(of_set), known, moved)
+        move_to_posture(ways, posture, np.array(of_set), known, moved)
     np.testing.assert_allclose(moved, expected)
     np.testing.assert_array_equal(known, [False, True, False, False, True])
 

@@ -66,7 +66,14 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds that two markers share a limb by what each pair does.
     """
-    found = [_search(shape, start, by_motion) for start in _beginnings(shape, tuple(sets))]
+    return _nearest(shape, tuple(sets), by_motion.astype(np.float64, copy=False).tobytes())
+
+
+@lru_cache(maxsize=4)
+def _nearest(shape: Shape, sets: tuple[tuple[Match, WornSet], ...], motion: bytes) -> tuple[Match, WornSet]:
+    """What `nearest_places` returns, found once for the same motion: limbs, names and joints ask for it."""
+    by_motion = np.frombuffer(motion).reshape(shape.distances.shape)
+    found = [_search(shape, start, by_motion) for start in _beginnings(shape, sets)]
     best, _ = min(found, key=lambda one: one[1])
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()

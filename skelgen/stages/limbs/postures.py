@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, known_in_posture, ways_of_pairs
+from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, move_to_posture, ways_of_pairs
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 MOST_PAIRS = 400
@@ -110,7 +110,7 @@ class Assumed:
             Markers whose rows are right, at least.
         """
         known, mean = self._moved
-        known_in_posture(self.of.ways, self.posture, of_set, known, mean)
+        move_to_posture(self.of.ways, self.posture, of_set, known, mean)
         return mean
 
     @cached_property

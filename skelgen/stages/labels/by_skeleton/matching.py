@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Floats, Ints, spread_frames
@@ -176,6 +175,8 @@ def _refined(
 
 
 def _reassigned(points: FollowedPoints, marker_of_point: Ints, predicted: Floats, gates: Floats) -> Ints:
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
     own = np.maximum(marker_of_point, 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     kept = np.where((marker_of_point >= 0) & (away < gates[own]), marker_of_point, -1)

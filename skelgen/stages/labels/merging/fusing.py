@@ -51,10 +51,10 @@ def _parts(take: FollowedCloud, found: Ints, other: Ints) -> list[Ints]:
     frames = take.frame_of_point()[points]
     span = np.concatenate([[0], np.cumsum(np.diff(frames) > NEAR)])
     n_markers = int(max(found.max(), other.max())) + 1
-    one, two = (span * n_markers + np.where(labels >= 0, labels, -1)[points] for labels in (found, other))
-    one, two = np.where(found[points] >= 0, one, two), np.where(other[points] >= 0, two, one)
+    one, two = found[points], other[points]
+    pairs = [span * n_markers + np.where(own >= 0, own, theirs) for own, theirs in ((one, two), (two, one))]
     size = int(span[-1] + 1) * n_markers
-    linked = coo_array((np.ones(len(points)), (one, two)), shape=(size, size))
-    part = connected_components(linked, directed=False)[1][one]
+    linked = coo_array((np.ones(len(points)), tuple(pairs)), shape=(size, size))
+    part = connected_components(linked, directed=False)[1][pairs[0]]
     order = np.argsort(part, kind="stable")
     return np.split(points[order], np.flatnonzero(np.diff(part[order])) + 1)
