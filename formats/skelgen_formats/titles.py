@@ -80,19 +80,18 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
         Of the columns, without quotes.
     """
     titles = undoubled(spelt(titles))
+    found = {parsed: _joined(_gathered(titles, parsed)) for parsed in (_axis_last, _axis_first, _axis_and_number)}
+    best = max(found, key=lambda parsed: len(found[parsed]))
+    if best is _axis_and_number:
+        _drop_numbers(found[best])
+    if found[best]:
+        return _with_fourths(found[best], titles, "w")
     numbers = [match[2] or match[3] for title in titles if (match := _NUMBERED.fullmatch(title.strip()))]
     first = 0 if "0" in numbers else 1
-    numbered = partial(_numbered, first=first)
-    styles = ((_axis_last, "w"), (_axis_first, "w"), (_axis_and_number, "w"), (numbered, str(first + len(AXES))))
-    found = [(_joined(_gathered(titles, parsed)), fourth) for parsed, fourth in styles]
-    bodies, fourth = max(found[:-1], key=lambda style: len(style[0]))
-    if bodies and bodies is found[2][0]:
-        _drop_numbers(bodies)
-    if not bodies:
-        bodies, fourth = found[-1]
-        longer = {match[1] for match in map(_MANY.fullmatch, titles) if match and int(match[2]) > first + len(AXES)}
-        bodies = [body for body in bodies if body.name not in longer]
-    return _with_fourths(bodies, titles, fourth) if fourth == "w" or len(bodies) >= _FEWEST else []
+    bodies = _joined(_gathered(titles, partial(_numbered, first=first)))
+    longer = {match[1] for match in map(_MANY.fullmatch, titles) if match and int(match[2]) > first + len(AXES)}
+    bodies = [body for body in bodies if body.name not in longer]
+    return _with_fourths(bodies, titles, str(first + len(AXES))) if len(bodies) >= _FEWEST else []
 
 
 def spelt(titles: Sequence[str]) -> list[str]:
