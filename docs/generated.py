@@ -129,6 +129,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors | layout; a simulated person |
 | tables of bodies with matrices | r11 to r33, R[0][0] to R[2][2], Rot[0] to Rot[8] | layout; skelgen's own |
 | CODA text, loggers of Kinect, NatNet, ArUco | flags of visibility, times of a clock, people by number | layout |
+| Leap Motion, Blender scripts, SLEAP | a row for each bone or animal of a frame | layout |
 | EuRoC, TUM, ROS 2, D-Flow, JARVIS | seconds and nanoseconds, names in cells, force plates, blanks | layout |
 | TUM, KITTI | poses as numbers without titles, also 4 x 4 matrices, with a time or without | layout of recordings |
 | OpenFace, Unreal, The Captury, scripts of Vicon's DataStream | X_0 to X_67, Loc and Rot, units of places | layout |

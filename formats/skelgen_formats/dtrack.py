@@ -26,6 +26,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import quaternions_from_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, Format, Options
+from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
 
 _FRAME, _TIME = "fr", "ts"
@@ -56,7 +57,7 @@ def read_dtrack(path: Path, options: Options) -> Trajectories | PointCloud | Pos
     """
     lines = read_lines(path)
     times, bodies, markers = _records(path, lines)
-    stamps = np.array(times) if len(times) == len(bodies) else None
+    stamps = since_first(np.array(times), 1.0) if len(times) == len(bodies) else None
     if any(bodies) and options.points == AUTO:
         numbers = sorted({number for frame in bodies for number in frame})
         found = _array(bodies, numbers, _PLACE + _MATRIX)

@@ -123,7 +123,7 @@ def equal_unseen(positions: Floats, notices: list[str]) -> Floats:
     first = positions[..., 0]
     frames, markers = np.nonzero((positions == first[..., np.newaxis]).all(axis=2))
     values, which, counts = np.unique(first[frames, markers], return_inverse=True, return_counts=True)
-    recurs = counts >= _FEWEST_EQUAL
+    recurs = (counts >= _FEWEST_EQUAL) | (np.abs(values) > FARTHEST)  # NDI writes -3.7e28
     if not 0 < recurs.sum() <= _MOST_NUMBERS + positions.shape[1]:
         return positions
     pairs, n_times = np.unique(which * positions.shape[1] + markers, return_counts=True)  # numbers and their markers
@@ -136,7 +136,9 @@ def equal_unseen(positions: Floats, notices: list[str]) -> Floats:
     gone = are_gaps[which]
     positions[frames[gone], markers[gone]] = np.nan
     for value, count in zip(values[are_gaps].tolist(), counts[are_gaps].tolist(), strict=True):
-        notices.append(f"{count} positions are {value:g} along x, y and z, and are taken as unseen")
+        are = counted(count, "position is", "positions are")
+        taken = "and is taken" if count == 1 else "and are taken"
+        notices.append(f"{are} {value:g} along x, y and z, {taken} as unseen")
     return positions
 
 
