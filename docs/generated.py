@@ -108,6 +108,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | two recorded; layout |
 | Vicon Workstation, Nexus 1 CSV | TRAJECTORIES, Field # | layout of public readers |
 | OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones, also with angles | layout |
+| OptiTrack CSV 1.1 | Tracking Tools, Arena, first Motive | layout of public readers |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
 | Qualisys TSV | skeletons in global coordinates | layout of public scripts |

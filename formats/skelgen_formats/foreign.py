@@ -47,11 +47,6 @@ _FOREIGN = (
         (), (".vsk", ".vst", ".vss", ".mp", ".mkr"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"
     ),
     _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
-    _Foreign(
-        (b"comment,NaturalPoint", b"info,version"),
-        (),
-        f"an export of OptiTrack's Arena or Tracking Tools; open the recording in Motive and {_MARKERS}, or CSV",
-    ),
     _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
     _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),

@@ -49,7 +49,7 @@ def test_points_in_images_say_what_to_do(refused, put):
 
 
 def test_some_other_table_is_refused_with_the_formats(refused, put):
-    assert "known are motive (.csv), nexus (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
+    assert "known are motive (.csv), nexus (.csv), tracking-tools (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
         put("a.csv", "name,age\nAnn,42\n")
     )
 
