@@ -188,8 +188,9 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
     owning = [(at, row[at]) for at, title in enumerate(titles[: len(row)]) if _OWNING.fullmatch(title)]
     if _NUMBERED in head.notices and len(owning) == len(head.bodies) and not any(is_number(cell) for _, cell in owning):
         head.notices.remove(_NUMBERED)
-        for body in head.bodies:
-            body.name = [cell for at, cell in owning if at < min(body.every_column)][-1:][0]
+        by_columns = sorted(head.bodies, key=lambda body: min(body.every_column))
+        for body, (_, cell) in zip(by_columns, owning, strict=True):
+            body.name = cell
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:

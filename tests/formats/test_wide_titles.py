@@ -191,3 +191,9 @@ def test_lengths_may_be_in_inches_or_feet(put, title, mm):
     titles = ",".join(title.format(name, axis) for name in ("nose", "tail") for axis in "xyz")
     take = read_take(put("inches.csv", f"{titles}\n" + rows()))
     np.testing.assert_allclose(take.positions, POSITIONS * mm)
+
+
+@pytest.mark.parametrize("titles", ["Joint,X,Y,Z,Joint,X,Y,Z", "X,Y,Z,Joint,X,Y,Z,Joint"])
+def test_names_in_cells_stand_before_or_behind_their_points(put, titles):
+    rows = ["hip,1,2,3,toe,4,5,6\n" if titles.startswith("J") else "1,2,3,hip,4,5,6,toe\n"] * 2
+    assert read_take(put("cells.csv", titles + "\n" + "".join(rows))).names == ("hip", "toe")
