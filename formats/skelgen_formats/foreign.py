@@ -88,6 +88,11 @@ _FOREIGN = (
         (".json",),
         "JSON; write the points as TRC or wide CSV, those of images triangulated first",
     ),
+    _Foreign(
+        (b"header:", b"---\n", b"%YAML"),
+        (".yaml", ".yml"),
+        "YAML; write the points as TRC or wide CSV, a topic of ROS with `rostopic echo -p` or `ros2 topic echo --csv`",
+    ),
     _Foreign((), (".pkl", ".pickle", ".p"), "a pickle, which may run anything; save the positions with numpy.save"),
     _Foreign((b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls", ".ods"), "a spreadsheet; save the sheet as CSV"),
     _Foreign((b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"), (".zip", ".gz", ".7z"), "an archive; unpack it first"),

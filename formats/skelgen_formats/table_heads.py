@@ -83,6 +83,8 @@ class Head:
         Unit of length and frame rate as stated, empty if they are not.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
+    titles : sequence of str
+        Of the columns, where they stand in one line.
     owners : list of int
         Columns that say whose row it is, where rows of several take turns.
     notices : list of str
@@ -97,6 +99,7 @@ class Head:
     rate: str = ""
     n_cells: int = 0
     n_lines: int = 1
+    titles: Sequence[str] = ()
     owners: list[int] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
@@ -302,7 +305,7 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
     if len(bodies) < _FEWEST and not any(body.is_turned or body.has_angles for body in bodies):
         return None
     unit = next((body.unit for body in bodies if body.unit), "")
-    found = Head(bodies, n_cells=len(titles), unit=unit, notices=notices)
+    found = Head(bodies, n_cells=len(titles), titles=titles, unit=unit, notices=notices)
     _find_times(found, titles)
     if undoubled(spelt(titles)) != spelt(titles):
         found.notices.append(_NUMBERED)

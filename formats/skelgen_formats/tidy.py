@@ -20,6 +20,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
+from skelgen_formats.assumed_units import notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -97,21 +98,30 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     notices = rows.notices + ([] if "axis" in at else _doubts(path, rows, places, "name" in at, width))
     if "frame" in at:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), notices)
-    numbers = np.full((len(every), n_names, width), np.nan)
-    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
-    if "axis" in at:
-        for axis in range(width):
-            has = ~np.isnan(cells[:, axis])
-            numbers[places[has], points[has], axis] = cells[has, axis]
-    else:
-        numbers[places, points] = cells
+    numbers = _spread(rows, places, (len(every), n_names, width), by_axis="axis" in at)
     times = np.array([rows.times[frame] for frame in every.tolist() if rows.times])
     stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
     numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     take = take_from_table(path, numbers, names, stamps, options, head.unit)
-    return replace(take, notices=(*notices, *take.notices))
+    notices += take.notices
+    if not head.unit and options.recorded_unit == AUTO:
+        notice_landmarks(head.titles, numbers, notices)
+    return replace(take, notices=tuple(notices))
+
+
+def _spread(rows: _Rows, places: Ints, shape: tuple[int, int, int], *, by_axis: bool) -> Floats:
+    """Return the numbers of all points in all frames, of this shape; of the last row where a point has several."""
+    numbers = np.full(shape, np.nan)
+    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, shape[2])
+    if not by_axis:
+        numbers[places, points] = cells
+        return numbers
+    for axis in range(shape[2]):
+        has = ~np.isnan(cells[:, axis])
+        numbers[places[has], points[has], axis] = cells[has, axis]
+    return numbers
 
 
 def _turned(path: Path, numbers: Floats, head: TidyHead, options: Options, notices: list[str]) -> Floats:

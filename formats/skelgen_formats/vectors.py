@@ -72,7 +72,8 @@ def _first_row(lines: Sequence[str]) -> int | None:
             kinds = [match[1].lower() for match in map(_TYPE.fullmatch, lines[:index]) if match]
             return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
         if index and lines[index - 1].strip() and any(map(_is_vector, _VECTOR.findall(line))):
-            return index
+            names, delimiter = _titles(lines, index)
+            return index if len(_cells(line, delimiter)) == len(names) > 1 else None
     return None
 
 

@@ -25,7 +25,7 @@ from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images
+from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import (
     BY_ROWS,
     blank_unseen,
@@ -198,7 +198,10 @@ def _take(
         head.notices += [BY_ROWS] if "8" in chosen[0].matrix else []
         numbers = with_quaternions_of_matrices(path, numbers)
     take = take_from_table(path, numbers, names, times, options, head.unit)
-    return replace(take, notices=(*head.notices, *take.notices))
+    notices = [*head.notices, *take.notices]
+    if not head.unit and options.recorded_unit == AUTO:
+        notice_landmarks(head.titles, numbers, notices)
+    return replace(take, notices=tuple(notices))
 
 
 def take_from_table(
