@@ -124,6 +124,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
 | NDI First Principles, Simi Motion as text | rate and unit before the titles, or neither | layout |
 | NDI Aurora, Polaris; ROS (`rostopic echo -p`) | tables of bodies with quaternions | layout of public recorders |
+| pandas' melt, R's pivot_longer | a row per coordinate: frame, variable, value | layout |
 | pandas, R, MATLAB, NumPy | tables of points as they write them: index, NA, name_1, # before titles | layout |
 | Kinetics Toolkit, Venus3D, recorders of NatNet | vectors `[0]` to `[3]`, titles twice, rows that end early | layout |
 | OpenSim .sto, Unity, pandas | a vector in each cell | layout of their writers |

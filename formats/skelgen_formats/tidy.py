@@ -27,7 +27,7 @@ from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RE
 from skelgen_formats.table_heads import UNREAD_QUATERNION
 from skelgen_formats.table_rows import notice_skipped, without_remarks
 from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
-from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
+from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import (
     AXES,
@@ -175,6 +175,9 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
             del at["frame"]  # names of images
         if clock and not rows.frames and not is_number(cells[clock.column].strip()):
             head.clock = replace(clock, second=1.0)
+        along = cells[at["axis"]].strip().lower()[-1:] if "axis" in at else ""
+        if along and at["axis"] == at["name"]:
+            cells[at["name"]] = AXIS_IN_NAME.sub("", cells[at["name"]].strip())
         frame = _number(path, number, seconds_of(cells[at["frame"]]) if "frame" in at else time, "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
@@ -186,7 +189,6 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         is_hidden |= "hidden" in at and cells[at["hidden"]].strip().lower() in _HIDDEN_FLAGS
         seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
         if "axis" in at:
-            along = cells[at["axis"]].strip().lower()
             seen = [value if axis == along else np.nan for axis, value in zip(AXES, seen, strict=True)]
         rows.numbers.extend([np.nan] * len(columns) if is_hidden else seen)
     return rows
