@@ -91,7 +91,8 @@ stands between the sampled frames is not checked; every other command reads, and
 `skelgen info --full`. Where the sample cannot tell (frames that an export leaves out, a line that cannot be read),
 the whole file is read at once. Files of 96 to 114 MB with 100,000 frames of 40 markers take 0.6 s of processor time
 as C3D (64 MB), mfml, npy or npz and 0.8 to 0.9 s as TRC, Qualisys, Nexus or wide CSV (4.1, 1.6 and 1.8 s for TRC, C3D
-and mfml if all is read); MVNX, MAT, TDF and tidy CSV are always read whole.
+and mfml if all is read); MVNX, MAT, TDF, tidy CSV and tables whose rows take
+turns are always read whole.
 
 ## What was tried
 

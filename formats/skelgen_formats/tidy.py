@@ -4,8 +4,9 @@ One line of titles names, in any order and case, a column of frames (or of times
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
 they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
-``axis`` and ``value``. Rate, unit and order of angles are those of a wide table. Cells are parted by commas,
-semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images, times tell them.
+``axis`` and ``value``, or names such as ``knee_x`` beside ``value``. Rate, unit and order of angles are those of a wide
+table. Cells are parted by commas, semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images,
+times tell them.
 """
 
 from array import array

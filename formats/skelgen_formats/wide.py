@@ -3,7 +3,7 @@
 Which columns are whose is said by the lines above the numbers (see `skelgen_formats.table_heads`); other columns are
 left out. Cells are parted by commas, semicolons, tabs or blanks. Points with a unit quaternion or three angles are
 bodies, and read as such where all are, or with the option `bodies`. How angles make a rotation no such file says; the
-usual order is assumed, and `angle_order` states another.
+usual order is assumed, and `angle_order` states another. Rows of several people or bones may take turns.
 
 Few such files state a frame rate or a unit. Else the rate is that of a column with times, in the unit that its title
 names or that gives a camera's rate, or 100 Hz is assumed, and the unit by the size of the coordinates; options state
