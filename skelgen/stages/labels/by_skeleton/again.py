@@ -29,8 +29,8 @@ from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
 DOUBTFUL = 0.01
-"""Part of the positions that are expected to be another marker's from which labels are sought again. What lacks a marker
-counts twice: a doubt may be needless."""
+"""Part of the positions that are expected to be another marker's from which labels are sought again; what lacks a
+marker counts twice, as a doubt may be needless."""
 
 LEFT_SECONDS = 0.06
 """s; what is followed for longer without a marker lacks one: false points do not last that long."""
