@@ -227,7 +227,7 @@ def _shared_stem(on_limb: Sequence[str]) -> str:
 def unique_names(named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints]) -> tuple[str, ...]:
     """Return a name for each limb; of limbs of one body that are called alike, all but the first get a number.
 
-    All named limbs of a body begin with its name, ``body2: pelvis``, if some are called as one of a body before it.
+    All named limbs of a body begin with its name, ``body2: pelvis``, if some are called as one of another body.
 
     Parameters
     ----------
@@ -237,18 +237,21 @@ def unique_names(named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints])
         The limbs of each body, in the order in which bodies are numbered; limbs without a name are called ``limb7``.
     """
     names = [f"limb{limb}" for limb in range(sum(map(len, bodies)))]
-    numbers, earlier = set(names), set[str]()
-    for number, limbs in enumerate(bodies, start=1):
-        own, taken = {}, set(numbers)
+    numbers = set(names)
+    own: list[dict[int, str]] = []
+    for limbs in bodies:
+        called, taken = dict[int, str](), set(numbers)
         order = sorted((limb for limb in limbs.tolist() if limb in named), key=lambda limb: (-named[limb][0], limb))
         for limb in order:
             name = named[limb][1]
-            own[limb] = next(
+            called[limb] = next(
                 one for one in chain([name], (f"{name} {again}" for again in count(2))) if one not in taken
             )
-            taken.add(own[limb])
-        begin = f"body{number}{BODY_END}" if earlier & set(own.values()) else ""
-        earlier |= set(own.values())
-        for limb, name in own.items():
+            taken.add(called[limb])
+        own.append(called)
+    n_bodies = Counter(name for called in own for name in called.values())
+    for number, called in enumerate(own, start=1):
+        begin = f"body{number}{BODY_END}" if any(n_bodies[name] > 1 for name in called.values()) else ""
+        for limb, name in called.items():
             names[limb] = begin + name
     return tuple(names)

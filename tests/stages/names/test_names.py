@@ -97,11 +97,11 @@ def test_two_limbs_never_have_one_name():
     assert name_limbs(limbs, names) == ("left thigh 2", "left thigh", "right thigh", "chest", "left shank")
 
 
-def test_a_body_whose_limbs_are_called_as_those_of_another_has_one_number():
-    limbs, names = limbs_of([["C7", "T10"], ["LTHI", "LTHI2"], ["LANK"], ["C7_b", "T10_b"], ["LTHI_b"]])
-    apart = dataclasses.replace(limbs, body_of_limb=np.array([0, 0, 0, 1, 1]), body_probability=np.ones(2))
-    assert name_limbs(apart, names)[:3] == ("chest", "left thigh", "left shank")
-    assert name_limbs(apart, names)[3:] == ("body2: chest", "body2: left thigh")
+def test_bodies_whose_limbs_are_called_alike_have_their_number_before_each_name():
+    limbs, names = limbs_of([["C7", "T10"], ["LTHI", "LTHI2"], ["LANK"], ["C7_b", "T10_b"], ["LTHI_b"], ["LFHD"]])
+    apart = dataclasses.replace(limbs, body_of_limb=np.array([0, 0, 0, 1, 1, 2]), body_probability=np.ones(3))
+    assert name_limbs(apart, names)[:3] == ("body1: chest", "body1: left thigh", "body1: left shank")
+    assert name_limbs(apart, names)[3:] == ("body2: chest", "body2: left thigh", "head")
 
 
 @pytest.fixture(scope="module")
