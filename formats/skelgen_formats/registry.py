@@ -71,7 +71,7 @@ FORMATS: tuple[Format, ...] = (
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT),
-    *(untitled.FORMAT, mfml.FORMAT, classic_texts.COSTS, classic_texts.TREE),
+    *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 
