@@ -92,6 +92,7 @@ def test_a_project_is_exported_as_the_page_says(page, click, tmp_path):
 def test_options_of_the_format_are_a_form_and_are_obeyed(page, click, tmp_path, session):
     page.choice.setCurrentText("Character Studio marker file")
     assert set(page.form.rows) == {"dropout", "axes", "unit", "rate", "filled"}
+    assert page.form.rows["rate"].label.text() == "Rate, 0 as recorded"
     page.form.rows["dropout"].editor.setCurrentText("zero")
     click(page.export)
     back = skelgen.read(tmp_path / "out" / "walk.csm")
