@@ -242,8 +242,8 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
         raise WriteError(f"the format {entry.name} can only be read")
     monitor.begin(f"writing {path.name}")
     value = with_bone_names(with_rest_pose(value, options.rest), options.bone_names)
-    turn = turn_wished(value, options, entry.up)
-    return entry.write(with_up_axis(with_rate(value, options.rate), turn), path, options, monitor)
+    options = replace(options, axes=turn_wished(value, options, entry.up))
+    return entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:
