@@ -298,6 +298,14 @@ def test_notes_with_a_file_for_each_body_are_those_of_the_files(two, tmp_path):
     assert len(parts) == len(set(parts)) > 0
 
 
+def test_a_pose_at_rest_is_that_of_one_body_in_a_file_of_its_own(two_people, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    names = ("x.bvh", "{body}.bvh")
+    whole, parts = (preview_export(two_people, bvh, tmp_path / name, {"rest": "t-pose"}).remarks for name in names)
+    assert "Bones rest in the reference pose: a t-pose is that of one body in a file of its own." in whole
+    assert not any("rest in the reference" in remark for remark in parts)
+
+
 def test_a_note_on_one_body_begins_with_the_name_of_its_file(two_people, tmp_path):
     bvh = next(entry for entry in export_formats() if entry.name == "bvh")
     odd = next(limb for limb, name in enumerate(two_people.limbs.names) if name == "body2: head")
