@@ -137,6 +137,14 @@ def test_bare_take_has_a_report(take, is_played):
     assert set(re.findall(r'<section id="(\w+)"', report_html(Project(take)))) == wanted
 
 
+def test_a_constant_number_of_points_is_told_once_and_many_notices_are_folded():
+    cloud = PointCloud(np.arange(12.0).reshape(4, 3), np.array([0, 2, 4]), np.array([0.0, 0.1]))
+    told = {number: replace(cloud, notices=tuple(map(str, range(number)))) for number in (12, 13)}
+    assert ("Points per frame", "2") in report_content(Project(cloud)).input.facts
+    assert "<details open><summary>Notices of all stages (12)" in report_html(Project(told[12]))
+    assert "<details><summary>Notices of all stages (13)" in report_html(Project(told[13]))
+
+
 def test_take_without_frames_has_no_timeline():
     take = Trajectories(np.zeros((0, 2, 3)), ("a", "b"), RATE)
     project = Project(take).with_trajectories(take, StageReport())
