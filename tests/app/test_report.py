@@ -362,6 +362,16 @@ def test_joints_and_limbs_are_called_by_their_names():
     assert not re.search("between limb [0-9]", text)
 
 
+def test_in_the_tree_the_root_names_the_body_and_other_limbs_stand_without_it():
+    project = build_project()
+    names = [f"body2: left thigh {limb}" for limb in range(project.limbs.n_limbs)]
+    tree = str(tree_figure(project.with_limb_names(names), measures.joint_lengths(project)))
+    shown = re.findall(r'class="strong"[^>]*>([^<]*)<', tree)
+    roots = [limb for limb, parent in enumerate(project.topology.parents) if parent < 0]
+    assert [limb for limb, name in enumerate(shown) if name.startswith("body2: ")] == roots
+    assert {name for limb, name in enumerate(shown) if limb not in roots} <= {name[7:] for name in names}
+
+
 def test_boxes_of_the_tree_show_the_names_of_limbs_that_have_one():
     project = build_project()
     names = ("left upper arm", *project.limbs.names[1:])
