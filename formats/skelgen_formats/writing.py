@@ -173,7 +173,7 @@ def marker_files(path: Path, filled: bool) -> tuple[Path, ...]:
 
 def table_of(path: Path) -> Path:
     """Return where the table of filled positions belongs to a file of markers."""
-    return path.with_name(path.stem + TABLE_SUFFIX)
+    return path.with_name(path.stem.removesuffix(TABLE_SUFFIX.removesuffix(".csv")) + TABLE_SUFFIX)
 
 
 _GRAVITY = 9.80665  # m/s^2, the standard
