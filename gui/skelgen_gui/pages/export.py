@@ -354,7 +354,7 @@ class _ExportTarget(QWidget):
             Beginning of the files' names.
         """
         if folder is not None:
-            self.folder_line.setText(str(folder))
+            self.folder_line.setText(str(folder.absolute()))  # not as the command line named it
         self.name_line.setText(name)
 
     def _browse(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,6 +209,12 @@ def test_another_recording_is_suggested_its_own_name(page, session, walked, tmp_
     take = skelgen.Trajectories(walked[0].trajectories.positions, walked[0].trajectories.names, 100.0, "jump.c3d")
     session.open(Project(take), tmp_path / "jumps" / "jump.skelgen")
     assert (page.target.folder, page.target.name) == (tmp_path / "jumps", "jump")
+
+
+def test_a_folder_is_suggested_with_its_whole_path(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page.target.suggest(Path("walk"), "walk")
+    assert page.target.folder_line.text() == str(tmp_path / "walk")
 
 
 def test_a_folder_can_be_chosen(page, click, monkeypatch, tmp_path):
