@@ -91,7 +91,8 @@ stands between the sampled frames is not checked; every other command reads, and
 `skelgen info --full`. Where the sample cannot tell (frames that an export leaves out, a line that cannot be read),
 the whole file is read at once. Files of 96 to 114 MB with 100,000 frames of 40 markers take 0.6 s of processor time
 as C3D (64 MB), mfml, npy or npz and 0.8 to 0.9 s as TRC, Qualisys, Nexus or wide CSV (4.1, 1.6 and 1.8 s for TRC, C3D
-and mfml if all is read); MVNX, MAT, TDF and tidy CSV are always read whole.
+and mfml if all is read); MVNX, MAT, TDF, tidy CSV and tables whose rows take
+turns are always read whole.
 
 ## What was tried
 
@@ -108,6 +109,7 @@ public repositories have, made by the tests. What is not named was not tried.
 | Vicon Nexus CSV | 2.x: with and without blank lines and other blocks | two recorded; layout |
 | Vicon Workstation, Nexus 1 CSV | TRAJECTORIES, Field # | layout of public readers |
 | OptiTrack Motive CSV | format versions 1.2, 1.22 to 1.25: markers, rigid bodies, bones, also with angles | layout |
+| OptiTrack CSV 1.1 | Tracking Tools, Arena, first Motive | layout of public readers |
 | Qualisys TSV | 3D | recorded; layout |
 | Qualisys TSV | 6D, with and without FILE_VERSION | layout of a public recording |
 | Qualisys TSV | skeletons in global coordinates | layout of public scripts |
@@ -123,12 +125,14 @@ public repositories have, made by the tests. What is not named was not tried.
 | anipose, DeepLabCut in 3D; CSV and Parquet | titles only | layout |
 | NDI First Principles, Simi Motion as text | rate and unit before the titles, or neither | layout |
 | NDI Aurora, Polaris; ROS (`rostopic echo -p`) | tables of bodies with quaternions | layout of public recorders |
+| pandas' melt, R's pivot_longer | a row per coordinate: frame, variable, value | layout |
 | pandas, R, MATLAB, NumPy | tables of points as they write them: index, NA, name_1, # before titles | layout |
 | Kinetics Toolkit, Venus3D, recorders of NatNet | vectors `[0]` to `[3]`, titles twice, rows that end early | layout |
 | OpenSim .sto, Unity, pandas | a vector in each cell | layout of their writers |
 | tables of bodies with angles | roll, pitch, yaw; Rx, Ry, Rz; rotation vectors | layout; a simulated person |
 | tables of bodies with matrices | r11 to r33, R[0][0] to R[2][2], Rot[0] to Rot[8] | layout; skelgen's own |
 | CODA text, loggers of Kinect, NatNet, ArUco | flags of visibility, times of a clock, people by number | layout |
+| Leap Motion, Blender scripts, SLEAP | a row for each bone or animal of a frame | layout |
 | EuRoC, TUM, ROS 2, D-Flow, JARVIS | seconds and nanoseconds, names in cells, force plates, blanks | layout |
 | TUM, KITTI | poses as numbers without titles, also 4 x 4 matrices, with a time or without | layout of recordings |
 | OpenFace, Unreal, The Captury, scripts of Vicon's DataStream | X_0 to X_67, Loc and Rot, units of places | layout |

@@ -5,6 +5,9 @@ user, with the size of what was captured, and with a doubt where that would be a
 positions look as if they were made of images.
 """
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from skelgen.model.arrays import Floats
@@ -15,6 +18,12 @@ _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, o
 _LOOKED_AT = 200  # frames that tell how large is what was captured
 _PERSON = (0.5, 3.0)  # m, from end to end
 _FLAT = 0.01  # of the largest coordinates along x and y: depths that are none
+_VISIBILITY = re.compile(r"(?:.*[_ .])?vis(?:ibility)?(?:[_ .]?\d+)?", re.IGNORECASE)
+_FEW = 0.1  # of the coordinates in an image that lie out of it, left or above
+_FRACTIONS = (
+    "fractions of an image, as MediaPipe's landmarks, are no positions; if they are that, give its world landmarks,"
+    " in metres"
+)
 _FEWEST_PIXELS, _LEAST_SPAN = 50.0, 0.1  # the largest coordinate in an image; span of what fills a part of it
 
 
@@ -70,12 +79,28 @@ def notice_images(positions: Floats, notices: list[str]) -> None:
         return
     across, depth = np.abs(points[:, :2]).max(), np.abs(points[:, 2]).max()
     if _span(some) > _LEAST_SPAN and points[:, :2].min() >= 0.0 and max(across, depth) <= 1.0:
-        notices.append(
-            "x and y lie between 0 and 1: fractions of an image, as MediaPipe's landmarks, are no positions;"
-            " if they are that, give its world landmarks, in metres"
-        )
+        notices.append(f"x and y lie between 0 and 1: {_FRACTIONS}")
     elif 0.0 < depth < _FLAT * across and across > _FEWEST_PIXELS:
         notices.append("z is far smaller than x and y: pixels of an image are no positions; triangulate them first")
+
+
+def notice_landmarks(titles: Sequence[str], positions: Floats, notices: list[str]) -> None:
+    """Say if positions beside columns of visibility look like fractions of an image, some of them out of the picture.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns.
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        In the file's unit, which it does not name; NaN where unseen. World landmarks are around (0, 0, 0).
+    notices : list of str
+        Gets a sentence.
+    """
+    across = _some(positions)[..., :2]
+    across = across[np.isfinite(across)] if any(map(_VISIBILITY.fullmatch, titles)) else across[:0]
+    is_told = any(_FRACTIONS in notice for notice in notices)
+    if len(across) and not is_told and (across < 0.0).mean() < _FEW and np.median(across) < 1.0:
+        notices.append(f"x and y beside columns of visibility are mostly between 0 and 1: {_FRACTIONS}")
 
 
 def _some(positions: Floats) -> Floats:

@@ -22,10 +22,11 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import quaternions_from_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
+from skelgen_formats.markers import array_from_records
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, Format, Options
+from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
 
 _FRAME, _TIME = "fr", "ts"
@@ -56,28 +57,18 @@ def read_dtrack(path: Path, options: Options) -> Trajectories | PointCloud | Pos
     """
     lines = read_lines(path)
     times, bodies, markers = _records(path, lines)
-    stamps = np.array(times) if len(times) == len(bodies) else None
+    stamps = since_first(np.array(times), 1.0) if len(times) == len(bodies) else None
     if any(bodies) and options.points == AUTO:
         numbers = sorted({number for frame in bodies for number in frame})
-        found = _array(bodies, numbers, _PLACE + _MATRIX)
+        found = array_from_records(path, bodies, numbers, _PLACE + _MATRIX)
         matrices = found[:, :, _PLACE:].reshape(*found.shape[:2], 3, 3).swapaxes(2, 3)
         poses = np.concatenate([found[:, :, :_PLACE], quaternions_from_matrices(path, matrices)], axis=2)
         return take_from_table(path, poses, [f"body {number + 1}" for number in numbers], stamps, options, "mm")
     if not any(markers):
         raise FormatError(path, "", "lists no body (6d) and no single marker (3d); switch them on in DTrack's output")
-    positions = _array(markers, list(range(max(map(len, markers)))), _PLACE)
+    positions = array_from_records(path, markers, list(range(max(map(len, markers)))), _PLACE)
     names = [f"*{number + 1}" for number in range(positions.shape[1])]
     return take_from_table(path, positions, names, stamps, options, "mm")
-
-
-def _array(frames: _Records, numbers: list[int], width: int) -> Floats:
-    """Return what frames list, shape (n_frames, n_numbers, width), NaN where they do not."""
-    found = np.full((len(frames), len(numbers), width), np.nan)
-    for row, frame in zip(found, frames, strict=True):
-        for at, number in enumerate(numbers):
-            if number in frame:
-                row[at] = frame[number]
-    return found
 
 
 def _records(path: Path, lines: Lines) -> tuple[list[float], _Records, _Records]:

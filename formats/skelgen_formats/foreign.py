@@ -47,11 +47,6 @@ _FOREIGN = (
         (), (".vsk", ".vst", ".vss", ".mp", ".mkr"), f"a subject of Vicon, without a recording; {_MARKERS} from Nexus"
     ),
     _Foreign((), (".x1d", ".x2d", ".xcp", ".trial", ".system"), f"raw data of Vicon; {_MARKERS} from Nexus"),
-    _Foreign(
-        (b"comment,NaturalPoint", b"info,version"),
-        (),
-        f"an export of OptiTrack's Arena or Tracking Tools; open the recording in Motive and {_MARKERS}, or CSV",
-    ),
     _Foreign((), (".tak", ".ttp"), f"a take of OptiTrack Motive; {_MARKERS}, or CSV, from Motive"),
     _Foreign((), (".qtm", ".qca"), f"a measurement of Qualisys; {_MARKERS}, or TSV, from Track Manager"),
     _Foreign((), (".mvn",), "a session of Xsens; export MVNX or C3D from MVN"),
@@ -92,6 +87,11 @@ _FOREIGN = (
         (b"{", b"[{", b"[[", b"[\n", b"[\r", b"[ "),
         (".json",),
         "JSON; write the points as TRC or wide CSV, those of images triangulated first",
+    ),
+    _Foreign(
+        (b"header:", b"---\n", b"%YAML"),
+        (".yaml", ".yml"),
+        "YAML; write the points as TRC or wide CSV, a topic of ROS with `rostopic echo -p` or `ros2 topic echo --csv`",
     ),
     _Foreign((), (".pkl", ".pickle", ".p"), "a pickle, which may run anything; save the positions with numpy.save"),
     _Foreign((b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls", ".ods"), "a spreadsheet; save the sheet as CSV"),

@@ -1,4 +1,4 @@
-"""Lines of text files as motion capture programs write them: any line end, a byte order mark, latin-1; and samples.
+"""Lines of text files as motion capture programs write them, in any encoding, with any line end; and samples.
 
 A sample stands for all frames of a large file: `skelgen info` reads it, so that it answers within a second. Frames are
 counted, not estimated; only the positions are those of some of them, evenly spread.
@@ -19,6 +19,15 @@ from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 _UTF8_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_TIMES = {
+    "gb18030": ("时间", "帧数", "帧号"),
+    "cp932": ("時間", "フレーム"),
+    "cp949": ("시간", "프레임"),
+    "cp1251": ("Время", "время", "Кадр", "кадр"),
+}
+"""Words of titles that tell in which encoding of older programs a text is."""
+
+_TITLES = 1 << 14  # bytes in which they are sought
 _PAIRS = 16  # bytes that tell UTF-16 without a mark
 _LOOKED_AT = 1 << 20  # bytes looked at at once: what stays in the processor's cache
 _LINE_END, _PARTING = 10, str.maketrans(",;", "  ")
@@ -231,8 +240,9 @@ class Lines(Sequence[str]):
 def read_lines(path: Path, sample: Sample | None = None) -> Lines:
     """Return the lines of a text file without their line ends.
 
-    UTF-8 and UTF-16 are recognised, with or without a byte order mark; anything else is taken as latin-1,
-    as older Windows programs write it. Lines may end with LF, CR LF or CR.
+    UTF-8 and UTF-16 are recognised, with or without a byte order mark; encodings of Chinese, Japanese, Korean and
+    Russian Windows by titles of time or frames; anything else is taken as latin-1, as older Windows programs write it.
+    Lines may end with LF, CR LF or CR.
 
     Parameters
     ----------
@@ -255,7 +265,10 @@ def read_lines(path: Path, sample: Sample | None = None) -> Lines:
         raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return Lines(path, content.removeprefix(_UTF8_MARK), "utf-8" if _is_utf8(content) else "latin-1", sample)
+    titles = content[:_TITLES]
+    told = (kind for kind, words in _TIMES.items() if any(word.encode(kind) in titles for word in words))
+    encoding = next((kind for kind in ("utf-8", *told) if _is_text(content, kind)), "latin-1")
+    return Lines(path, content.removeprefix(_UTF8_MARK), encoding, sample)
 
 
 def decoded_head(head: bytes) -> str:
@@ -281,8 +294,8 @@ def _utf8_from_utf16(path: Path, content: bytes, encoding: str) -> bytes:
         raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
 
 
-def _is_utf8(content: bytes) -> bool:
-    decoder = codecs.getincrementaldecoder("utf-8")()
+def _is_text(content: bytes, encoding: str) -> bool:
+    decoder = codecs.getincrementaldecoder(encoding)()
     try:
         for start in range(0, len(content), _PIECE):
             decoder.decode(content[start : start + _PIECE])

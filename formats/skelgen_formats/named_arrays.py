@@ -21,6 +21,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.bodies import with_quaternions_of_matrices
 from skelgen_formats.options import Options
+from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
@@ -75,11 +76,11 @@ def take_from_arrays(
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
     rate = _number(arrays, _RATES)
     times = next((one for one in _called(arrays, _TIMES) if one.shape == numbers.shape[:1]), None)
+    stamps = None if times is None or times.dtype.kind not in "fiu" else since_first(times.astype(np.float64), 0.0)
     if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
-        times = np.arange(len(numbers)) / rate
-    times = None if times is None or times.dtype.kind not in "fiu" else times.astype(np.float64)
+        stamps = since_first(np.arange(len(numbers)) / rate, 1.0)
     unit = next((str(one) for one in _called(arrays, _UNITS) if one.ndim == 0), "")
-    take = take_from_table(path, numbers, names, times, options, unit)
+    take = take_from_table(path, numbers, names, stamps, options, unit)
     return replace(take, notices=(*notices, *take.notices))
 
 

@@ -204,7 +204,7 @@ def _leading_cells(path: Path, lines: Sequence[str], first: int, n_cells: int, d
     if first == len(lines):
         raise FormatError(path, first, "the file ends after its header; the frames are missing")
     titles = [cell.strip().lower() for cell in lines[first].split(delimiter)]
-    if titles[0] in _LEADING_TITLES or titles[0].endswith(" x"):
+    if titles[0] in (*_LEADING_TITLES, "x") or titles[0].endswith(" x"):
         return sum(title in _LEADING_TITLES for title in titles[:_MAX_LEADING]), first + 1
     leading = len(without_trailing_empty(titles)) - n_cells
     return max(0, min(leading, _MAX_LEADING)), first

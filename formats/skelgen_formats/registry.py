@@ -44,6 +44,7 @@ from skelgen_formats import (
     tables,
     tdf,
     tidy,
+    tracking_tools,
     trc,
     untitled,
     urdf,
@@ -67,7 +68,7 @@ _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which
 
 FORMATS: tuple[Format, ...] = (
     *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT, arrays.FORMAT),
-    *(qualisys_mat.FORMAT, tdf.FORMAT, emt.FORMAT, dtrack.FORMAT),
+    *(qualisys_mat.FORMAT, tdf.FORMAT, emt.FORMAT, dtrack.FORMAT, tracking_tools.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT),

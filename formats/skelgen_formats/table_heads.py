@@ -19,7 +19,7 @@ from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import is_number, seconds_of, unquoted, without_trailing_empty
-from skelgen_formats.titles import axis_alone, bodies_of, not_taken, spelt, undoubled
+from skelgen_formats.titles import axis_alone, bodies_of, not_taken, spelt, undoubled, with_axes
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
 
 HEAD_LINES = 24
@@ -54,9 +54,11 @@ UNREAD_QUATERNION = "quaternions are left out until titles say which number is w
 """A notice of quaternions whose components are numbered."""
 
 _OWNING = re.compile(
-    r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point)[ _]?(?:name|label|type)?", re.IGNORECASE
+    r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point|finger|hand|side)[ _]?(?:name|label|type)?",
+    re.IGNORECASE,
 )
 _NUMBERED = "X, Y and Z stand several times without names in their line: points are numbered"
+_IN_THREES = "three columns under one name are taken as x, y and z"
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
@@ -81,8 +83,10 @@ class Head:
         Unit of length and frame rate as stated, empty if they are not.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
-    mixed : str
-        Title of a column that says whose row it is, where rows of several take turns.
+    titles : sequence of str
+        Of the columns, where they stand in one line.
+    owners : list of int
+        Columns that say whose row it is, where rows of several take turns.
     notices : list of str
         What is left out.
     """
@@ -95,7 +99,8 @@ class Head:
     rate: str = ""
     n_cells: int = 0
     n_lines: int = 1
-    mixed: str = ""
+    titles: Sequence[str] = ()
+    owners: list[int] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
 
@@ -186,24 +191,32 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
     owning = [(at, row[at]) for at, title in enumerate(titles[: len(row)]) if _OWNING.fullmatch(title)]
     if _NUMBERED in head.notices and len(owning) == len(head.bodies) and not any(is_number(cell) for _, cell in owning):
         head.notices.remove(_NUMBERED)
-        for body in head.bodies:
-            body.name = [cell for at, cell in owning if at < min(body.every_column)][-1:][0]
+        by_columns = sorted(head.bodies, key=lambda body: min(body.every_column))
+        for body, (_, cell) in zip(by_columns, owning, strict=True):
+            body.name = cell
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:
-    """Find out whether rows of several people take turns, and leave out flags that hold no 0 or 1."""
+    """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
     for body in head.bodies:
         if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
             body.flag = None
-    is_same_frame = head.frames is not None and len({tuple(row[head.frames :][:1]) for row in rows[:2]}) < len(rows[:2])
-    for column, title in enumerate(every[head.n_lines - 1]):
-        owners = [owner for owner, _ in groupby(row[column] for row in rows if column < len(row))]
-        if _OWNER.fullmatch(title):
-            head.mixed = title if len(set(owners)) < len(owners) else head.mixed
-        elif is_same_frame and not head.mixed:
-            words = {row[column] for row in rows[:2] if column < len(row) and not is_number(seconds_of(row[column]))}
-            head.mixed = title if len(words) > 1 else ""
+    head.owners = _owners(head, every[head.n_lines - 1], rows)
+
+
+def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
+    """Return the columns that say whose row it is; none if rows do not take turns."""
+    columns = {at: [row[at] for row in rows if at < len(row)] for at in range(len(titles))}
+    named = {at for at, title in enumerate(titles) if _OWNER.fullmatch(title) or _OWNING.fullmatch(title)}
+    words = {at for at, cells in columns.items() if not any(map(is_number, map(seconds_of, cells)))}
+    frames = columns.get(-1 if head.frames is None else head.frames, [])[:2]
+    differing = {at for at in words if len({*frames}) < len(frames) and len({*columns[at][:2]}) > 1}
+    recurring = {
+        at for at in named if _OWNER.fullmatch(titles[at]) and len({*columns[at]}) < len([*groupby(columns[at])])
+    }
+    taking_turns = differing | recurring
+    return sorted((named & words if taking_turns & named else set()) or taking_turns)
 
 
 def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
@@ -286,10 +299,13 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         Lines from that of the titles on, without quotes.
     """
     titles = without_trailing_empty(rows[0])
-    bodies = bodies_of(titles)
+    bodies, notices = bodies_of(titles), []
+    if not bodies and (titled := with_axes(titles)):
+        titles, bodies, notices = titled, bodies_of(titled), [_IN_THREES]
     if len(bodies) < _FEWEST and not any(body.is_turned or body.has_angles for body in bodies):
         return None
-    found = Head(bodies, n_cells=len(titles), unit=next((body.unit for body in bodies if body.unit), ""))
+    unit = next((body.unit for body in bodies if body.unit), "")
+    found = Head(bodies, n_cells=len(titles), titles=titles, unit=unit, notices=notices)
     _find_times(found, titles)
     if undoubled(spelt(titles)) != spelt(titles):
         found.notices.append(_NUMBERED)

@@ -3,12 +3,14 @@
 import contextlib
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from skelgen.progress import counted
 from skelgen_formats.table_heads import Head
-from skelgen_formats.text import is_number, unquoted
+from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 
+_COMMENTS = ("#", "%", "//")
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
 
@@ -75,6 +77,46 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
+def without_remarks(
+    numbered: Iterable[tuple[int, str]], delimiter: str | None, count: int | None, notices: list[str]
+) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are rows: no comments, titles that stand again, means or words below the table.
+
+    A row has a number in the column that counts, if the first row has one there, else in any column.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        Below the titles.
+    delimiter : str or None
+        What parts cells.
+    count : int or None
+        The column of frame numbers or times.
+    notices : list of str
+        Gets a sentence if lines are left out.
+    """
+    left_out, is_counted = [], None
+    for number, line in numbered:
+        cells = [] if is_counted is not None and not line[:1].isalpha() else line.split(delimiter)
+        if line.startswith(_COMMENTS) or (cells and not _is_row(cells, count if is_counted else None)):
+            left_out.append(f"{number}")
+            continue
+        if is_counted is None:
+            is_counted = count is not None and _is_row(cells, count)
+        yield number, line
+    if left_out:
+        lines = counted(len(left_out), "line is no row of the table", "lines are no rows of the table")
+        notices.append(f"{lines} and left out: {', '.join(left_out[:8])}")
+
+
+def _is_row(cells: Sequence[str], count: int | None) -> bool:
+    """Whether cells hold a number where one counts, or one anywhere, or no words."""
+    if count is not None:
+        return count < len(cells) and is_number(seconds_of(cells[count]).strip())
+    words = [cell for cell in map(str.strip, cells) if not is_unseen(cell)]
+    return not words or any(map(is_number, words))
+
+
 def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
     """Yield lines with seconds for dates, times of a clock and seconds in two columns, in the column of times.
 
@@ -93,6 +135,7 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         if clock and len(cells) > max(clock.column, clock.fraction or 0):
             if is_first:
                 is_plain = clock.fraction is None and is_number(cells[clock.column].strip())
+                head.clock = clock if is_plain else replace(clock, second=1.0)
             cells[clock.column] = cells[clock.column] if is_plain else clock.moment(cells)
         is_first = False
         yield number, (head.delimiter or " ").join(cells) if cells else line
@@ -120,11 +163,24 @@ def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, ev
             last, step = frame, frame - last
             steps[min(int(step), _LONG_STEP)] += 1
         yield number, line
-    usual = max(steps, key=steps.__getitem__, default=0)
-    longer = sum(count for step, count in steps.items() if step > usual > 0)
     if back:
         what = "rows of several takes or people follow each other, and are taken as one"
         head.notices.append(f"frame numbers go back in line {back}: {what}")
-    elif longer and every:
+    elif every:
+        notice_skipped(steps, head.notices)
+
+
+def notice_skipped(steps: Counter[int], notices: list[str]) -> None:
+    """Say in how many places frame numbers leave some out.
+
+    Parameters
+    ----------
+    steps : Counter of int
+        From each frame number to the next.
+    notices : list of str
+        Gets a sentence if there are longer steps than the usual one.
+    """
+    usual = max(steps, key=steps.__getitem__, default=0)
+    if longer := sum(count for step, count in steps.items() if step > usual > 0):
         where = counted(longer, "place", "places")
-        head.notices.append(f"frame numbers leave some out in {where}; rows are taken as if they followed each other")
+        notices.append(f"frame numbers leave some out in {where}; rows are taken as if they followed each other")

@@ -15,7 +15,9 @@ from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 
-_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a", "na", "#n/a", "<na>", ".", "missing", "undefined"})
+_UNSEEN_WORDS = frozenset(
+    {"", "nan", "null", "none", "-", "--", "---", "n/a", "n/d", "na", "#n/a", "<na>", ".", "missing", "undefined"}
+)
 _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)

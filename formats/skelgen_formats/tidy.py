@@ -4,8 +4,9 @@ One line of titles names, in any order and case, a column of frames (or of times
 points, and ``x``, ``y``, ``z`` (also ``pos_x``, ``x_mm``, ``X (m)``); a second column of names, such as FreeMoCap's
 model, parts points of one name. Without a column of names the points are a cloud; with ``qw``, ``qx``, ``qy``, ``qz``
 they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
-``axis`` and ``value``. Rate, unit and order of angles are those of a wide table. Cells are parted by commas,
-semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images, times tell them.
+``axis`` and ``value``, or names such as ``knee_x`` beside ``value``. Rate, unit and order of angles are those of a wide
+table. Cells are parted by commas, semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images,
+times tell them.
 """
 
 from array import array
@@ -20,12 +21,15 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
+from skelgen_formats.assumed_units import notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.table_heads import UNREAD_QUATERNION
+from skelgen_formats.table_rows import notice_skipped, without_remarks
 from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
-from skelgen_formats.tidy_heads import TidyHead, find_tidy_head
+from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
+from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import (
     AXES,
     COMPONENTS,
@@ -34,21 +38,23 @@ from skelgen_formats.turn_titles import (
     numbered_quaternions,
     order_of,
 )
-from skelgen_formats.wide import since_first, take_from_table
+from skelgen_formats.wide import take_from_table
 
 _UNSEEN_FLAGS, _HIDDEN_FLAGS = ("0", "false", "0.0"), ("1", "true", "1.0")
+_LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
 @dataclass
 class _Rows:
-    """What the rows hold: of each the frame, the point and its numbers; names of points, and times by frame."""
+    """What the rows hold: of each the frame, the point and its numbers; names of points, times by frame, notices."""
 
     frames: "array[float]" = field(default_factory=lambda: array("d"))
     points: "array[int]" = field(default_factory=lambda: array("q"))
     numbers: "array[float]" = field(default_factory=lambda: array("d"))
     names: dict[tuple[str, ...], int] = field(default_factory=dict)
     times: dict[float, float] = field(default_factory=dict)
+    notices: list[str] = field(default_factory=list)
 
 
 def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
@@ -90,24 +96,33 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         unread = f"; {UNREAD_QUATERNION}" if numbered_quaternions(head.titles) else ""
         what = "one position per frame, and no column of names: a single point has no skeleton"
         raise FormatError(path, 1, f"{what}{unread}")
-    notices = [] if "axis" in at else _doubts(path, rows, places, "name" in at, width)
-    numbers = np.full((len(every), n_names, width), np.nan)
-    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, width)
-    if "axis" in at:
-        for axis in range(width):
-            has = ~np.isnan(cells[:, axis])
-            numbers[places[has], points[has], axis] = cells[has, axis]
-    else:
-        numbers[places, points] = cells
-    stamps = None
-    if rows.times and head.clock:
-        stamps = np.array([rows.times[frame] for frame in every.tolist()])
-        stamps = since_first(stamps, head.clock.second)
+    notices = rows.notices + ([] if "axis" in at else _doubts(path, rows, places, "name" in at, width))
+    if "frame" in at:
+        notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), notices)
+    numbers = _spread(rows, places, (len(every), n_names, width), by_axis="axis" in at)
+    times = np.array([rows.times[frame] for frame in every.tolist() if rows.times])
+    stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
     numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     take = take_from_table(path, numbers, names, stamps, options, head.unit)
-    return replace(take, notices=(*notices, *take.notices))
+    notices += take.notices
+    if not head.unit and options.recorded_unit == AUTO:
+        notice_landmarks(head.titles, numbers, notices)
+    return replace(take, notices=tuple(notices))
+
+
+def _spread(rows: _Rows, places: Ints, shape: tuple[int, int, int], *, by_axis: bool) -> Floats:
+    """Return the numbers of all points in all frames, of this shape; of the last row where a point has several."""
+    numbers = np.full(shape, np.nan)
+    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, shape[2])
+    if not by_axis:
+        numbers[places, points] = cells
+        return numbers
+    for axis in range(shape[2]):
+        has = ~np.isnan(cells[:, axis])
+        numbers[places[has], points[has], axis] = cells[has, axis]
+    return numbers
 
 
 def _turned(path: Path, numbers: Floats, head: TidyHead, options: Options, notices: list[str]) -> Floats:
@@ -148,8 +163,10 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
     rows, columns, count = _Rows(), _numbered(at), Counter[float]()
     parts = [at[what] for what in ("name", "group") if what in at]
-    for number, line in lines.numbered(head.first + 1):
-        cells = unquoted(line, head.delimiter).split(head.delimiter)
+    plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.first + 1))
+    counted_by = at.get("frame", clock.column if clock else None)
+    for number, line in without_remarks(plain, head.delimiter, counted_by, rows.notices):
+        cells = line.split(head.delimiter)
         further = len(head.titles) if head.delimiter else len(cells)
         if len(cells) <= max(at.values()) or any(map(str.strip, cells[further:])) or further < len(head.titles):
             what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
@@ -157,6 +174,11 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         time = clock.moment(cells) if clock else ""
         if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
             del at["frame"]  # names of images
+        if clock and not rows.frames and not is_number(cells[clock.column].strip()):
+            head.clock = replace(clock, second=1.0)
+        along = cells[at["axis"]].strip().lower()[-1:] if "axis" in at else ""
+        if along and at["axis"] == at["name"]:
+            cells[at["name"]] = AXIS_IN_NAME.sub("", cells[at["name"]].strip())
         frame = _number(path, number, seconds_of(cells[at["frame"]]) if "frame" in at else time, "the frame")
         count[frame] += 1
         name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
@@ -168,7 +190,6 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         is_hidden |= "hidden" in at and cells[at["hidden"]].strip().lower() in _HIDDEN_FLAGS
         seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
         if "axis" in at:
-            along = cells[at["axis"]].strip().lower()
             seen = [value if axis == along else np.nan for axis, value in zip(AXES, seen, strict=True)]
         rows.numbers.extend([np.nan] * len(columns) if is_hidden else seen)
     return rows

@@ -41,7 +41,7 @@ _THINGS = (
 _NAMES = (
     *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),
     *(f"{thing}{end}" for end in ("_id", "_index", "id") for thing in _THINGS),
-    *("id", "target", "track_id", "child_frame_id", "child"),
+    *("id", "target", "track_id", "child_frame_id", "child", "variable", "key"),
 )
 _GROUPS = (
     *(
@@ -70,6 +70,9 @@ _DELIMITERS = (",", ";", "\t", "|", None)
 _COMMENTS = ("#", "%")
 _AXIS_WORDS = ("axis", "coord", "coords", "coordinate", "dimension", "dim", "component")
 _VALUE = re.compile(r"(?:value|position|pos|coordinate)s?(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?", re.IGNORECASE)
+AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
+"""Where names of points end with the axis of a value."""
+
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
 
 
@@ -136,6 +139,8 @@ def _columns(titles: Sequence[str], row: Sequence[str], clock: Clock | None) -> 
         elif letter := translation_alone(title):
             found.setdefault(letter, []).append(at)
     places = {what: columns[0] for what, columns in found.items() if columns}
+    if {"name", "value"} <= places.keys() and AXIS_IN_NAME.search("".join(row[places["name"] :][:1])):
+        places.setdefault("axis", places["name"])  # knee_x, as pandas melts tables
     if "name" in places and {"axis", "value"} <= places.keys() and not places.keys() & {*AXES}:
         return {what: at for what, at in places.items() if what != "side"} if clock or "frame" in places else {}
     if "name" in places and (clock or "frame" in places) and not places.keys() & {*AXES}:

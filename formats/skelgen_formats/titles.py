@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.text import is_number
 from skelgen_formats.turn_titles import (
     AXES,
     BETWEEN,
@@ -28,9 +29,8 @@ from skelgen_formats.turn_titles import (
     quaternion_of,
 )
 
-_UNIT = re.compile(
-    r"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{0,2}[\[(]?)(mm|cm|m|(?:milli|centi)?met(?:er|re)s?)[\])]?", re.IGNORECASE
-)
+_LENGTH = r"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|inch(?:es)?|ft|feet|(?<=[\[(])in)"
+_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{{0,2}}[\[(]?)({_LENGTH})[\])]?", re.IGNORECASE)
 _PLACE_WORD = (
     rf"(?:(?:local|global|world){BETWEEN}?)?"
     rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
@@ -50,7 +50,7 @@ _FLAG = re.compile(
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
-_NO_NAME = rf"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|std\w*|err\w*|{_VERSION})"
+_NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     (
         re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
@@ -108,6 +108,24 @@ def spelt(titles: Sequence[str]) -> list[str]:
         other = next(found, title)
         plain.append(title if other in titles else other)
     return plain
+
+
+def with_axes(titles: Sequence[str]) -> list[str]:
+    """Return titles with axes for names that stand over three columns, or over the first of them; empty if none do.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Without quotes; pandas calls the second and third column ``knee.1`` and ``knee.2``.
+    """
+    found, at, n_points = [*titles, "", ""], 0, 0
+    while at < len(titles):
+        name, *others = found[at : at + 3]
+        if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_number(name):
+            found[at : at + 3] = [f"{name}_{axis}" for axis in AXES]
+            at, n_points = at + 2, n_points + 1
+        at += 1
+    return found[: max(at, len(titles))] if n_points >= _FEWEST else []
 
 
 def undoubled(titles: Sequence[str]) -> list[str]:

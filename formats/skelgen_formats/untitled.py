@@ -19,7 +19,8 @@ from skelgen_formats.bodies import with_quaternions_of_matrices
 from skelgen_formats.lines import decoded_head, read_lines
 from skelgen_formats.options import RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import parse_rows
-from skelgen_formats.wide import since_first, take_from_table
+from skelgen_formats.time_stamps import since_first
+from skelgen_formats.wide import take_from_table
 
 _COMMENTS, _PARTING = ("#", "%"), str.maketrans(",;", "  ")
 _LOOKED_AT = 24  # rows that must be poses

@@ -21,7 +21,7 @@ from skelgen_formats.table_heads import HEAD_LINES
 from skelgen_formats.text import is_number, unquoted
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
-from skelgen_formats.turn_titles import AXES
+from skelgen_formats.turn_titles import AXES, quaternion_of
 from skelgen_formats.wide import read_table
 
 _END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", re.IGNORECASE)
@@ -72,7 +72,8 @@ def _first_row(lines: Sequence[str]) -> int | None:
             kinds = [match[1].lower() for match in map(_TYPE.fullmatch, lines[:index]) if match]
             return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
         if index and lines[index - 1].strip() and any(map(_is_vector, _VECTOR.findall(line))):
-            return index
+            names, delimiter = _titles(lines, index)
+            return index if len(_cells(line, delimiter)) == len(names) > 1 else None
     return None
 
 
@@ -114,7 +115,7 @@ def _spread(path: Path, lines: Lines, at: int, delimiter: str, ends: Sequence[tu
     for index in range(at - 1):
         yield "" if lines[index].strip(",;\t ") == _END_OF_HEADER else lines[index]
     names, _ = _titles(lines, at)
-    titled = [[f"{_plain(name)}_{end}" for end in some] for name, some in zip(names, ends, strict=True)]
+    titled = [[_titled(_plain(name), end) for end in some] for name, some in zip(names, ends, strict=True)]
     yield "\t".join(_row(titled, names))
     for index in range(at, len(lines)):
         cells = _cells(lines[index], delimiter)
@@ -130,6 +131,11 @@ def _spread(path: Path, lines: Lines, at: int, delimiter: str, ends: Sequence[tu
 def _row(vectors: Sequence[list[str]], cells: Sequence[str]) -> list[str]:
     """Return the cells of a row, those of vectors as their numbers."""
     return [part for vector, cell in zip(vectors, cells, strict=False) for part in vector or [cell]]
+
+
+def _titled(name: str, end: str) -> str:
+    """Return the title of a number, such as HeadRotation_x where the name says that it is of a rotation."""
+    return short if quaternion_of(short := f"{name}_{end[-1]}") else f"{name}_{end}"
 
 
 def _plain(name: str) -> str:

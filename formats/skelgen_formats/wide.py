@@ -3,7 +3,7 @@
 Which columns are whose is said by the lines above the numbers (see `skelgen_formats.table_heads`); other columns are
 left out. Cells are parted by commas, semicolons, tabs or blanks. Points with a unit quaternion or three angles are
 bodies, and read as such where all are, or with the option `bodies`. How angles make a rotation no such file says; the
-usual order is assumed, and `angle_order` states another.
+usual order is assumed, and `angle_order` states another. Rows of several people or bones may take turns.
 
 Few such files state a frame rate or a unit. Else the rate is that of a column with times, in the unit that its title
 names or that gives a camera's rate, or 100 Hz is assumed, and the unit by the size of the coordinates; options state
@@ -24,9 +24,8 @@ from skelgen.files import open_regular
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.model.rates import rate_of
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images
+from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import (
     BY_ROWS,
     blank_unseen,
@@ -57,19 +56,24 @@ from skelgen_formats.options import (
     Format,
     Options,
 )
+from skelgen_formats.row_owners import Turns, without_copies
 from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
-from skelgen_formats.table_rows import in_order, padded_rows, unquoted_rows, until_other_table, with_seconds
+from skelgen_formats.table_rows import (
+    in_order,
+    padded_rows,
+    unquoted_rows,
+    until_other_table,
+    with_seconds,
+    without_remarks,
+)
 from skelgen_formats.text import parse_rows, rate_in
+from skelgen_formats.time_stamps import Stamps, since_first
 from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
 
-_SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
-_SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
-_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}  # s
 _NEAR_STEPS = 3.0  # steps from frame to frame, within which a body may have been at the origin
-_EPOCH = (1e9, 4e9)  # s since 1970, of clocks between 2001 and 2096
 _MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
 
 
@@ -94,12 +98,8 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
-    if head.mixed:
-        what = (
-            f"rows of several people or points take turns, by the column {head.mixed}; write a file for each of them,"
-            " or a row for each point with the titles frame, name, x, y, z"
-        )
-        raise FormatError(path, head.n_lines, what)
+    if head.owners and lines.is_sampled:
+        raise FormatError(path, head.n_lines, "rows of several people or points take turns, of which no sample tells")
     if not head.bodies and head.notices:
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
@@ -107,8 +107,12 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     chosen, are_bodies = _chosen(head, options)
     wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
     flags = [body.flag for body in chosen if body.flag is not None]
-    rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options)
+    turns = Turns()
+    rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
     rows = _seen(rows, chosen, head.notices)
+    if turns.frames:
+        rows, stamps = turns.spread(path, rows, stamps)
+        rows, chosen = without_copies(rows, turns.named(chosen), head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
     return _take(path, rows, chosen, head, stamps, options)
@@ -136,17 +140,20 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
 
 
 def _numbers_of(
-    path: Path, lines: Lines, head: Head, wanted: Sequence[int], options: Options
-) -> tuple[Floats, Floats | None]:
-    """Return the wanted columns, shape (n_rows, n_wanted), and times [s, or of a unit that no title names], if any."""
+    path: Path, lines: Lines, head: Head, wanted: Sequence[int], options: Options, turns: Turns
+) -> tuple[Floats, Stamps | None]:
+    """Return the wanted columns, shape (n_rows, n_wanted), and times, if any."""
     times = [head.clock.column] if head.clock else []
     numbered = list(islice(lines.numbered(), head.n_lines))
     first = numbered[-1][0] if numbered else 0
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = padded_rows(numbers, len(lines), head)
-    if head.frames is not None:
+    count = head.frames if head.frames is not None else next(iter(times), None)
+    whole = padded_rows(without_remarks(numbers, head.delimiter, count, head.notices), len(lines), head)
+    if head.owners:
+        whole = turns.noted(whole, head)
+    elif head.frames is not None:
         whole = in_order(whole, head.frames, head, every=not lines.is_sampled)
     rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
@@ -158,21 +165,6 @@ def _numbers_of(
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.clock.second)
-
-
-def since_first(times: Floats, second: float) -> Floats:
-    """Return times since the first one [s], or in their unit if neither title nor size tells it.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, they are in that unit.
-    second : float
-        Seconds per unit; 0 if unknown.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
-        since_1970 = (one for one in (1.0, *_OTHER_UNITS.values()) if _EPOCH[0] < times[:1].sum() * one < _EPOCH[1])
-        return (times - times[:1]) * (second or next(since_1970, 1.0))
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
@@ -191,7 +183,7 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
 
 
 def _take(
-    path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Floats | None, options: Options
+    path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Stamps | None, options: Options
 ) -> Trajectories | PointCloud | Poses:
     names = [body.name for body in chosen]
     numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
@@ -206,11 +198,14 @@ def _take(
         head.notices += [BY_ROWS] if "8" in chosen[0].matrix else []
         numbers = with_quaternions_of_matrices(path, numbers)
     take = take_from_table(path, numbers, names, times, options, head.unit)
-    return replace(take, notices=(*head.notices, *take.notices))
+    notices = [*head.notices, *take.notices]
+    if not head.unit and options.recorded_unit == AUTO:
+        notice_landmarks(head.titles, numbers, notices)
+    return replace(take, notices=tuple(notices))
 
 
 def take_from_table(
-    path: Path, numbers: Floats, names: Sequence[str], times: Floats | None, options: Options, unit: str = ""
+    path: Path, numbers: Floats, names: Sequence[str], times: Stamps | None, options: Options, unit: str = ""
 ) -> Trajectories | PointCloud | Poses:
     """Return the take of points or bodies of which no file says rate and unit for certain.
 
@@ -223,8 +218,8 @@ def take_from_table(
         bodies followed by the unit quaternion, scalar first.
     names : sequence of str, length n_points
         Of the points.
-    times : ndarray, shape (n,), s, or None
-        Time stamps, of some frames at least; a unit that no title names is found.
+    times : Stamps or None
+        Of some frames at least.
     options : Options
         `points`, `recorded_rate` and `recorded_unit` count.
     unit : str
@@ -262,35 +257,18 @@ def _lost_unseen(bodies: Floats) -> Floats:
 
 
 def _factor_and_rate(
-    path: Path, positions: Floats, times: Floats | None, options: Options, unit: str, notices: list[str]
+    path: Path, positions: Floats, times: Stamps | None, options: Options, unit: str, notices: list[str]
 ) -> tuple[float, float]:
     """Return mm per unit and the frame rate, as stated, measured or assumed; what is assumed is noticed."""
     stated = options.recorded_unit if options.recorded_unit != AUTO else unit
     factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
-        rate = _rate_of_times(times, notices)
+        rate = times.rate(notices)
     if rate == AS_RECORDED_RATE:
         rate = ASSUMED_RATE
         notices.append("the file states no frame rate; 100 Hz is assumed, `--recorded-rate` states another")
     return factor, rate
-
-
-def _rate_of_times(times: Floats, notices: list[str]) -> float:
-    """Return the frame rate of times, which may be in another unit than seconds; `AS_RECORDED_RATE` if none fits."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        are_times = len(times) > 1 and np.isfinite(times).all() and (np.diff(times) > 0).all()
-    if not are_times:
-        return AS_RECORDED_RATE
-    rate = rate_of(times)
-    if _SLOWEST < rate < _FASTEST:
-        return rate
-    for unit, seconds in _OTHER_UNITS.items():
-        rate = rate_of((times - times[0]) * seconds)
-        if _SLOW <= rate <= _FAST and np.median(np.diff(times)) != 1.0:  # else they count frames
-            notices.append(f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another")
-            return rate
-    return AS_RECORDED_RATE
 
 
 def _is_wide(head: bytes, path: Path) -> bool:
@@ -354,10 +332,11 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
 
 
-def _stamps(columns: Floats, clock: Clock) -> Floats:
-    """Return times since the first of those in a column, and of the fractions of seconds beside it."""
-    fractions = [since_first(column, clock.per_fraction) for column in columns.T[1:]]
-    return since_first(columns[:, 0], clock.second) + sum(fractions)
+def _stamps(columns: Floats, clock: Clock) -> Stamps:
+    """Return the times in a column, with the fractions of seconds beside it."""
+    whole = since_first(columns[:, 0], clock.second)
+    fractions = (since_first(column, clock.per_fraction).since for column in columns.T[1:])
+    return Stamps(whole.since + sum(fractions), whole.are_seconds)
 
 
 def _numbers(path: Path, column: Any) -> Floats:

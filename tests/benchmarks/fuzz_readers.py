@@ -110,6 +110,7 @@ _TEXTS = (
     "tidy-csv",
     "emt",
     "dtrack",
+    "tracking-tools",
     "untitled-poses",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
@@ -120,8 +121,8 @@ MORE_SEEDS = {
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
-    "tidy-csv": ("blanks.txt", "long.csv", "tf.csv", "segments.csv"),
-    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv", "kinect.csv"),
+    "tidy-csv": ("blanks.txt", "long.csv", "melted.csv", "tf.csv", "segments.csv"),
+    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv", "kinect.csv", "bones.csv"),
     "untitled-poses": ("kitti.txt",),
     "vector-csv": ("vectors.sto", "turns.csv"),
 }
@@ -278,6 +279,12 @@ _TEXT_SEEDS = {
     "dtrack.dtrack.txt": "fr 7\nts 39596.02\n6d 1 [0 1.000][10 20 30 0 0 90][0 1 0 -1 0 0 0 0 1]\n"
     "3d 1 [79 1.000][1 2 3]\nfr 8\nts 39596.04\n6di 1 [2 2 0.1][11 20 30][0 1 0 -1 0 0 0 0 1]\n"
     "3d 2 [79 1.000][1 2 4] [83 1.000][5 6 7]\n",
+    "melted.csv": "time,variable,value\n0,a_x,1\n0,a_y,2\n0,a_z,3\n0,b_x,4\n0,b_y,5\n0,b_z,6\n0.1,a_x,1\n0.1,a_y,7\n",
+    "bones.csv": "frame,hand,bone_name,start_x,start_y,start_z,end_x,end_y,end_z\n# recorded\n"
+    "7,left,Proximal,1,2,3,4,5,6\n7,left,Distal,4,5,6,7,8,9\n9,left,Proximal,1,2,3,4,5,7\n9,left,Distal,4,5,7,7,8,9\n",
+    "tracking-tools.csv": 'comment,NaturalPoint\nlefthanded\ninfo,version,1.1\nrigidbody,"Wand",1,3\n'
+    "frame,0,0.0,1,1,0.1,0.2,0.3,0,0,0,1,0,0,0,2,0.1,0.2,0.3,1,M1,0.4,0.5,0.6,2,\n"
+    "frame,1,0.01,0,1,0.1,0.2,0.3,1,M1\nframe,2,0.02,1,1,0.1,0.2,0.4,0,0,0.6,0.8,0,0,0,0\n",
     "qualisys.tsv": "NO_OF_FRAMES\t3\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\thip\tknee\n"
     "Frame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\n1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\n"
     "2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\n3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\n",

@@ -39,3 +39,22 @@ def test_coordinates_in_images_are_told(put, scale, sentence):
 @pytest.mark.parametrize("points", [PERSON_M, np.abs(PERSON_M[:, [0, 2, 1]])])
 def test_person_is_in_no_image(put, points):
     assert not any("image" in notice for notice in read_take(put("person.csv", table(points))).notices)
+
+
+@pytest.mark.parametrize(
+    "titles", ["0_x,0_y,0_z,0_vis,1_x,1_y,1_z,1_vis", "x_0,y_0,z_0,visibility_0,x_1,y_1,z_1,visibility_1"]
+)
+def test_landmarks_in_images_may_be_out_of_them(put, titles):
+    """MediaPipe guesses where legs are that the camera does not see."""
+    row = "0.54,0.57,-1.97,0.99,0.82,3.1,-0.29,0.002\n"
+    assert any("of visibility" in notice for notice in read_take(put("image.csv", f"{titles}\n{row * 3}")).notices)
+    world = row.replace("0.54,0.57", "-0.02,-0.6")
+    assert not any("image" in notice for notice in read_take(put("world.csv", f"{titles}\n{world * 3}")).notices)
+    plain = titles.replace("visibility", "n").replace("vis", "n")
+    assert not any("image" in notice for notice in read_take(put("plain.csv", f"{plain}\n{row * 3}")).notices)
+
+
+def test_landmarks_in_images_are_told_of_tidy_tables(put):
+    rows = "".join(f"{frame},{name},0.5,{y},-1.2,0.9\n" for frame in range(3) for name, y in (("a", 0.4), ("b", 1.3)))
+    take = read_take(put("tidy.csv", f"frame,landmark,x,y,z,visibility\n{rows}"))
+    assert any("of visibility" in notice for notice in take.notices)

@@ -15,7 +15,12 @@ import pytest
         ("walk.txt", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.txt"),
         ("walk.mot", b"Coordinates\nversion=1\n", "give the .trc"),
         ("walk.mat", b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "TSV or C3D from Track Manager"),
-        ("walk.csv", b"comment,NaturalPoint Tracking Tools CSV\ninfo,version,1.1\n", "open the recording in Motive"),
+        (
+            "topic.txt",
+            b"header:\n  stamp:\n    sec: 17\npose:\n  position:\n    x: 0.1\n---\n",
+            "`ros2 topic echo --csv`",
+        ),
+        ("points.yaml", b"frames:\n- t: 0.0\n  a: [0.1, 0.2, 0.3]\n", "YAML; write the points as TRC"),
         ("ik.csv", b"Coordinates,,\nversion=1,,\nendheader,,\ntime,a_tx,a_ty,a_tz,b_tx,b_ty,b_tz\n", "of OpenSim"),
         ("imu.sto", b"DataType=Quaternion\nendheader\ntime\ta\n0\t1,0,0,0\n", "orientations of sensors, of OpenSim"),
         ("keypoints.json", b'{"people": []}', "JSON; write the points as TRC"),

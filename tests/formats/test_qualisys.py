@@ -49,7 +49,10 @@ BODIES = (
 )
 
 
-@pytest.mark.parametrize("text", [BODIES, BODIES.replace("FILE_VERSION\t2.0.0\n", "")])
+BARE = BODIES.replace("Frame\tTime\tship ", "").replace("\n1\t0.00000\t", "\n").replace("\n2\t0.01000\t", "\n")
+
+
+@pytest.mark.parametrize("text", [BODIES, BODIES.replace("FILE_VERSION\t2.0.0\n", ""), BARE])
 def test_6d_export_is_read_as_bodies(put, text):
     take = read_take(put("ship_6D.tsv", text))
     assert isinstance(take, Poses)

@@ -31,11 +31,19 @@ def test_row_of_a_tidy_table_is_unseen_where_its_flag_says_so(put):
     assert read_take(put("tidy.csv", content)).seen.tolist() == [[True, False], [True, True]]
 
 
-def test_rows_of_people_that_take_turns_are_refused(refused, put):
-    titles = "time,BodyID,knee_x,knee_y,knee_z,toe_x,toe_y,toe_z\n"
-    rows = "".join(f"0.0{frame},{body},1,2,3,4,5,6\n" for frame in range(3) for body in (7, 8))
-    assert "by the column BodyID; write a file for each" in refused(put("two.csv", titles + rows))
-    assert read_take(put("one.csv", titles + rows.replace(",8,", ",7,"))).n_frames == 6
+@pytest.mark.parametrize("titles", ["frame,a_x,a_y,a_z,b_x,b_y,b_z", "frame,marker,x,y,z"])
+@pytest.mark.parametrize("remark", ["# trigger", "// 5,trigger", "Mean,a,1,2,3,4,5", "End of file", "{}"])
+def test_lines_that_are_no_rows_are_left_out(put, titles, remark):
+    cells = ["1,2,3,4,5,6"] if "a_x" in titles else ["a,1,2,3", "b,4,5,6"]
+    rows = ["".join(f"{frame},{cell}\n" for cell in cells) for frame in (1, 2)]
+    take = read_take(put("remarks.csv", f"{titles}\n{rows[0]}{remark.format(titles)}\n{rows[1]}"))
+    assert (take.n_frames, take.seen.all()) == (2, True)
+    assert "1 line is no row of the table and left out: " + str(2 + len(cells)) in take.notices
+
+
+def test_rows_of_words_that_stand_for_no_number_are_frames(put):
+    take = read_take(put("words.csv", "a_x,a_y,a_z,b_x,b_y,b_z\n1,2,3,4,5,6\nNA,NA,NA,n/d,--,---\n7,8,9,1,2,3\n"))
+    assert take.seen.tolist() == [[True, True], [False, False], [True, True]]
 
 
 @pytest.mark.parametrize(
@@ -94,3 +102,18 @@ def test_frames_that_are_left_out_are_told(put, frames, places):
     rows = "".join(f"{frame},1,2,3,4,5,6\n" for frame in frames)
     notices = read_take(put("frames.csv", f"frame,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}")).notices
     assert sum("frame numbers leave some out in 1 place" in notice for notice in notices) == places
+
+
+@pytest.mark.parametrize(("frames", "places"), [((1, 2, 5, 6, 7), 1), ((0, 2, 4, 6), 0)])
+def test_frames_that_tidy_tables_leave_out_are_told(put, frames, places):
+    rows = "".join(f"{frame},{name},1,2,{frame}\n" for frame in frames for name in "ab")
+    notices = read_take(put("tidy.csv", f"frame,marker,x,y,z\n{rows}")).notices
+    assert sum("frame numbers leave some out in 1 place" in notice for notice in notices) == places
+
+
+def test_number_beyond_all_places_stands_for_an_unseen_point(put):
+    """As NDI writes -3.697314e28."""
+    gap = "2,-3.697314e28,-3.697314e28,-3.697314e28,4,5,6\n"
+    take = read_take(put("ndi.csv", f"frame,a_x,a_y,a_z,b_x,b_y,b_z\n1,1,2,3,4,5,6\n{gap}"))
+    assert take.seen.tolist() == [[True, True], [False, True]]
+    assert any("1 position is -3.69731e+28 along x, y and z, and is taken as unseen" in one for one in take.notices)

@@ -220,3 +220,13 @@ def test_coordinates_may_have_a_word_before_them(put):
 
 def test_decimal_commas_beside_commas_are_told(refused, put):
     assert "export with decimal points" in refused(put("commas.csv", "frame,marker,x,y,z\n0,a,1,5,2,5,3,5\n"))
+
+
+@pytest.mark.parametrize("name", ["{0}_{1}", "{0}.{1}", "{0}{2}"])
+def test_names_with_axes_beside_values_are_points(put, name):
+    """As pandas' melt and R's pivot_longer write a wide table, with columns that are no coordinates."""
+    titles = [name.format(point, axis, axis.upper()) for point in "ab" for axis in "xyz"]
+    rows = [f"{frame},{title},{frame + n}" for frame in range(3) for n, title in enumerate([*titles, "a_score"])]
+    take = read_take(put("melted.csv", "\n".join(["frame,variable,value", *rows])), recorded_unit="mm")
+    assert take.names == ("a", "b")
+    np.testing.assert_array_equal(take.positions[2], [[2, 3, 4], [5, 6, 7]])

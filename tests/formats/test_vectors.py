@@ -48,12 +48,13 @@ def test_row_that_is_too_short_is_refused_with_its_line(refused, put):
     assert message.startswith(":3: 2 cells where 3 belong")
 
 
-def test_vectors_of_four_are_the_quaternions_of_bodies(put):
+@pytest.mark.parametrize("title", ["{0}.position;{0}.rotation", "{0}Position;{0}Rotation", "{0} pos;{0} rot"])
+def test_vectors_of_four_are_the_quaternions_of_bodies(put, title):
     """As Unity prints them."""
-    titles = "Time;Head.position;Head.rotation;Hand.position;Hand.rotation"
+    titles = f"Time;{title.format('Head')};{title.format('Hand')}"
     rows = "".join(f"0.0{n};(0.1, 1.5, 0.2);(0, 0, 0, 1);(0.4, 1.0, 0.2);(0, 0, 0.6, 0.8)\n" for n in range(3))
     take = read_take(put("unity.csv", f"{titles}\n{rows}"))
     assert take.names == ("Head", "Hand")
     np.testing.assert_allclose(take.world_from_body[0, 1, :2, [0, 3]], [[0.28, 0.96], [400, 1000]])
     left_out = read_take(put("colours.csv", f"{titles}\n{rows}".replace("(0, 0, 0.6, 0.8)", "(1, 1, 0.6, 0.8)")))
-    assert any("left out: Hand.rotation" in notice for notice in left_out.notices)
+    assert any(f"left out: {titles.rsplit(';', maxsplit=1)[-1]}" in notice for notice in left_out.notices)

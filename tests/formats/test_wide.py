@@ -49,7 +49,7 @@ def test_points_in_images_say_what_to_do(refused, put):
 
 
 def test_some_other_table_is_refused_with_the_formats(refused, put):
-    assert "known are motive (.csv), nexus (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
+    assert "known are motive (.csv), nexus (.csv), tracking-tools (.csv), tidy-csv (.csv), wide-csv (.csv)" in refused(
         put("a.csv", "name,age\nAnn,42\n")
     )
 
@@ -202,13 +202,6 @@ def test_strokes_may_part_cells(put):
     np.testing.assert_allclose(take.positions, POSITIONS)
 
 
-def test_rows_of_one_frame_that_words_tell_apart_are_refused(refused, put):
-    """A recorder of the Leap Motion writes a row per bone, with its start and its end."""
-    text = "frame_id,bone,start_x,start_y,start_z,end_x,end_y,end_z\n"
-    text += "".join(f"{frame},{bone},1,2,3,4,5,6\n" for frame in (7, 8) for bone in ("Proximal", "Distal"))
-    assert "take turns, by the column bone; write a file for each of them, or a row" in refused(put("leap.csv", text))
-
-
 def test_statements_may_stand_in_one_line(put):
     head = "Number of frames: 2,Frequency (Hz): 60,Units: cm\n\nFrame,a x,a y,a z,b x,b y,b z\n"
     take = read_take(put("one.csv", head + rows("{},")))
@@ -224,3 +217,19 @@ def test_units_may_stand_under_places_alone_and_columns_behind_the_last_axis(put
     take = read_take(put("captury.csv", text))
     assert (take.names, take.n_frames) == (("LWrist", "Head"), 2)
     np.testing.assert_allclose(take.positions[1], [[10, 20, 30], [40, 50, 60]])
+
+
+@pytest.mark.parametrize(
+    ("encoding", "time", "names"),
+    [
+        ("gb18030", "时间", ("头", "手")),
+        ("cp932", "時間", ("頭", "手")),
+        ("cp949", "시간", ("머리", "손")),
+        ("cp1251", "Время", ("Голова", "Рука")),
+        ("cp1252", "Zeit", ("Hüfte", "Fuß")),
+    ],
+)
+def test_titles_may_be_in_the_encoding_of_an_older_windows(put, encoding, time, names):
+    titles = ";".join([time, *(f"{name}_{axis}" for name in names for axis in "XYZ")])
+    take = read_take(put("old.csv", f"{titles}\n{rows('{1};', delimiter=';')}".encode(encoding)))
+    assert (take.names, take.rate) == (names, pytest.approx(50.0))

@@ -176,3 +176,24 @@ def test_positions_called_local_are_told(put, title):
     titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
     take = read_take(put("local.csv", f"{titles}\n{rows()}"))
     assert any("called local" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("titles", ["time,a,a,a,b,b,b", "time,a,,,b,,", "time,a,a.1,a.2,b,b.1,b.2"])
+def test_three_columns_under_one_name_are_a_point(put, titles):
+    take = read_take(put("threes.csv", f"{titles}\n" + rows("{1},")))
+    assert take.names == ("a", "b")
+    np.testing.assert_allclose(take.positions[0], POSITIONS[0])
+    assert "three columns under one name are taken as x, y and z" in take.notices
+
+
+@pytest.mark.parametrize(("title", "mm"), [("{0}_{1} (in)", 25.4), ("{0}_{1}_inch", 25.4), ("{0} {1} [ft]", 304.8)])
+def test_lengths_may_be_in_inches_or_feet(put, title, mm):
+    titles = ",".join(title.format(name, axis) for name in ("nose", "tail") for axis in "xyz")
+    take = read_take(put("inches.csv", f"{titles}\n" + rows()))
+    np.testing.assert_allclose(take.positions, POSITIONS * mm)
+
+
+@pytest.mark.parametrize("titles", ["Joint,X,Y,Z,Joint,X,Y,Z", "X,Y,Z,Joint,X,Y,Z,Joint"])
+def test_names_in_cells_stand_before_or_behind_their_points(put, titles):
+    rows = ["hip,1,2,3,toe,4,5,6\n" if titles.startswith("J") else "1,2,3,hip,4,5,6,toe\n"] * 2
+    assert read_take(put("cells.csv", titles + "\n" + "".join(rows))).names == ("hip", "toe")

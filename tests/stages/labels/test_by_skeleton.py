@@ -66,6 +66,12 @@ def test_an_arm_whose_markers_were_mistaken_for_each_other_is_told_by_the_skelet
     assert (found != true).mean() < 0.001
 
 
+def test_an_arm_that_is_followed_without_markers_is_told_by_the_skeleton(person):
+    take, true = person
+    lost = (true >= 18) & (true < 27) & (take.frame_of_point() >= 400)
+    assert (label_again(take, np.where(lost, -1, true).astype(np.int32), 0, SILENT) != true).mean() < 0.001
+
+
 def test_labels_that_are_not_doubtful_stay(person):
     take, true = person
     assert label_again(take, true, 0, SILENT) is true

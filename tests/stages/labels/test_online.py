@@ -17,7 +17,7 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import PointCloud, Skeleton
 from skelgen.stages.labels import Tracker
 from skelgen.stages.labels.online.pose_filter import PoseFilter
-from skelgen.stages.labels.online.pose_search import find_pose
+from skelgen.stages.labels.online.pose_search import PoseSearch
 from skelgen.stages.labels.online.rigid_labels import RigidLabels
 
 RATE = 100.0
@@ -262,7 +262,7 @@ def test_pose_is_found_from_one_frame_in_any_order_and_place(simulated, skeleton
     take = simulated("tree:6", seed=1, n_frames=300, **FAULTS).take
     points = moved_world.points(take.positions[150])
     chain = PoseFilter(skeleton)
-    found = find_pose(chain, points[np.random.default_rng(0).permutation(len(points))], 100.0)
+    found = PoseSearch(chain).find(points[np.random.default_rng(0).permutation(len(points))], 100.0)
     chain.set_pose(*found)
     off = np.linalg.norm(chain.positions_of(np.arange(take.n_markers)) - points, axis=1)
     assert np.median(off) < 2 * FAULTS["soft_tissue"] * np.sqrt(3)

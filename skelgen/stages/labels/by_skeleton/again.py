@@ -16,7 +16,7 @@ from skelgen.model.arrays import Ints
 from skelgen.progress import Monitor
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.by_skeleton.matching import match_points
+from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign, propose_markers
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import with_free_joints
 from skelgen.stages.labels.confidence import label_quality
@@ -29,7 +29,13 @@ from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
 DOUBTFUL = 0.005
-"""Part of the positions that are expected to be another marker's, from which labels are sought again."""
+"""Part of the positions that are expected to be another marker's, or lack one, from which labels are sought again."""
+
+LEFT_SECONDS = 0.06
+"""s; what is followed for longer without a marker lacks one: false points do not last that long."""
+
+PROMISING = 0.9
+"""Part of the evidence found that the skeleton's labels must have before they are posed, which adds some of it."""
 
 MOST_FRAMES = 10_000
 """Of longer takes, which show distances for longer, labels are not sought again: a frame takes some milliseconds."""
@@ -65,9 +71,13 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
         return found
     frames = take.frame_of_point().astype(np.intp)
     points = FollowedPoints(take.cloud, frames, take.track_of_point.astype(np.intp), ())
-    other = label_rest(take, match_points(points, skeleton, monitor=monitor).marker_of_point.astype(np.int32))
     judge = replace(take, by_posture=True)
     evidence, chance = judge.evidence(found)
+    proposed, _ = propose_markers(points, skeleton, monitor=monitor)
+    if judge.evidence(label_rest(take, proposed.astype(np.int32)))[0] < PROMISING * evidence:
+        return found
+    reassigned, _ = pose_and_reassign(points, proposed, skeleton, monitor)
+    other = label_rest(take, reassigned.astype(np.int32))
     if judge.evidence(other)[0] <= max(evidence, 0.0):  # of a skeleton that is off, parts explain more by chance
         return found
     fused = fused_labels(take, found, other)
@@ -76,15 +86,16 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
 
 
 def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
-    """Whether many positions are expected to be another marker's."""
+    """Whether many positions are expected to be another marker's, or were followed without a marker."""
     if (found < 0).all():
         return False
+    tracks = take.track_of_point
+    left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
+    n_left = left[left >= LEFT_SECONDS * take.rate].sum()
     labelled = _trajectories(take, found)
-    history = label_quality.history_of(
-        label_quality.PointLabels(take.cloud, take.track_of_point, found), labelled.n_markers
-    )
+    history = label_quality.history_of(label_quality.PointLabels(take.cloud, tracks, found), labelled.n_markers)
     confidence = label_quality.labelling_of_cloud(labelled, history).confidence
-    return bool(np.nanmean(1.0 - confidence) > DOUBTFUL)
+    return bool(n_left / len(found) + np.nanmean(1.0 - confidence) > DOUBTFUL)
 
 
 def _trajectories(take: FollowedCloud, found: Ints) -> Trajectories:

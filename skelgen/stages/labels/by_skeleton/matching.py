@@ -58,9 +58,8 @@ def match_points(
     monitor : Monitor
         Receives progress; may cancel.
     """
-    gates = gates_of(skeleton)
-    proposed, by_name = _proposed(points, skeleton, names, gates, monitor)
-    return MatchedPoints(*_reassigned_and_posed(points, proposed, skeleton, gates, monitor), by_name)
+    proposed, by_name = propose_markers(points, skeleton, names, monitor)
+    return MatchedPoints(*pose_and_reassign(points, proposed, skeleton, monitor), by_name)
 
 
 def gates_of(skeleton: Skeleton) -> Floats:
@@ -68,10 +67,16 @@ def gates_of(skeleton: Skeleton) -> Floats:
     return np.asarray(GATE * PoseFilter(skeleton).deviation)
 
 
-def _proposed(
-    points: FollowedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
+def propose_markers(
+    points: FollowedPoints, skeleton: Skeleton, names: tuple[str, ...] = (), monitor: Monitor = SILENT
 ) -> tuple[Ints, bool]:
-    """Markers of the points by what explains most of them, and whether that is the names of the take."""
+    """Return markers of the points by what explains most of them, and whether that is the names of the take.
+
+    Parameters
+    ----------
+    points, skeleton, names, monitor
+        As `match_points`.
+    """
     ways, n_markers = _followed_both_ways(points, skeleton, monitor), len(skeleton.limb_of_marker)
     proposals = [
         (filled_labels(points.cloud, ways, n_markers), False),
@@ -82,6 +87,7 @@ def _proposed(
     named = known[points.tracks] if (known >= 0).any() else None
     if named is not None:
         proposals.append((named, True))
+    gates = gates_of(skeleton)
     counts = [_n_explained(points, marker_of_point, skeleton, gates) for marker_of_point, _ in proposals]
     return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
 
@@ -120,14 +126,22 @@ def _n_explained(points: FollowedPoints, marker_of_point: Ints, skeleton: Skelet
     return int((np.linalg.norm(off, axis=2) < gates).sum())
 
 
-def _reassigned_and_posed(
-    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+def pose_and_reassign(
+    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, monitor: Monitor = SILENT
 ) -> tuple[Ints, SkeletonPoses]:
     """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
 
     A track that is at a marker's place now and then is tried as that marker in all its frames, which turns a limb that
     few markers hold to where it belongs.
+
+    Parameters
+    ----------
+    points, skeleton, monitor
+        As `match_points`.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
     """
+    gates = gates_of(skeleton)
     marker_of_point, poses = _refined(points, marker_of_point, skeleton, gates, monitor)
     n_markers = len(skeleton.limb_of_marker)
     tried = filled_labels(

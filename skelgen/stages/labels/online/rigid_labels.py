@@ -3,11 +3,12 @@
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels.online.group_search import find_group
 from skelgen.stages.labels.online.learning import LearnedPose, Learner
 from skelgen.stages.labels.online.links import TrackLabels
 from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, MarkerHistory
 from skelgen.stages.labels.online.pose_filter import PoseFilter, PosePrediction
-from skelgen.stages.labels.online.pose_search import chance, find_group
+from skelgen.stages.labels.online.pose_search import chance
 from skelgen.stages.labels.online.skeleton_labels import explained
 
 PLAUSIBLE = 3.0

@@ -6,7 +6,7 @@ from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.online.links import TrackLabels
 from skelgen.stages.labels.online.pose_filter import PoseFilter, PosePrediction
-from skelgen.stages.labels.online.pose_search import chance, find_pose
+from skelgen.stages.labels.online.pose_search import PoseSearch, chance
 
 ROUNDS = 2
 """Rounds of pose and assignment in a frame: a point that was just recognised helps to find others on its limb."""
@@ -44,7 +44,9 @@ class SkeletonLabels:
         self._pose: PoseFilter | None = None
         self._track_labels = TrackLabels()
         self._until_search = 0
-        PoseFilter(skeleton).load_kernels()
+        pose = PoseFilter(skeleton)
+        pose.load_kernels()
+        self._pose_search = PoseSearch(pose)
 
     @property
     def n_markers(self) -> int:
@@ -107,7 +109,7 @@ class SkeletonLabels:
         self._until_search = SEARCH_EVERY
         followed = np.flatnonzero(tracks >= 0)
         pose = PoseFilter(self._skeleton)
-        start = find_pose(pose, points[followed], spacing) if len(followed) else None
+        start = self._pose_search.find(points[followed], spacing) if len(followed) else None
         if start is None:
             return labels
         pose.set_pose(*start)

@@ -1,0 +1,63 @@
+"""Times of the rows of a table, in whichever unit they stand, and the frame rate that they tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
+from skelgen.model.arrays import Floats
+from skelgen.model.rates import rate_of
+
+_SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
+_SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
+_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}  # s
+_EPOCH = (1e9, 4e9)  # s since 1970, of clocks between 2001 and 2096
+_MOST = 0.75  # of the times, that must be there and rise: some repeat one, or write 0 where nothing is seen
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Times since the first one, shape (n,), in seconds if it is known that they are."""
+
+    since: Floats
+    are_seconds: bool
+
+    def rate(self, notices: list[str]) -> float:
+        """Return the frame rate [Hz]; `AS_RECORDED_RATE` if they do not rise, or no unit makes it that of a camera.
+
+        Parameters
+        ----------
+        notices : list of str
+            Gets a sentence if their unit is assumed.
+        """
+        times = self.since[np.isfinite(self.since) & (self.since >= 0.0)]
+        steps = np.diff(times)
+        if not len(steps) or (steps < 0).any() or min(len(times), (steps > 0).sum() + 1) < _MOST * len(self.since):
+            return AS_RECORDED_RATE
+        rate = rate_of(times)
+        if self.are_seconds or _SLOWEST < rate < _FASTEST:
+            return rate
+        for unit, seconds in _OTHER_UNITS.items():
+            rate = rate_of(times * seconds)
+            if _SLOW <= rate <= _FAST and np.median(steps) != 1.0:  # else they count frames
+                notices.append(
+                    f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another"
+                )
+                return rate
+        return AS_RECORDED_RATE
+
+
+def since_first(times: Floats, second: float) -> Stamps:
+    """Return times since the first one.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, they are in that unit.
+    second : float
+        Seconds per unit; 0 if unknown.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
+        since_1970 = (one for one in (1.0, *_OTHER_UNITS.values()) if _EPOCH[0] < times[:1].sum() * one < _EPOCH[1])
+        unit = second or next(since_1970, 0.0)
+        return Stamps((times - times[:1]) * (unit or 1.0), unit > 0.0)
