@@ -174,6 +174,7 @@ class ExportPage(QWidget):
         self._options.addWidget(self.form)
         put_behind(self.choice, self.form)
         self.options_box.setVisible(bool(options))
+        self.target.each_body.setChecked(entry.holds == "skeleton")  # as programs take a file for one character
         self._turned = None
         self._turn_upright()
         self._follow()

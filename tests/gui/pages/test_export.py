@@ -185,7 +185,10 @@ def test_where_there_are_several_bodies_each_gets_a_file_if_ticked(open_page, cl
     session.open(two)
     page = open_page(session=session)
     page.target.name_line.setText("walk")
+    page.choice.setCurrentText("BVH")
+    assert page.target.name == "walk_{body}"
     page.choice.setCurrentText("Joint positions, CSV")
+    assert page.target.name == "walk"
     assert page.target.each_body.isVisible()
     page.target.each_body.click()
     click(page.export)
