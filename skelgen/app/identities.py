@@ -23,9 +23,10 @@ def with_identities(project: Project, identities: Identities | Path | str | None
     stated = read_identities(identities) if isinstance(identities, Path | str) else identities
     if stated is None:
         return project
-    earlier = () if project.identities is None else project.identities.entries
-    added = [one for one in earlier if not one.line and one.name in stated.names and one not in stated.entries]
-    known = {one.name for one in earlier}
+    earlier = project.identities or Identities(())
+    known = set(earlier.names)
+    is_own = bool(earlier.source)  # beside the lines of a file there are none but own points
+    added = [one for one in earlier.entries if is_own and not one.line and one.name in stated.names]
     for name in stated.names:
         if name not in known and not _is_seen_where_stated(project, name, stated.entries):
             added += own_point(project, name)

@@ -8,6 +8,7 @@ import pytest
 import skelgen
 from skelgen.app.files import open_input
 from skelgen.app.identities import with_identities
+from skelgen.model import Identities, Identity
 from skelgen.simulation import simulate
 
 
@@ -34,6 +35,13 @@ def test_a_left_out_point_goes_on_with_the_marker_that_has_its_name_in_the_proje
     assert (own.name, point.frame) == (lost.trajectories.names[0], 50)
     assert own.position == tuple(lost.trajectories.positions[own.frame, 0])
     assert with_identities(named, file).identities.entries == (own, point)
+
+
+def test_what_a_script_states_anew_replaces_what_it_stated(lost):
+    name, (first, second) = lost.trajectories.names[0], (tuple(lost.take.frame(50)[point]) for point in (0, 1))
+    before = with_identities(lost, Identities((Identity(name, 5, first),)))
+    assert with_identities(before, Identities((Identity(name, 5, second),))).identities.entries[-1].position == second
+    assert len(with_identities(before, Identities((Identity(name, 5, second),))).identities.entries) == 1
 
 
 def test_what_is_stated_where_the_marker_is_seen_is_all_that_is_stated(lost, tmp_path):
