@@ -361,6 +361,16 @@ class Motion:
         return len(self.limb_seen)
 
     @property
+    def interpolated(self) -> Bools:
+        """Whether a limb's rotation is interpolated in a frame, as others show it, shape (n_frames, n_limbs)."""
+        return ~self.limb_seen & self.limb_seen.any(axis=0)
+
+    @property
+    def never_seen(self) -> Ints:
+        """Indices of the limbs whose markers tell all of their rotation in no frame."""
+        return np.flatnonzero(~self.limb_seen.any(axis=0))
+
+    @property
     def times(self) -> Floats:
         """Time of each frame [s] from the first, shape (n_frames,)."""
         return np.arange(self.n_frames) / self.rate
