@@ -223,10 +223,9 @@ def _back_substitute(
 @kernel_part
 def _free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     """Return the turn of a limb below a ball joint whose origin is shifted."""
-    x = times(shift[0], vector(solved, limb, FOLLOW))
-    y = times(shift[1], vector(solved, limb, FOLLOW + 3))
-    z = times(shift[2], vector(solved, limb, FOLLOW + 6))
-    return minus(minus(minus(vector(solved, limb, FREE_REST), x), y), z)
+    x, y, z = matrix(solved, limb, FOLLOW)
+    turn = minus(vector(solved, limb, FREE_REST), times(shift[0], x))
+    return minus(minus(turn, times(shift[1], y)), times(shift[2], z))
 
 
 @kernel_part

@@ -132,6 +132,22 @@ def set_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
 
 
 @kernel_part
+def add_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
+    """Add nine numbers to those in a table.
+
+    Parameters
+    ----------
+    table, row, first
+        As for `vector`.
+    value : tuple
+        Three rows of three numbers.
+    """
+    add_vector(table, row, first, value[0])
+    add_vector(table, row, first + 3, value[1])
+    add_vector(table, row, first + 6, value[2])
+
+
+@kernel_part
 def plus(first: Vector, second: Vector) -> Vector:
     """Return first + second.
 
