@@ -14,7 +14,7 @@ from skelgen._kernels.least_squares import (
     write_inverse_root,
     write_times_transposed,
 )
-from skelgen._kernels.small_matrices import SMALL_ANGLE
+from skelgen._kernels.rotations import SMALL_ANGLE
 from skelgen.model.arrays import Floats
 
 UNIVERSAL_RIDGE = 1e-6

@@ -50,6 +50,7 @@ from skelgen._kernels.quadratic_forms import (
     take_axis,
     take_turn,
 )
+from skelgen._kernels.rotations import proper, rotation_by
 from skelgen._kernels.small_matrices import (
     Vector,
     by_symmetric,
@@ -61,8 +62,6 @@ from skelgen._kernels.small_matrices import (
     minus,
     plus,
     product,
-    proper,
-    rotation_by,
     set_matrix,
     set_vector,
     symmetric,

@@ -20,12 +20,12 @@ from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.room_points import (
     Room,
     drop_misfits,
-    fill_symmetric,
     is_in_view,
     nearest_ball,
     point_of_two,
     refine,
 )
+from skelgen._kernels.small_matrices import dot, minus, set_block, vector, whole
 from skelgen.model.arrays import Bools, Floats, Ints
 
 SURE = 4
@@ -125,7 +125,8 @@ def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
                 is_free[balls[best, camera]] = False
         for axis in range(3):
             points[n_found, axis] = hypotheses[best, axis]
-        fill_symmetric(numbers, covariances[n_found])
+        upper = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
+        set_block(covariances[n_found], 0, 0, whole(upper))
         squares[n_found], evidence[n_found] = numbers[6], scores[best]
         n_found += 1
         n_hypotheses -= 1
@@ -300,8 +301,8 @@ def _score(room: Room, balls: Ints, point: Floats, numbers: Floats, expected: Fl
         if balls[camera] < 0 and is_in_view(room, camera, point):
             score -= rules.unseen
     for other in range(len(expected)):
-        x, y, z = expected[other, 0] - point[0], expected[other, 1] - point[1], expected[other, 2] - point[2]
-        if x * x + y * y + z * z <= rules.reach * rules.reach:
+        away = minus(vector(expected, other, 0), (point[0], point[1], point[2]))
+        if dot(away, away) <= rules.reach * rules.reach:
             return float(score + rules.expected)
     return float(score)
 

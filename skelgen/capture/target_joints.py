@@ -27,7 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
+from skelgen._kernels.rotations import move_pose, write_pose_error
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import (

@@ -10,7 +10,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelgen._kernels.small_matrices import SMALL_ANGLE
+from skelgen._kernels.rotations import SMALL_ANGLE
 from skelgen.model.arrays import Bools, Floats, Ints
 
 _NO_LENGTH = 1e-9  # shorter vectors have no direction
