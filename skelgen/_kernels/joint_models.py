@@ -39,7 +39,7 @@ def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     Parameters
     ----------
     parts : tuple
-        `JointRotation.parts` of a rigid joint, hinge or universal joint.
+        Of a rigid joint, hinge or universal joint, as in `ConstrainedRotation`.
     rotations : ndarray, shape (n_frames, 3, 3)
         Measured, parent from child.
     weight : ndarray, shape (n_frames, 3, 3)

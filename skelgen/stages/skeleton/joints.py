@@ -17,7 +17,6 @@ from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.observability import open_directions
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
-from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -95,7 +94,7 @@ def articulation_of(types: list[JointType], stated: set[int]) -> Articulation:
         holds = left is not None and (limb in stated or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
         in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
-        if left is not None and isinstance(left.rotation, UniversalRotation):
+        if left is not None:
             between[limb] = left.rotation.between
     return Articulation(tuple(held), in_parent, in_child, between)
 
