@@ -45,6 +45,10 @@ class Room(NamedTuple):
     ----------
     poses : ndarray, shape (n_cameras, 3, 4), mm
         camera_from_world of each.
+    places : ndarray, shape (n_cameras, 3), mm
+        Where they stand.
+    essential : ndarray, shape (n_cameras, n_cameras, 3, 3)
+        y^T E x = 0 for rays x of the first and y of the second of two cameras that meet.
     sizes : ndarray, shape (n_cameras, 4)
         Smallest x and y, largest x and y of rays that its image shows.
     starts : ndarray of intp, shape (n_cameras + 1,)
@@ -56,6 +60,8 @@ class Room(NamedTuple):
     """
 
     poses: Floats
+    places: Floats
+    essential: Floats
     sizes: Floats
     starts: Ints
     rays: Floats
@@ -80,21 +86,19 @@ def ray_direction(room: Room, camera: int, ball: int) -> Vector:
 
 
 @kernel_part
-def point_of_two(room: Room, places: Floats, balls: Ints, point: Floats) -> bool:
+def point_of_two(room: Room, balls: Ints, point: Floats) -> bool:
     """Fill the middle between two rays where they are nearest; return whether that is before both cameras.
 
     Parameters
     ----------
     room : Room
         Cameras and balls.
-    places : ndarray, shape (n_cameras, 3), mm
-        Where the cameras stand.
     balls : ndarray of intp, shape (n_cameras,)
         The ball of each camera, -1 where it has none.
     point : ndarray, shape (3,), mm
         In the world.
     """
-    one, two = -1, -1
+    places, one, two = room.places, -1, -1
     for camera in range(len(balls)):
         if balls[camera] >= 0:
             one, two = two, camera
