@@ -242,16 +242,6 @@ def ways_of_pairs(ways: Floats, pairs: Ints) -> Floats:
     pairs : ndarray of intp, shape (2, n_pairs)
         Markers of the set.
     """
-    found = np.empty((2, pairs.shape[1], ways.shape[1] + 1))
-    _write_ways(ways, pairs, found)
-    return found
-
-
-@kernel
-def _write_ways(ways: Floats, pairs: Ints, found: Floats) -> None:
-    n_ways = ways.shape[1]
-    for pair in range(pairs.shape[1]):
-        for half in range(2):
-            for way in range(n_ways):
-                found[half, pair, way] = ways[pairs[0, pair], way, half, pairs[1, pair]]
-            found[half, pair, n_ways] = 1.0 - half  # a larger body moves alike
+    moved = ways[pairs[0], :, :, pairs[1]]
+    size = np.broadcast_to([1.0, 0.0], (len(moved), 1, 2))  # a larger body moves alike
+    return np.moveaxis(np.concatenate([moved, size], axis=1), 2, 0)
