@@ -225,7 +225,7 @@ class ChainFilter:
             parts = measure(now)
             slope = np.concatenate([part.slope for part in parts])
             error = np.concatenate([part.error for part in parts]) + slope @ step[:n]
-            total = slope @ prior.covariance[:n, :n] @ slope.T + _block_diagonal([part.covariance for part in parts])
+            total = slope @ prior.covariance[:n, :n] @ slope.T + block_diagonal(*(part.covariance for part in parts))
             gain = np.asarray(np.linalg.solve(total, slope @ prior.covariance[:n]).T, dtype=np.float64)
             step = gain @ error
             if iteration == 0:
@@ -385,11 +385,3 @@ def chain_filters(
     targets = {body.name: body for body in settings.bodies}
     trees = trees_of(settings.joints)
     return tuple(ChainFilter([settings.joints[joint] for joint in tree], targets, parameters) for tree in trees if tree)
-
-
-def _block_diagonal(blocks: Sequence[Floats]) -> Floats:
-    ends = np.cumsum([0, *(len(block) for block in blocks)])
-    out = np.zeros((ends[-1], ends[-1]))
-    for start, end, block in zip(ends[:-1], ends[1:], blocks, strict=True):
-        out[start:end, start:end] = block
-    return out

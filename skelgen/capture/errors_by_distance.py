@@ -81,9 +81,7 @@ class RigErrors:
     curves: tuple[ErrorCurve, ...]
 
 
-def errors_by_distance(
-    settings: CaptureSettings, distances: Sequence[float] = WORKING_DISTANCES, seed: int = 0
-) -> RigErrors:
+def errors_by_distance(settings: CaptureSettings, distances: Sequence[float] = WORKING_DISTANCES) -> RigErrors:
     """Return the errors of a rig's points, bodies and joint angles against the distance.
 
     Parameters
@@ -92,8 +90,6 @@ def errors_by_distance(
         The rig; its bodies and joints, or typical ones where it has none.
     distances : sequence of float, mm
         From the middle between the cameras.
-    seed : int
-        Of the random orientations of bodies and joints.
 
     Raises
     ------
@@ -104,7 +100,7 @@ def errors_by_distance(
     if not away.size or not np.isfinite(away).all() or away.min() <= 0:
         raise InputError("distances of the errors must be above 0 mm")
     places = view_centre(settings.rig, away)
-    quaternions = np.random.default_rng(seed).normal(size=(N_TURNS, 4))
+    quaternions = np.random.default_rng(0).normal(size=(N_TURNS, 4))
     turns = matrix_from_quaternion(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
     bodies = settings.bodies or (typical_target("typical target"),)
     joints = settings.joints or typical_joints()

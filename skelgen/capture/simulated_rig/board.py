@@ -57,16 +57,12 @@ class BoardTruth:
 
 
 class SimulatedBoard(RenderedPairs):
-    """A chessboard before two simulated cameras; a `FrameSource` to try calibrations with.
+    """A chessboard before the cameras of `reference_rig`; a `FrameSource` to try calibrations with.
 
     The board goes from place to place, one a second, so that the places cover both images, and is held still at each.
 
     Parameters
     ----------
-    board : Board, optional
-        The chessboard; by default 9 x 6 corners with squares of 25 mm.
-    rig : StereoRig, optional
-        The cameras; by default those of `reference_rig`.
     n_frames : int
         Pairs until it ends.
     rate : float, Hz
@@ -77,18 +73,9 @@ class SimulatedBoard(RenderedPairs):
         Whether pairs come by the clock, as from cameras: who is slow loses pairs, which are counted.
     """
 
-    def __init__(
-        self,
-        board: Board | None = None,
-        rig: StereoRig | None = None,
-        *,
-        n_frames: int = 600,
-        rate: float = 60.0,
-        seed: int = 0,
-        paced: bool = False,
-    ) -> None:
-        super().__init__("simulated board", rig or reference_rig(), n_frames, rate, paced)
-        self.board, self._seed = board or Board(), seed
+    def __init__(self, *, n_frames: int = 600, rate: float = 60.0, seed: int = 0, paced: bool = False) -> None:
+        super().__init__("simulated board", reference_rig(), n_frames, rate, paced)
+        self.board, self._seed = Board(), seed
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, BoardTruth]:
         """Return any pair with its truth; the same index gives the same pair.
