@@ -42,8 +42,8 @@ from skelgen.capture.target_joints import (
 )
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import (
-    cross_matrix,
     matrix_from_vector,
+    slopes_by_motion,
     vector_from_matrix,
 )
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
@@ -280,7 +280,7 @@ class ChainFilter:
         poses, target = self._tree.poses(chain), self._targets[name]
         turn = poses[name][:3, :3]
         arms = target.points[ball] @ turn.T
-        columns = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (len(ball), 3, 3))], axis=2)
+        columns = slopes_by_motion(arms)
         own = (turn * np.asarray(target.std)[ball, np.newaxis] ** 2) @ turn.T
         spreads = columns @ self._open(poses, name) @ columns.swapaxes(1, 2) + own
         return arms + poses[name][:3, 3], columns @ self._tree.slope(poses, name), spreads

@@ -7,7 +7,7 @@ A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation
 import numpy as np
 
 from skelgen.capture.optics import in_image, project, projection_jacobian
-from skelgen.geometry.rotations import cross_matrix
+from skelgen.geometry.rotations import cross_matrix, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 
@@ -82,7 +82,7 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     calibrated = (turn * variance[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
     weights = _inverse_where_finite(point_covariances(rig, points) + calibrated)
     weights = np.where(seen[..., np.newaxis, np.newaxis], weights, 0.0)
-    slope = np.concatenate([-cross_matrix(turned), np.broadcast_to(np.eye(3), (*turned.shape, 3))], axis=-1)
+    slope = slopes_by_motion(turned)
     information = (np.swapaxes(slope, -1, -2) @ weights @ slope).sum(axis=-3)
     return _inverse_where(information, seen.sum(axis=-1) >= LEAST_POINTS)
 

@@ -104,6 +104,11 @@ def cross_matrix(vector: Floats) -> Floats:
     return out
 
 
+def slopes_by_motion(arms: Floats) -> Floats:
+    """Return how points at the ends of arms move with a small rotation and a shift, shape (..., 3, 6)."""
+    return np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=-1)
+
+
 def transform_from(rotation: Floats, translation: Floats) -> Floats:
     """Return homogeneous transforms, shape (..., 4, 4), from rotations and translations.
 

@@ -18,7 +18,7 @@ from skelgen.capture.calibration.joints import LEAST_TURN, thinned
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import matrix_from_vector, slopes_by_motion, transform_from, vector_from_matrix
 from skelgen.kinematics import calibrate_rigid_body
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, gauss_newton
 from skelgen.model.arrays import Floats, Ints
@@ -325,7 +325,7 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
         turns = body.poses[:, np.newaxis, :3, :3]
         arms = (turns @ body.points[..., np.newaxis])[..., 0]
         off = measured - arms - body.poses[:, np.newaxis, :3, 3]
-        by_pose = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=3)
+        by_pose = slopes_by_motion(arms)
         by_points = np.einsum("fkij,kl->fkilj", roots @ turns, np.eye(len(points)))
         return LinearisedProblem(
             (roots @ off[..., np.newaxis]).reshape(len(poses), -1),

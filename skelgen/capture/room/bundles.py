@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from skelgen.capture.calibration.bundle_adjustment import moved_pose
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
@@ -119,9 +119,7 @@ class BoardBundle(RoomBundle):
 
     def slopes(self) -> Floats:
         """Return how corners change with a turn and a shift of the board."""
-        turned = self._turned()
-        shift = np.broadcast_to(np.eye(3), (*turned.shape, 3))
-        return np.concatenate([-cross_matrix(turned), shift], axis=-1)
+        return slopes_by_motion(self._turned())
 
     def moved(self, steps: Floats) -> Self:
         """Return the bundle after a turn and a shift of each board."""

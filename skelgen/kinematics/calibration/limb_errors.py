@@ -233,7 +233,7 @@ class _Points:
     def of(cls, errors: LimbErrors, limb: int) -> _Points:
         chain, n = errors.chain, errors.root.shape[1]
         markers = np.flatnonzero(chain.limb_of_marker == limb)
-        joints = ([limb] if chain.parents[limb] >= 0 else []) + np.flatnonzero(chain.parents == limb).tolist()
+        joints = chain.joints_of(limb)
         places = [chain.offsets[markers]]
         changes = [errors.root[: 3 * chain.n_markers].reshape(chain.n_markers, 3, n)[markers]]
         for joint in joints:  # the joint to the parent is the origin of the frame

@@ -201,8 +201,7 @@ def _attachments(
 ) -> list[tuple[Floats, Floats]]:
     """For each joint of a limb, its place before any shift and the derivatives by the shifts, shape (3, n_hinges)."""
     places = []
-    children = [child for child in range(1, chain.n_limbs) if chain.parents[child] == limb]
-    for joint in ([limb] if limb else []) + children:
+    for joint in chain.joints_of(limb):
         follows = np.zeros((3, len(column)))
         if joint in column:
             kind = types[joint - 1]
