@@ -31,7 +31,6 @@ from skelgen.capture.bodies.prediction import (
 from skelgen.capture.calibration.joints import trees_of
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope
 from skelgen.capture.target_joints import (
-    N_POSE,
     ChainState,
     JointAngle,
     TargetChain,
@@ -42,6 +41,7 @@ from skelgen.capture.target_joints import (
 )
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import (
+    N_POSE,
     matrix_from_vector,
     slopes_by_motion,
     vector_from_matrix,

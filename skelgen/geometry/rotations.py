@@ -104,9 +104,27 @@ def cross_matrix(vector: Floats) -> Floats:
     return out
 
 
+N_POSE = 6
+"""Numbers of a pose that changes: a small rotation [rad], then a shift [mm]."""
+
+
 def slopes_by_motion(arms: Floats) -> Floats:
     """Return how points at the ends of arms move with a small rotation and a shift, shape (..., 3, 6)."""
     return np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=-1)
+
+
+def moved_pose(pose: Floats, step: Floats) -> Floats:
+    """Return poses after a small turn and a shift.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (..., 4, 4), mm
+        Before.
+    step : ndarray, shape (..., 6)
+        A turn [rad] about the axes of the frame that the pose leads to, and a shift [mm].
+    """
+    turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
+    return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
 
 
 def transform_from(rotation: Floats, translation: Floats) -> Floats:

@@ -18,7 +18,7 @@ from skelgen.capture.calibration.joints import LEAST_TURN, thinned
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_vector, slopes_by_motion, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import N_POSE, moved_pose, slopes_by_motion, vector_from_matrix
 from skelgen.kinematics import calibrate_rigid_body
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, gauss_newton
 from skelgen.model.arrays import Floats, Ints
@@ -271,8 +271,6 @@ def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
 LEAST_GAIN = 1e-12
 """Part of the sum of squares below which steps change nothing that anyone could measure."""
 
-POSE_FREEDOMS = 6
-
 
 @dataclass(frozen=True, eq=False)
 class WeightedShape:
@@ -330,18 +328,16 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
         return LinearisedProblem(
             (roots @ off[..., np.newaxis]).reshape(len(poses), -1),
             by_points.reshape(len(poses), points.size, points.size)[..., free],
-            (roots @ by_pose).reshape(len(poses), points.size, POSE_FREEDOMS),
+            (roots @ by_pose).reshape(len(poses), points.size, N_POSE),
         )
 
     def stepped(body: _PosedShape, step: Floats, moves: Floats) -> _PosedShape:
         change = np.zeros(points.size)
         change[free] = step
-        turns = matrix_from_vector(moves[:, :3]) @ body.poses[:, :3, :3]
-        moved = transform_from(turns, body.poses[:, :3, 3] + moves[:, 3:])
-        return _PosedShape(body.points + change.reshape(points.shape), moved)
+        return _PosedShape(body.points + change.reshape(points.shape), moved_pose(body.poses, moves))
 
     found = gauss_newton(_PosedShape(points, poses), linearised, stepped, least_gain=LEAST_GAIN)
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(free.sum())
+    freedoms = 3 * int(seen.sum()) - N_POSE * len(poses) - int(free.sum())
     noise = float(np.sqrt(found.squares / max(freedoms, 1)))
     covariance = np.zeros((points.size, points.size))
     covariance[np.ix_(free, free)] = max(noise, 1.0) ** 2 * found.solution.covariance

@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.capture.optics import distortion_jacobian
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation, transform_from
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_pose
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import N_DISTORTION, Camera
 
@@ -20,9 +20,6 @@ N_MATRIX = 4
 """Numbers of a camera's matrix: fx, fy, cx, cy."""
 
 N_INTRINSIC = N_MATRIX + N_DISTORTION
-N_POSE = 6
-"""Numbers of a pose: a small turn [rad] about the axes of the frame that it leads to, and a shift [mm]."""
-
 MAX_STEPS = 40
 STANDS_STILL, ROUNDING = 1e-14, 1e-9
 """Gain as a part of the sum of squares, and by distance [px] of each corner, below which no step is taken."""
@@ -277,20 +274,6 @@ def _moved_camera(eye: Camera, index: int, shared: Floats) -> Camera:
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:N_MATRIX]
     pose = moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
     return replace(eye, matrix=matrix, distortion=eye.distortion + own[N_MATRIX:], camera_from_world=pose)
-
-
-def moved_pose(pose: Floats, step: Floats) -> Floats:
-    """Return poses after a small turn and a shift.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (..., 4, 4), mm
-        Before.
-    step : ndarray, shape (..., 6)
-        A turn [rad] about the axes of the frame that the pose leads to, and a shift [mm].
-    """
-    turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
-    return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
 
 
 OUTLIER_RATIO = 3.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import N_POSE, matrix_from_vector, moved_pose, transform_from, vector_from_matrix
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, Minimum, gauss_newton
 from skelgen.kinematics.joints.closed_form import hinge_angles
 from skelgen.model.arrays import Floats
@@ -29,7 +29,6 @@ N_CONSTANTS = {"ball": 6, "hinge": 9}
 """A ball's place in both bodies; a hinge's place across its axis in the parent, its place in the child, and two tilts
 in each."""
 N_ANGLES = {"ball": 3, "hinge": 1}
-POSE_FREEDOMS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ class _Fit:
         self.joints, self.poses, self.root = tuple(joints), poses, joints[0].parent
         self.n_frames = len(poses[self.root])
         self.whiten = {name: np.linalg.inv(np.linalg.cholesky(covariance)) for name, covariance in covariances.items()}
-        self.n_local = POSE_FREEDOMS + sum(N_ANGLES[joint.kind] for joint in joints)
+        self.n_local = N_POSE + sum(N_ANGLES[joint.kind] for joint in joints)
         self.n_constants = sum(N_CONSTANTS[joint.kind] for joint in joints)
 
     def start(self) -> _State:
@@ -101,10 +100,8 @@ class _Fit:
 
     def moved(self, state: _State, constant: Floats, local: Floats) -> _State:
         """The state after a step of the constants, and of the frames, one row each."""
-        roots = state.roots.copy()
-        roots[:, :3, :3] = matrix_from_vector(local[:, :3]) @ roots[:, :3, :3]
-        roots[:, :3, 3] += local[:, 3:6]
-        turns, parents, children, at, of = [], [], [], POSE_FREEDOMS, 0
+        roots = moved_pose(state.roots, local[:, :N_POSE])
+        turns, parents, children, at, of = [], [], [], N_POSE, 0
         for number, joint in enumerate(self.joints):
             own = local[:, at : at + N_ANGLES[joint.kind]]
             vector = own if joint.kind == "ball" else own * [0.0, 0.0, 1.0]

@@ -9,8 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import moved_pose
-from skelgen.geometry.rotations import matrix_from_vector, slopes_by_motion
+from skelgen.geometry.rotations import matrix_from_vector, moved_pose, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 

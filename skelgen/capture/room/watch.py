@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.values import RoomPoints, Views
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 
@@ -22,9 +23,6 @@ if more than the second fit then, as chance makes three in a hundred fit."""
 
 NEAR = 3.0
 """px; how near a ball must be to where a point is expected."""
-
-FEWEST_CAMERAS = 2
-"""Cameras without fault that a point needs to tell what is wrong with another."""
 
 MOST_LATE = 20
 """Frames that a camera is tried to be late or early."""
