@@ -15,7 +15,7 @@ from skelgen.capture.error_propagation import (
 )
 from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
+from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, moved_points, transform_from
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import N_CAMERA_STD, BodyTarget, CaptureSettings, StereoRig, TargetJoint
 
@@ -173,7 +173,7 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
     if rig.covariance is None:
         raise InputError("these cameras have no covariance: calibrate them again")
     to_left = rig.left.camera_from_world
-    in_left = points @ to_left[:3, :3].T + to_left[:3, 3]
+    in_left = moved_points(to_left, points)
     eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
     (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
     by_point = np.concatenate([left, right], axis=1)
@@ -225,7 +225,7 @@ def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
 
 def _covariances_where_seen(rig: StereoRig, target: BodyTarget, poses: Floats) -> Floats:
     """Covariances of a target's pose; NaN where one of its balls is outside an image."""
-    points = target.points @ np.swapaxes(poses[..., :3, :3], -1, -2) + poses[..., np.newaxis, :3, 3]
+    points = moved_points(poses, target.points)
     covariances = pose_covariances(rig, target, poses)
     covariances[~seen_by_both(rig, points).all(axis=-1)] = np.nan
     return covariances

@@ -104,6 +104,19 @@ def cross_matrix(vector: Floats) -> Floats:
     return out
 
 
+def moved_points(pose: Floats, points: Floats) -> Floats:
+    """Return points that poses bring into the frames that they lead to.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (..., 4, 4), mm
+        One for each set of points.
+    points : ndarray, shape (..., n, 3), mm
+        Before.
+    """
+    return np.asarray(points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., np.newaxis, :3, 3])
+
+
 N_POSE = 6
 """Numbers of a pose that changes: a small rotation [rad], then a shift [mm]."""
 

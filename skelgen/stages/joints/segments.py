@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.geometry.rotations import N_POSE, cross_matrix
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points
 from skelgen.kinematics.rigid_bodies import LimbShape, distinct_rows, fit_shape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
@@ -195,7 +195,7 @@ def _marker_variance(shape: LimbShape, points: Floats, frames: Ints) -> float:
     frames = frames[shape.posed[frames]]
     poses, sampled = shape.world_from_limb[frames], points[frames]
     seen = ~np.isnan(sampled[:, :, 0])
-    modelled = shape.points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
+    modelled = moved_points(poses, shape.points)
     squares = ((sampled - modelled)[seen] ** 2).sum()
     known_points = int(seen.any(axis=0).sum())
     freedoms = 3 * int(seen.sum()) - N_POSE * len(seen) - (3 * known_points - N_POSE)
