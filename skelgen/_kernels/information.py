@@ -284,11 +284,7 @@ def _inverse_root(upper: Symmetric, level: float) -> Matrix:
     mixed = e - lower * b
     across, second = mixed / pivot, 1.0 / math.sqrt(pivot)
     third = 1.0 / math.sqrt(max(f + level - lower * c - across * mixed, level))
-    return (
-        (first, 0.0, 0.0),
-        (-low * second, second, 0.0),
-        ((low * across - lower) * third, -across * third, third),
-    )
+    return ((first, 0.0, 0.0), (-low * second, second, 0.0), ((low * across - lower) * third, -across * third, third))
 
 
 @kernel_part

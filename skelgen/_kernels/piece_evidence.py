@@ -61,11 +61,7 @@ def _write_distances(points: Floats, places: Floats, row: Ints, distances: Float
 
 @kernel
 def _write_evidence(
-    sums: tuple[Floats, Floats],
-    laws: tuple[Floats, Floats],
-    near: Ints,
-    limits: tuple[float, int],
-    evidence: Floats,
+    sums: tuple[Floats, Floats], laws: tuple[Floats, Floats], near: Ints, limits: tuple[float, int], evidence: Floats
 ) -> None:
     """Write what `evidence_of_means` returns; the markers `near` each one are those of least variance first."""
     (counts, totals), (usual, variance), (spacing, least) = sums, laws, limits

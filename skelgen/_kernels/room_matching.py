@@ -17,14 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
-from skelgen._kernels.room_points import (
-    Room,
-    drop_misfits,
-    is_in_view,
-    nearest_ball,
-    point_of_two,
-    refine,
-)
+from skelgen._kernels.room_points import Room, drop_misfits, is_in_view, nearest_ball, point_of_two, refine
 from skelgen._kernels.small_matrices import block, dot, minus, set_block, set_vector, transposed, turned, vector, whole
 from skelgen.model.arrays import Bools, Floats, Ints
 

@@ -208,12 +208,7 @@ def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
 
 @array_part
 def _match_cluster(
-    pairs: Ints,
-    gains: Floats,
-    own: Ints,
-    places: tuple[Ints, Ints],
-    optimal: bool,
-    point_of_track: Ints,
+    pairs: Ints, gains: Floats, own: Ints, places: tuple[Ints, Ints], optimal: bool, point_of_track: Ints
 ) -> None:
     """Assign the points of one cluster, which has the pairs `own`, to its tracks; both maps are room to work in."""
     row_of_track, column_of_point = places

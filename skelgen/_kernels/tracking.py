@@ -8,14 +8,7 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.distance_statistics import squared_distance
-from skelgen._kernels.track_matching import (
-    Links,
-    find_doubts,
-    find_pairs,
-    first_not_below,
-    match,
-    rising_order,
-)
+from skelgen._kernels.track_matching import Links, find_doubts, find_pairs, first_not_below, match, rising_order
 from skelgen._kernels.tracks import (
     AGE,
     ALIVE,

@@ -40,12 +40,7 @@ from skelgen.capture.target_joints import (
     violation_of,
 )
 from skelgen.capture.values import FoundBody, StereoPoints
-from skelgen.geometry.rotations import (
-    N_POSE,
-    matrix_from_vector,
-    slopes_by_motion,
-    vector_from_matrix,
-)
+from skelgen.geometry.rotations import N_POSE, matrix_from_vector, slopes_by_motion, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, TargetJoint

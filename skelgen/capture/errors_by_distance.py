@@ -6,13 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.capture.calibration.bundle_adjustment import slopes_of_camera
-from skelgen.capture.error_propagation import (
-    HINGE,
-    angle_covariance,
-    point_covariances,
-    pose_covariances,
-    seen_by_both,
-)
+from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
 from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, moved_points, transform_from

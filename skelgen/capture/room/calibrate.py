@@ -78,10 +78,7 @@ class WandCalibration:
 
 
 def calibrate_wand(
-    frames: Sequence[Views],
-    distances: Sequence[float],
-    sizes: Sequence[tuple[int, int]],
-    names: Sequence[str] = (),
+    frames: Sequence[Views], distances: Sequence[float], sizes: Sequence[tuple[int, int]], names: Sequence[str] = ()
 ) -> WandCalibration:
     """Return the cameras that saw a wand that was waved through the room.
 
@@ -195,12 +192,7 @@ def _scale_std(rig: CameraRig, covariance: Floats) -> float:
 
 
 def _judge(
-    rig: CameraRig,
-    adjusted: AdjustedRoom[_B],
-    stated: tuple[float, float],
-    n_views: Ints,
-    balls: Floats,
-    words: _Words,
+    rig: CameraRig, adjusted: AdjustedRoom[_B], stated: tuple[float, float], n_views: Ints, balls: Floats, words: _Words
 ) -> Verdict:
     scale_std, point_std = stated
     is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= words.enough

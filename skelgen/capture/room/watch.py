@@ -30,11 +30,7 @@ MOST_LATE = 20
 FARTHEST, BIN, WIDTH = 120.0, 6.0, 1280.0
 """px; largest shift of a moved camera's images that is tried, its steps, and the width of images that both hold for."""
 
-_FLIPS = {
-    "mirrored left to right": (-1.0, 1.0),
-    "mirrored top to bottom": (1.0, -1.0),
-    "upside down": (-1.0, -1.0),
-}
+_FLIPS = {"mirrored left to right": (-1.0, 1.0), "mirrored top to bottom": (1.0, -1.0), "upside down": (-1.0, -1.0)}
 
 
 class FitCounter:

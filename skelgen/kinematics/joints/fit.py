@@ -326,10 +326,7 @@ def choose_joint_type(
 
 
 def choose_type(
-    measured: RelativePoses,
-    wanted: str | None = None,
-    limits: TypeLimits | None = None,
-    start: Floats | None = None,
+    measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None, start: Floats | None = None
 ) -> TypeChoice:
     """Find the type of the joint behind relative poses, and fit it.
 

@@ -215,11 +215,7 @@ def _type_fit(
     start = nearest_constrained(name, rotations)
     rotations, weight = contiguous(rotations, weight)
     found = gauss_newton(
-        start,
-        lambda joint: _linearised(joint, rotations, weight),
-        ConstrainedRotation.stepped,
-        MAX_ROUNDS,
-        LEAST_GAIN,
+        start, lambda joint: _linearised(joint, rotations, weight), ConstrainedRotation.stepped, MAX_ROUNDS, LEAST_GAIN
     )
     rotation, solution = found.state, found.solution
     n_frames, n_rows = len(rotations), 3 - start.n_angles

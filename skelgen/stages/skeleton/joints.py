@@ -232,11 +232,7 @@ def shifted(chain: Chain, types: list[JointType], shifts: dict[int, float]) -> C
 
 
 def errors_of_limbs(
-    last: Calibration,
-    types: list[JointType],
-    shifts: dict[int, float],
-    freedom: Floats,
-    correlation_time: float,
+    last: Calibration, types: list[JointType], shifts: dict[int, float], freedom: Floats, correlation_time: float
 ) -> LimbErrors:
     """Return the errors of a chain whose hinges were moved along their axes.
 
