@@ -24,6 +24,7 @@ from skelgen.stages.limbs.worn_places import (
     Wear,
     believed_places,
     believed_wear,
+    odds_of_places,
     segment_odds,
     worn_odds,
 )
@@ -155,6 +156,16 @@ def test_markers_share_segments_as_often_as_their_places_say() -> None:
     assert together[odds < -3].mean() < 0.01
     assert together[odds > 3].mean() > 0.95
     assert (odds > 3).sum() > together.sum() / 2
+
+
+def test_a_marker_that_is_at_no_place_shares_a_segment_as_likely_as_all_places_say() -> None:
+    shape, places, by_motion, limb = _at_places()
+    match = places.match
+    for left_out, marker in list(enumerate(match.markers.tolist()))[::8]:
+        markers, of_set, misfits = (np.delete(one, left_out) for one in (match.markers, match.of_set, match.misfits))
+        others = replace(places, match=replace(match, markers=markers, of_set=of_set, misfits=misfits))
+        odds = odds_of_places(shape, others, by_motion)[marker, markers]
+        assert (np.sign(odds) == np.where(limb[markers] == limb[marker], 1, -1)).mean() > 0.9
 
 
 def _at_places() -> tuple[Shape, Believed, Floats, Ints]:
