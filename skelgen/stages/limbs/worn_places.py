@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.marker_sets import EVERY_PLACE
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
+from skelgen.stages.limbs.place_matching import LEFT_OUT, costs_of_places, mirror_images, nearest_places
 from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
@@ -326,12 +326,8 @@ def odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
 
     Parameters
     ----------
-    shape : Shape
-        Of the take.
-    places : Believed
-        What markers are taken for.
-    by_motion : ndarray, shape (n_markers, n_markers)
-        Log odds by what each pair does.
+    shape, places, by_motion
+        As for `segment_odds`.
     """
     odds, by_place = segment_odds(shape, places, by_motion), _pair_odds(places, len(by_motion))
     parted = by_place < 0
@@ -343,6 +339,8 @@ def odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
 def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     """Return the log odds that two markers share a segment, over all places that each may be at (n_markers, n_markers).
 
+    Nothing is known of markers that fit no place.
+
     Parameters
     ----------
     shape : Shape
@@ -352,11 +350,12 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    costs = costs_of_places(shape, places.match, by_motion)
+    costs = np.pad(costs_of_places(shape, places.match, by_motion), ((0, 0), (0, 1)), constant_values=LEFT_OUT)
     likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
-    likely /= likely.sum(axis=1, keepdims=True)
-    on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]
-    together = np.clip(on_segment @ on_segment.T, MISTAKEN, 1.0 - MISTAKEN)
+    likely = likely[:, :-1] / likely.sum(axis=1, keepdims=True)
+    on_segment, at_place = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments], likely.sum(axis=1)
+    together = on_segment @ on_segment.T + (1.0 - np.outer(at_place, at_place)) / 2
+    together = np.clip(together, MISTAKEN, 1.0 - MISTAKEN)
     odds = np.log(together / (1.0 - together))
     np.fill_diagonal(odds, 0.0)
     return np.asarray(odds)
