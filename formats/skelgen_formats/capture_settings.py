@@ -73,11 +73,7 @@ from skelgen_formats.capture_elements import (
 )
 from skelgen_formats.xml_text import closest_first, number_text, read_root, write_lines
 
-__all__ = [
-    "read_any_settings",
-    "read_settings",
-    "write_settings",
-]
+__all__ = ["read_any_settings", "read_settings", "write_settings"]
 
 
 def read_settings(

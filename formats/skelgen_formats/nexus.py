@@ -204,11 +204,7 @@ def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str
 
 
 def _unit(
-    path: Path,
-    head: Sequence[tuple[int, str]],
-    columns: dict[int, list[int]],
-    delimiter: str,
-    notices: list[str],
+    path: Path, head: Sequence[tuple[int, str]], columns: dict[int, list[int]], delimiter: str, notices: list[str]
 ) -> tuple[float, int]:
     """Return mm per unit, and the index of the first line with numbers; a line of units may be missing."""
     number, line = head[3] if len(head) > 3 else (head[2][0] + 1, "")

@@ -30,14 +30,7 @@ from skelgen_formats.table_rows import notice_skipped, without_remarks
 from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
-from skelgen_formats.turn_titles import (
-    AXES,
-    COMPONENTS,
-    angle_alone,
-    cells_of,
-    numbered_quaternions,
-    order_of,
-)
+from skelgen_formats.turn_titles import AXES, COMPONENTS, angle_alone, cells_of, numbered_quaternions, order_of
 from skelgen_formats.wide import take_from_table
 
 _UNSEEN_FLAGS, _HIDDEN_FLAGS = ("0", "false", "0.0"), ("1", "true", "1.0")

@@ -14,29 +14,21 @@ from skelgen_formats.titles import axis_alone, bodies_of, spelt, translation_alo
 from skelgen_formats.turn_titles import AXES, angle_alone, cell_alone, component_alone
 
 _THINGS = (
-    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label"),
     *(
+        "keypoint",
+        "marker",
+        "bodypart",
+        "body_part",
+        "landmark",
+        "joint",
+        "point",
+        "name",
+        "label",
         "body",
         "rigid_body",
-        "rigidbody",
-        "object",
-        "segment",
-        "sensor",
-        "station",
-        "tool",
-        "device",
-        "tracker",
-        "asset",
-        "limb",
-        "bone",
-        "link",
-        "rb",
-        "tag",
-        "agent",
-        "part",
-        "actor",
-        "entity",
     ),
+    *("rigidbody", "object", "segment", "sensor", "station", "tool", "device", "tracker", "asset", "limb", "bone"),
+    *("link", "rb", "tag", "agent", "part", "actor", "entity"),
 )
 _NAMES = (
     *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),
@@ -44,20 +36,8 @@ _NAMES = (
     *("id", "target", "track_id", "child_frame_id", "child", "variable", "key"),
 )
 _GROUPS = (
-    *(
-        "model",
-        "individual",
-        "person",
-        "subject",
-        "subject_name",
-        "track",
-        "person_id",
-        "skeleton_id",
-        "subject_id",
-        "user_id",
-        "actor_id",
-    ),
-    *("body_id", "id"),
+    *("model", "individual", "person", "subject", "subject_name", "track", "person_id", "skeleton_id", "subject_id"),
+    *("user_id", "actor_id", "body_id", "id"),
 )
 _SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_index")
 """What parts points of one name where a frame has several."""

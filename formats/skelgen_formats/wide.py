@@ -37,14 +37,7 @@ from skelgen_formats.bodies import (
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.markers import (
-    are_outputs,
-    equal_unseen,
-    mm_per_unit,
-    scaled,
-    take_from_markers,
-    zeros_unseen,
-)
+from skelgen_formats.markers import are_outputs, equal_unseen, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import (
     ALL_POINTS,
     ANGLE_ORDER,

@@ -61,11 +61,7 @@ class _Points(NamedTuple):
 
 
 def read_c3d(
-    path: Path,
-    points: str = MARKERS,
-    bodies: bool = False,
-    sample: Sample | None = None,
-    recorded_unit: str = AUTO,
+    path: Path, points: str = MARKERS, bodies: bool = False, sample: Sample | None = None, recorded_unit: str = AUTO
 ) -> Trajectories | PointCloud | Poses:
     """Read the points of a C3D file.
 
