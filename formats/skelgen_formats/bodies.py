@@ -62,37 +62,6 @@ def transforms_of(path: Path, numbers: Floats, factor: float) -> Floats:
     return transforms
 
 
-def quaternions_from_matrices(path: Path, matrices: Floats) -> Floats:
-    """Return unit quaternions, scalar first, of the rotations nearest to matrices as files print them.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for errors.
-    matrices : ndarray, shape (n_frames, n_bodies, 3, 3)
-        NaN where a body is unseen.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_bodies, 4)
-
-    Raises
-    ------
-    FormatError
-        If a matrix is far from a rotation.
-    """
-    seen: Bools = np.asarray(np.isfinite(matrices).all(axis=(2, 3)))
-    with np.errstate(over="ignore", invalid="ignore"):
-        products = matrices @ matrices.swapaxes(2, 3)
-        off = seen & ~(np.abs(products - np.eye(3)).max(axis=(2, 3)) <= _MATRIX_TOLERANCE)
-    if off.any():
-        frame, body = np.argwhere(off)[0]
-        raise FormatError(path, f"frame {frame + 1}", f"the matrix of body {body + 1} is not that of a rotation")
-    quaternions = np.full((*matrices.shape[:2], 4), np.nan)
-    quaternions[seen] = quaternion_from_matrix(nearest_rotation(matrices[seen]))
-    return quaternions
-
-
 def quaternions_from_angles(angles: Floats, order: str) -> Floats:
     """Return unit quaternions, scalar first, of rotations that files give as three angles.
 
@@ -147,20 +116,33 @@ def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, n
 
 
 def with_quaternions_of_matrices(path: Path, numbers: Floats) -> Floats:
-    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with matrices.
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of the rotations nearest to matrices.
 
     Parameters
     ----------
     path : Path
         The file, for errors.
     numbers : ndarray, shape (n_frames, n_bodies, 12)
-        Places, and world from body, row by row; a body is unseen where this is zero, or anything NaN.
+        Places, and the cells of matrices row by row, as files print them; NaN or zeros where a body is unseen.
+
+    Raises
+    ------
+    FormatError
+        If a matrix is far from a rotation.
     """
     numbers = np.array(numbers)
     numbers[(numbers[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
-    blank_unseen(numbers)
-    turns = numbers[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
-    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_matrices(path, turns)], axis=2)
+    matrices = blank_unseen(numbers)[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
+    seen: Bools = np.asarray(np.isfinite(matrices).all(axis=(2, 3)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        products = matrices @ matrices.swapaxes(2, 3)
+        off = seen & ~(np.abs(products - np.eye(3)).max(axis=(2, 3)) <= _MATRIX_TOLERANCE)
+    if off.any():
+        frame, body = np.argwhere(off)[0]
+        raise FormatError(path, f"frame {frame + 1}", f"the matrix of body {body + 1} is not that of a rotation")
+    quaternions = np.full((*numbers.shape[:2], 4), np.nan)
+    quaternions[seen] = quaternion_from_matrix(nearest_rotation(matrices[seen]))
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions], axis=2)
 
 
 def notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:

@@ -19,7 +19,6 @@ from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import with_quaternions_of_matrices
 from skelgen_formats.options import Options
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES
@@ -208,7 +207,7 @@ def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
         return None
     poses = fitting[0].astype(np.float64).reshape(len(fitting[0]), -1, 4, 4)
     turns = poses[..., :3, :3].reshape(*poses.shape[:2], 9)
-    numbers = with_quaternions_of_matrices(path, np.concatenate([poses[..., :3, 3], turns], axis=2))
+    numbers = np.concatenate([poses[..., :3, 3], turns], axis=2)
     names = [key.removesuffix("_4X4") for key in apart]
     return numbers, names or _filled(_texts(arrays, ""), poses.shape[1], "body")
 

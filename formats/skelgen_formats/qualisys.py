@@ -22,7 +22,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
@@ -140,10 +140,8 @@ def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats
     matrices : ndarray, shape (n_frames, n_bodies, 9)
         World from body, column by column.
     """
-    numbers = blank_unseen(np.concatenate([places, matrices], axis=2))
-    turns = numbers[:, :, 3:].reshape(*numbers.shape[:2], 3, 3).swapaxes(2, 3)
-    quaternions = quaternions_from_matrices(path, turns)
-    return transforms_of(path, np.concatenate([numbers[:, :, :3], quaternions], axis=2), _MM)
+    turns = matrices.reshape(*matrices.shape[:2], 3, 3).swapaxes(2, 3).reshape(matrices.shape)
+    return transforms_of(path, with_quaternions_of_matrices(path, np.concatenate([places, turns], axis=2)), _MM)
 
 
 def _delimiter(lines: Lines) -> str:

@@ -39,12 +39,11 @@ class Turns:
         head : Head
             Of the table; gets a notice.
         """
-        column = head.frames if head.frames is not None else head.clock.column if head.clock else None
         there: set[tuple[int, int]] = set()
         n_frames = 0
         for number, line in numbered:
             cells = line.split(head.delimiter)
-            moment = "" if column is None else cells[column].strip()
+            moment = "" if head.counts is None else cells[head.counts].strip()
             owner = self.names.setdefault(tuple(cells[at].strip() for at in head.owners), len(self.names))
             frame = self.moments.setdefault(moment, n_frames)
             if (frame, owner) in there:

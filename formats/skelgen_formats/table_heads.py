@@ -28,7 +28,9 @@ HEAD_LINES = 24
 _PREAMBLE = 16  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
-_DELIMITERS = (",", ";", "\t", "|", None)
+DELIMITERS = (",", ";", "\t", "|", None)
+"""What may part cells, None for blanks."""
+
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
     r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
@@ -103,6 +105,11 @@ class Head:
     owners: list[int] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
+    @property
+    def counts(self) -> int | None:
+        """The column of frame numbers, else that of times."""
+        return self.frames if self.frames is not None else self.clock.column if self.clock else None
+
 
 def find_head(lines: Sequence[str]) -> Head | None:
     """Return what titles say, or None if there are none of points.
@@ -112,7 +119,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
     lines : sequence of str
         The first `HEAD_LINES` of a file that are not blank.
     """
-    for delimiter in _DELIMITERS:
+    for delimiter in DELIMITERS:
         every = [_cells(line, delimiter) for line in lines]
         if ["endheader"] in [row[:1] for row in every]:  # of OpenSim
             continue

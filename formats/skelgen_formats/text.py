@@ -139,6 +139,14 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
     return value
 
 
+def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
+    """Return the number in a cell, NaN if it is empty or a word for none; parameters and errors as `number_in`."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan if is_unseen(text.strip()) else number_in(path, place, text, what)
+
+
 def count_in(path: Path, place: str | int, text: str, what: str) -> int:
     """Return a whole number of at least 0 that a header states, or raise `FormatError`.
 

@@ -23,6 +23,7 @@ from skelgen_formats.turn_titles import (
     BETWEEN,
     angle_alone,
     angle_of,
+    cell_alone,
     cell_of,
     component_alone,
     order_by_words,
@@ -43,6 +44,7 @@ _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
 _MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
+_TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 _FLAG = re.compile(
     rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))", re.IGNORECASE
@@ -215,16 +217,28 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     return (match[1].lower(), unit) if match else None
 
 
-def translation_alone(title: str) -> str:
-    """Return the axis of a title such as ``tx`` or ``pz``, or an empty text.
+def nameless_body(titles: Sequence[str]) -> Body:
+    """Return the columns of a body whose titles have no name, ``x`` or ``tx``, ``qw``, ``roll``, ``r11``.
 
     Parameters
     ----------
-    title : str
-        Without quotes.
+    titles : sequence of str
+        Of the columns, without quotes.
     """
-    text, _ = _without_unit(title)
-    return text[1].lower() if re.fullmatch(r"[tp][xyz]", text, re.IGNORECASE) else ""
+    body = Body("")
+    for column, title in enumerate(titles):
+        if angle := angle_alone(title):
+            body.angles.setdefault(angle[0], column)
+            body.stated_order, body.angle_unit = body.stated_order or angle[1], body.angle_unit or angle[2]
+        if cell := cell_alone(title):
+            body.matrix.setdefault(cell, column)
+        text, unit = _without_unit(title)
+        if component := component_alone(title):
+            body.turn.setdefault(component, column)
+        elif place := _ALONE.fullmatch(text) or _TRANSLATED_ALONE.fullmatch(text):
+            body.place.setdefault(place[1].lower(), column)
+            body.unit = body.unit or unit
+    return body
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title

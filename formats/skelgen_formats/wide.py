@@ -108,7 +108,9 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         rows, chosen = without_copies(rows, turns.named(chosen), head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
-    return _take(path, rows, chosen, head, stamps, options)
+    numbers = _in_one_unit(path, rows, chosen, head.unit)
+    head.bodies = chosen
+    return take_from_head(path, numbers, [body.name for body in chosen], head, stamps, options)
 
 
 def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
@@ -142,8 +144,7 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    count = head.frames if head.frames is not None else next(iter(times), None)
-    whole = padded_rows(without_remarks(numbers, head.delimiter, count, head.notices), len(lines), head)
+    whole = padded_rows(without_remarks(numbers, head.delimiter, head.counts, head.notices), len(lines), head)
     if head.owners:
         whole = turns.noted(whole, head)
     elif head.frames is not None:
@@ -175,21 +176,40 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
     return points.reshape(numbers.shape)
 
 
-def _take(
-    path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Stamps | None, options: Options
-) -> Trajectories | PointCloud | Poses:
-    names = [body.name for body in chosen]
-    numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
+def _in_one_unit(path: Path, rows: Floats, chosen: Sequence[Body], unit: str) -> Floats:
+    """Return the numbers of each body, shape (n_frames, n_bodies, n), those of other units in that of the table."""
+    numbers = rows.reshape(len(rows), len(chosen), -1 if len(rows) else rows.shape[1] // len(chosen))
     for at, body in enumerate(chosen):
-        if body.unit and head.unit and body.unit != head.unit:
-            factors = [mm_per_unit(path, 1, unit) for unit in (body.unit, head.unit)]
-            numbers[:, at, : len(AXES)] *= factors[0] / factors[1]
+        if body.unit and unit and body.unit != unit:
+            numbers[:, at, : len(AXES)] *= mm_per_unit(path, 1, body.unit) / mm_per_unit(path, 1, unit)
+    return numbers
+
+
+def take_from_head(
+    path: Path, numbers: Floats, names: Sequence[str], head: Head, times: Stamps | None, options: Options
+) -> Trajectories | PointCloud | Poses:
+    """Return the take of points or bodies of a table, whose head says what their numbers are.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    numbers : ndarray, shape (n_frames, n_points, 3, 6, 7 or 12)
+        As `take_from_table` takes them, or places and three angles.
+    names : sequence of str, length n_points
+        Of the points.
+    head : Head
+        Whose first body tells how rotations are written.
+    times : Stamps or None
+        Of some frames at least.
+    options : Options
+        As `take_from_table` takes them, and `angle_order`.
+    """
+    first = head.bodies[0]
     if numbers.shape[2] == len(AXES) * 2:
-        first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
-    elif numbers.shape[2] == len(AXES) * 4:
-        head.notices += [BY_ROWS] if "8" in chosen[0].matrix else []
-        numbers = with_quaternions_of_matrices(path, numbers)
+    elif numbers.shape[2] == len(AXES) * 4 and "8" in first.matrix:
+        head.notices.append(BY_ROWS)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     notices = [*head.notices, *take.notices]
     if not head.unit and options.recorded_unit == AUTO:
@@ -206,9 +226,9 @@ def take_from_table(
     ----------
     path : Path
         The file.
-    numbers : ndarray, shape (n_frames, n_points, 3 or 7)
+    numbers : ndarray, shape (n_frames, n_points, 3, 7 or 12)
         Positions in the file's unit; NaN, three zeros or three times another number, such as -9999, where unseen. Of
-        bodies followed by the unit quaternion, scalar first.
+        bodies followed by the unit quaternion, scalar first, or by the matrix, row by row.
     names : sequence of str, length n_points
         Of the points.
     times : Stamps or None
@@ -221,6 +241,8 @@ def take_from_table(
     notices: list[str] = []
     numbers = np.array(numbers, dtype=np.float64)
     numbers[np.isinf(numbers)] = np.nan
+    if numbers.shape[2] == len(AXES) * 4:
+        numbers = with_quaternions_of_matrices(path, numbers)
     if numbers.shape[2] > len(AXES):
         bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
@@ -322,7 +344,9 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
     times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None
-    return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
+    numbers = _in_one_unit(path, numbers[sampled, : len(wanted)], chosen, head.unit)
+    head.bodies = chosen
+    return take_from_head(path, numbers, [body.name for body in chosen], head, times, options)
 
 
 def _stamps(columns: Floats, clock: Clock) -> Stamps:
