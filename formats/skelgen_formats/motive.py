@@ -249,8 +249,9 @@ def _items(titles: _Titles, kinds: Sequence[str]) -> list[_Item]:
     return sorted((item for same in items.values() for item in same), key=lambda item: min(item.columns.values()))
 
 
-def _is_motive(head: str) -> bool:
-    return _has_header(head.lstrip()) or bool(_parting(head.splitlines()[:_MAX_TITLE_LINES]))
+def _is_motive(head: bytes, path: Path) -> bool:
+    text = decoded_head(head)
+    return _has_header(text.lstrip()) or bool(_parting(text.splitlines()[:_MAX_TITLE_LINES]))
 
 
 FORMAT = Format(
@@ -258,7 +259,7 @@ FORMAT = Format(
     title="OptiTrack Motive CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: _is_motive(decoded_head(head)),
+    sniff=_is_motive,
     read=lambda path, options: read_motive(path, options.bodies, options.sample),
     options=(POINTS, BODIES),
     note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",
