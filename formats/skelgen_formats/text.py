@@ -5,7 +5,7 @@ import csv
 import math
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -145,6 +145,30 @@ def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
         return float(text)
     except ValueError:
         return math.nan if is_unseen(text.strip()) else number_in(path, place, text, what)
+
+
+def stated_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, list[str]]:
+    """Return the line of a key of a header and what stands there, or raise `FormatError`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    header : mapping of str to (int, list of str)
+        Lines and words by key.
+    key : str
+        What is wanted.
+    """
+    line, words = header.get(key, (0, []))
+    if not words:
+        raise FormatError(path, line or "", f"the header states no {key}: the line is missing or empty")
+    return line, words
+
+
+def first_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, str]:
+    """Return the line of a key and the first word that stands there; parameters and errors as `stated_in`."""
+    line, words = stated_in(path, header, key)
+    return line, words[0]
 
 
 def count_in(path: Path, place: str | int, text: str, what: str) -> int:
