@@ -46,6 +46,7 @@ from skelgen_formats.bodies import (
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, ROTATION_VECTOR, Format
+from skelgen_formats.table_rows import padded_rows
 from skelgen_formats.text import parse_rows, rate_in, split_cells
 
 BLOCKS = (
@@ -111,7 +112,8 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
     notices = [f"blocks left out: {', '.join(others)}"] if others else []
     unit, behind = _unit(path, head, columns, delimiter, notices)
     wanted = [0, *(column for triple in columns.values() for column in triple)]
-    rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
+    whole = padded_rows(_rows(lines, behind), len(lines), len(titles), delimiter, notices)
+    rows = parse_rows(path, whole, len(titles), delimiter, wanted)
     if not len(rows):
         raise FormatError(path, len(lines), f"the block {title} holds no frame")
     with np.errstate(invalid="ignore"):  # of frames whose numbers are infinite
@@ -216,22 +218,12 @@ def _unit(
     return 1.0, number - 1
 
 
-def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield the rows of a block, up to the next empty line; what they lack at their end is unseen."""
-    padded = 0
+def _rows(lines: Lines, first: int) -> Iterator[tuple[int, str]]:
+    """Yield the rows of a block, up to the next empty line, without the quotes of a spreadsheet."""
     for number, line in lines.rows(first, block=True):
         if not line.strip(_DELIMITERS + " "):
-            break
-        plain = line.replace('"', "")  # a spreadsheet may quote every cell
-        missing = n_cells - 1 - plain.count(delimiter)
-        padded += missing > 0
-        if missing > 0 and number == len(lines):
-            notices.append(f"line {number}, the last, is cut off and left out")
-            break
-        yield number, plain + delimiter * missing
-    if padded:
-        rows = counted(padded, "row ends", "rows end")
-        notices.append(f"{rows} before the last column; markers without cells are unseen there")
+            return
+        yield number, line.replace('"', "")
 
 
 def _every_frame(rows: Floats, notices: list[str]) -> Floats:

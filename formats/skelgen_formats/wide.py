@@ -97,24 +97,21 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
-    chosen, are_bodies = _chosen(head, options)
-    wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-    flags = [body.flag for body in chosen if body.flag is not None]
+    wanted = _choose(head, options)
+    flags = [body.flag for body in head.bodies if body.flag is not None]
     turns = Turns()
     rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
-    rows = _seen(rows, chosen, head.notices)
+    rows = _seen(rows, head.bodies, head.notices)
     if turns.frames:
         rows, stamps = turns.spread(path, rows, stamps)
-        rows, chosen = without_copies(rows, turns.named(chosen), head.notices)
+        rows, head.bodies = without_copies(rows, turns.named(head.bodies), head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
-    numbers = _in_one_unit(path, rows, chosen, head.unit)
-    head.bodies = chosen
-    return take_from_head(path, numbers, [body.name for body in chosen], head, stamps, options)
+    return _take(path, rows, head, stamps, options)
 
 
-def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
-    """Return the points, or the bodies where there is nothing else or they are asked for; and whether it is these."""
+def _choose(head: Head, options: Options) -> list[int]:
+    """Keep the points, or the bodies where there is nothing else or they are asked for, and return their columns."""
     turned = [body for body in head.bodies if body.is_turned]
     angled = [body for body in head.bodies if body.has_angles]
     if not turned and (options.bodies or (options.points == AUTO and len(angled) == len(head.bodies))):
@@ -131,7 +128,8 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
         head.notices.append(counted(len(points), one, several))
     elif turned and points:
         head.notices.append("bodies with rotations are left out; `--bodies` reads them instead of the points")
-    return turned if are_bodies else points, are_bodies
+    head.bodies = turned if are_bodies else points
+    return [column for body in head.bodies for column in body.columns(turned=are_bodies)]
 
 
 def _numbers_of(
@@ -144,7 +142,8 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    whole = padded_rows(without_remarks(numbers, head.delimiter, head.counts, head.notices), len(lines), head)
+    numbers = without_remarks(numbers, head.delimiter, head.counts, head.notices)
+    whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
     elif head.frames is not None:
@@ -155,7 +154,7 @@ def _numbers_of(
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
         few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
-        some = with_seconds(padded_rows(few, len(lines), replace(head, notices=[])), head)
+        some = with_seconds(padded_rows(few, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.clock.second)
@@ -176,13 +175,16 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
     return points.reshape(numbers.shape)
 
 
-def _in_one_unit(path: Path, rows: Floats, chosen: Sequence[Body], unit: str) -> Floats:
-    """Return the numbers of each body, shape (n_frames, n_bodies, n), those of other units in that of the table."""
-    numbers = rows.reshape(len(rows), len(chosen), -1 if len(rows) else rows.shape[1] // len(chosen))
-    for at, body in enumerate(chosen):
-        if body.unit and unit and body.unit != unit:
-            numbers[:, at, : len(AXES)] *= mm_per_unit(path, 1, body.unit) / mm_per_unit(path, 1, unit)
-    return numbers
+def _take(
+    path: Path, rows: Floats, head: Head, times: Stamps | None, options: Options
+) -> Trajectories | PointCloud | Poses:
+    """Return the take of rows with the numbers of each body; those of other units are brought to that of the table."""
+    bodies = head.bodies
+    numbers = rows.reshape(len(rows), len(bodies), rows.shape[1] // len(bodies))
+    for at, body in enumerate(bodies):
+        if body.unit and head.unit and body.unit != head.unit:
+            numbers[:, at, : len(AXES)] *= mm_per_unit(path, 1, body.unit) / mm_per_unit(path, 1, head.unit)
+    return take_from_head(path, numbers, [body.name for body in bodies], head, times, options)
 
 
 def take_from_head(
@@ -327,8 +329,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
             titles = list(file.schema_arrow.names)
             if (head := in_one_line([titles])) is None:
                 raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
-            chosen, are_bodies = _chosen(head, options)
-            wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
+            wanted = _choose(head, options)
             clocks = [head.clock.column, head.clock.fraction] if head.clock else []
             names = [titles[column] for column in [*wanted, *clocks] if column is not None]
             twice = [name for name in names if titles.count(name) > 1]
@@ -344,9 +345,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
     times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None
-    numbers = _in_one_unit(path, numbers[sampled, : len(wanted)], chosen, head.unit)
-    head.bodies = chosen
-    return take_from_head(path, numbers, [body.name for body in chosen], head, times, options)
+    return _take(path, numbers[sampled, : len(wanted)], head, times, options)
 
 
 def _stamps(columns: Floats, clock: Clock) -> Stamps:
