@@ -23,6 +23,7 @@ _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what part
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -140,7 +141,13 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
 
 
 def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
-    """Return the number in a cell, NaN if it is empty or a word for none; parameters and errors as `number_in`."""
+    """Return the number in a cell, NaN if it is empty or a word for none.
+
+    Parameters
+    ----------
+    path, place, text, what
+        See `number_in`, of which the errors are, too.
+    """
     try:
         return float(text)
     except ValueError:
@@ -166,7 +173,13 @@ def stated_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str)
 
 
 def first_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, str]:
-    """Return the line of a key and the first word that stands there; parameters and errors as `stated_in`."""
+    """Return the line of a key and the first word that stands there.
+
+    Parameters
+    ----------
+    path, header, key
+        See `stated_in`, of which the errors are, too.
+    """
     line, words = stated_in(path, header, key)
     return line, words[0]
 
@@ -323,4 +336,5 @@ def _parsed(text: str) -> float:
 
 
 def _shown(text: str) -> str:
-    return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...")
+    hint = " (export numbers without marks between thousands)" if _THOUSANDS.fullmatch(text.strip()) else ""
+    return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...") + hint

@@ -6,7 +6,7 @@ model, parts points of one name. Without a column of names the points are a clou
 they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
 ``axis`` and ``value``, or names such as ``knee_x`` beside ``value``. Rate, unit and order of angles are those of a wide
 table. Cells are parted by commas, semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images,
-times tell them.
+times tell them; where nothing tells them, the rows of a name follow each other.
 """
 
 from array import array
@@ -69,9 +69,12 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     if head is None:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
-    at = head.at
+    at, body = head.at, head.bodies[0]
     if options.points != AUTO:
-        head.bodies[0].angles.clear()
+        body.angles.clear()
+    if body.turn and not body.is_turned and not body.has_angles:
+        head.notices.append("quaternions of which no title names one of w, x, y, z are left out")
+    head.notices += [UNREAD_QUATERNION] if numbered_quaternions(head.titles) else []
     rows = _rows(path, lines, head)
     if "side" in at and "group" not in at and len(rows.frames) > len({*zip(rows.frames, rows.points, strict=True)}):
         at["group"] = at["side"]
@@ -84,9 +87,8 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         what = f"{found}, but only {len(rows.frames)} positions, or some without a frame"
         raise FormatError(path, "", what)
     if "name" not in at and n_names == 1 and width == len(AXES):
-        unread = f"; {UNREAD_QUATERNION}" if numbered_quaternions(head.titles) else ""
         what = "one position per frame, and no column of names: a single point has no skeleton"
-        raise FormatError(path, 1, f"{what}{unread}")
+        raise FormatError(path, 1, "; ".join([what, *head.notices]))
     points = np.frombuffer(rows.points, dtype=np.int64)
     _check_rows(path, head, places, points)
     if head.frames is not None:
@@ -118,8 +120,8 @@ def _check_rows(path: Path, head: TidyHead, places: Ints, points: Ints) -> None:
 
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
-    rows, columns, count, left_out = _Rows(), head.columns, Counter[float](), 0
-    parts = [at[what] for what in ("name", "group") if what in at]
+    rows, columns, count, left_out = _Rows(), head.columns, Counter[tuple[object, ...]](), 0
+    parts = [at[what] for what in ("name", "group") if what in at and "name" in at]
     for number, cells in _cells(path, lines, head, rows.notices):
         time = clock.moment(cells) if clock else ""
         if clock and not rows.frames:
@@ -134,9 +136,11 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
             left_out += 1
             continue
         moment = time if head.frames is None else seconds_of(cells[head.frames])
-        frame = number_or_nan(path, number, moment, "the frame")
-        count[frame] += 1
-        name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
+        name = tuple(cells[part].strip() for part in parts)
+        # without frames and times, the rows of a name follow each other
+        frame = float(count[name, along]) if head.counts is None else number_or_nan(path, number, moment, "the frame")
+        count[(name, along) if name else (frame,)] += 1
+        name = name or (f"*{count[frame,]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)) * _n_points_of_name(head) + along)
         if clock and frame not in rows.times:

@@ -98,7 +98,7 @@ def _head_of(titles: Sequence[str], row: Sequence[str]) -> TidyHead | None:
     if clock and _FRAME_OF_ROS in plain and not all(map(is_number, row[(ros := plain.index(_FRAME_OF_ROS)) :][:1])):
         frames.remove(ros)
         at.setdefault("name", ros)
-    if not clock and not frames:
+    if not clock and not frames and all(map(is_number, row[at.get("name", len(row)) :][:1])):
         return None
     at |= {"time": max(clock.column, clock.fraction or 0)} if clock else {}
     body, every = nameless_body(titles), bodies_of(titles)

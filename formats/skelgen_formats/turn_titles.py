@@ -33,7 +33,7 @@ _MATRIX = re.compile(
     re.IGNORECASE,
 )
 _NUMBERED = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .]?[\[(]?([0-4])[\])]?",
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .-]?[\[(]?([0-4])[\])]?",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
