@@ -35,14 +35,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.bodies import (
-    angles_in_rad,
-    blank_unseen,
-    notice_jumps,
-    quaternions_from_angles,
-    take_from_bodies,
-    transforms_of,
-)
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, turned_by_angles
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, ROTATION_VECTOR, Format
@@ -131,7 +124,7 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
         cells = head[3][1].split(delimiter) if behind == head[2][0] + 1 else []  # there is a line of units
         angle_unit = [*cells, *[""] * len(titles)][next(iter(columns.values()))[len(_PLACE)]].strip(' "').lower()
         numbers = _with_quaternions(numbers, names_in_file[0], angle_unit, angle_order, notices)
-    return take_from_bodies(path, transforms_of(path, numbers, unit), bodies, rate, notices)
+    return take_from_bodies(path, numbers, unit, bodies, rate, notices)
 
 
 def _chosen(path: Path, blocks: Sequence[_Block]) -> _Block:
@@ -150,13 +143,11 @@ def _with_quaternions(numbers: Floats, title: str, unit: str, angle_order: str, 
     stated = _REPRESENTATION.search(title)
     of_title = {"helical": ROTATION_VECTOR, "eulerxyz": "xyz"}.get(stated[1].lower().replace(" ", "") if stated else "")
     order = angle_order if angle_order != AUTO else of_title or ROTATION_VECTOR
-    if angle_order == AUTO and not of_title:
+    is_sure = bool(of_title) or angle_order != AUTO
+    if not is_sure:
         what = "rotations are taken as helical angles, as Vicon exports them by default"
         notices.append(f"{what}; `--angle-order xyz` takes them as Euler angles")
-    angles = angles_in_rad(numbers[:, :, len(_PLACE) :], unit, notices)
-    if angle_order == AUTO and not of_title:
-        notice_jumps(angles, order, notices)
-    return np.concatenate([numbers[:, :, : len(_PLACE)], quaternions_from_angles(angles, order)], axis=2)
+    return turned_by_angles(numbers, order, unit, notices, is_sure=is_sure)
 
 
 def _body_name(title: str) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of, with_quaternions_of_matrices
+from skelgen_formats.bodies import blank_unseen, take_from_bodies
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
@@ -97,9 +97,8 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
     numbers = rows.reshape(len(rows), len(names), width)
     if not of_bodies:
         return take_from_markers(path, scaled(path, zeros_unseen(numbers), _MM), names, rate, notices)
-    return take_from_bodies(
-        path, transforms_of_bodies(path, numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:]), names, rate
-    )
+    poses = row_by_row(numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:])
+    return take_from_bodies(path, poses, _MM, names, rate, notices)
 
 
 def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: str) -> Poses:
@@ -121,23 +120,21 @@ def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: 
     rows = uncut(lines, rows, count_in(path, *first_in(path, header, _FIRST_KEY), _FIRST_KEY), notices)
     numbers = blank_unseen(rows.reshape(len(rows), len(found), len(_SEGMENT_TITLES)))
     names, rate = [titles[at] for at in found], rate_in(path, *first_in(path, header, "FREQUENCY"), "FREQUENCY")
-    return take_from_bodies(path, transforms_of(path, numbers, _MM), names, rate, notices)
+    return take_from_bodies(path, numbers, _MM, names, rate, notices)
 
 
-def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats:
-    """Return the poses of bodies as Track Manager exports them, shape (n_frames, n_bodies, 4, 4), translations in mm.
+def row_by_row(places: Floats, matrices: Floats) -> Floats:
+    """Return places and matrices row by row, shape (n_frames, n_bodies, 12); Track Manager has them column by column.
 
     Parameters
     ----------
-    path : Path
-        The file, for errors.
     places : ndarray, shape (n_frames, n_bodies, 3), mm
-        NaN, or zeros together with the matrix, where a body is unseen.
+        NaN where a body is unseen.
     matrices : ndarray, shape (n_frames, n_bodies, 9)
-        World from body, column by column.
+        Column by column.
     """
     turns = matrices.reshape(*matrices.shape[:2], 3, 3).swapaxes(2, 3).reshape(matrices.shape)
-    return transforms_of(path, with_quaternions_of_matrices(path, np.concatenate([places, turns], axis=2)), _MM)
+    return np.concatenate([places, turns], axis=2)
 
 
 def _delimiter(lines: Lines) -> str:

@@ -26,14 +26,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
-from skelgen_formats.bodies import (
-    BY_ROWS,
-    blank_unseen,
-    take_from_bodies,
-    transforms_of,
-    with_quaternions,
-    with_quaternions_of_matrices,
-)
+from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
@@ -243,12 +236,10 @@ def take_from_table(
     notices: list[str] = []
     numbers = np.array(numbers, dtype=np.float64)
     numbers[np.isinf(numbers)] = np.nan
-    if numbers.shape[2] == len(AXES) * 4:
-        numbers = with_quaternions_of_matrices(path, numbers)
     if numbers.shape[2] > len(AXES):
         bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
-        return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
+        return take_from_bodies(path, bodies, factor, names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     if not unit and options.recorded_unit == AUTO:
