@@ -174,12 +174,8 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
         words = [cell for cell in row if cell]
         if not words or any(is_number(cell) or not cell.strip("[]()").isalpha() for cell in words):
             return
-        units = {
-            row[column].strip("[]()").lower()
-            for body in head.bodies
-            for column in body.place.values()
-            if column < len(row)
-        } - {""}  # of rotations
+        columns = [column for body in head.bodies for column in body.place.values() if column < len(row)]
+        units = {row[column].strip("[]()").lower() for column in columns} - {""}  # of rotations
         if len(units) > 1 or not units <= {*MM_PER_UNIT}:
             return
         head.unit = head.unit or next(iter(units), "")

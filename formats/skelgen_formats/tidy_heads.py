@@ -13,21 +13,9 @@ from skelgen_formats.text import is_number, unquoted
 from skelgen_formats.titles import bodies_of, nameless_body, spelt
 
 _THINGS = (
-    *(
-        "keypoint",
-        "marker",
-        "bodypart",
-        "body_part",
-        "landmark",
-        "joint",
-        "point",
-        "name",
-        "label",
-        "body",
-        "rigid_body",
-    ),
-    *("rigidbody", "object", "segment", "sensor", "station", "tool", "device", "tracker", "asset", "limb", "bone"),
-    *("link", "rb", "tag", "agent", "part", "actor", "entity"),
+    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label", "body"),
+    *("rigid_body", "rigidbody", "object", "segment", "sensor", "station", "tool", "device", "tracker", "asset"),
+    *("limb", "bone", "link", "rb", "tag", "agent", "part", "actor", "entity"),
 )
 _NAMES = (
     *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),

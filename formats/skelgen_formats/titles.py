@@ -53,10 +53,8 @@ _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
 _NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
-    (
-        re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
-        r"\1_\2",
-    ),  # p_RS_R_x [m], q_RS_w [] of EuRoC
+    # p_RS_R_x [m], q_RS_w [] of EuRoC
+    (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
     (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
     (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
