@@ -23,8 +23,8 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.markers import array_from_records
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, Format, Options
+from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
 

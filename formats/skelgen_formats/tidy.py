@@ -23,6 +23,7 @@ from skelgen.model.arrays import Ints
 from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.row_owners import spread
 from skelgen_formats.table_heads import UNREAD_QUATERNION
 from skelgen_formats.table_rows import notice_skipped, without_remarks
 from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
@@ -33,7 +34,6 @@ from skelgen_formats.wide import take_from_head
 
 _UNSEEN = {"flag": ("0", "false", "0.0"), "hidden": ("1", "true", "1.0")}
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
-_MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
 @dataclass
@@ -82,10 +82,8 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     head.notices += rows.notices
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
     n_names, width = len(rows.names), len(head.columns)
-    if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
-        found = f"{n_names} points in {len(every)} frames"
-        what = f"{found}, but only {len(rows.frames)} positions, or some without a frame"
-        raise FormatError(path, "", what)
+    if np.isnan(every).any():
+        raise FormatError(path, "", "holds rows without a frame")
     if "name" not in at and n_names == 1 and width == len(AXES):
         what = "one position per frame, and no column of names: a single point has no skeleton"
         raise FormatError(path, 1, "; ".join([what, *head.notices]))
@@ -93,8 +91,9 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     _check_rows(path, head, places, points)
     if head.frames is not None:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
-    numbers = np.full((len(every), n_names * _n_points_of_name(head), width), np.nan)
-    numbers[places, points] = np.frombuffer(rows.numbers).reshape(-1, width)
+    cells = np.frombuffer(rows.numbers).reshape(-1, width)
+    shape = (len(every), n_names * _n_points_of_name(head))
+    numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if rows.times])
     stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]

@@ -23,8 +23,8 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.lines import decoded_head, read_lines
-from skelgen_formats.markers import array_from_records
 from skelgen_formats.options import BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.text import count_in, is_number, number_in, number_or_nan, split_cells
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
@@ -104,12 +104,9 @@ def _frame(path: Path, number: int, cells: list[str]) -> tuple[float, _Record, _
 
 
 def _is_tracking_tools(head: bytes, path: Path) -> bool:
-    lines = decoded_head(head).lstrip().splitlines()
-    return (
-        bool(lines)
-        and lines[0].lower().startswith(_FIRST_WORDS)
-        and any(line.lower().startswith((f"{_FRAME},", _FIRST_WORDS[1])) for line in lines)
-    )
+    lines = decoded_head(head).lstrip().lower().splitlines()
+    told = any(line.startswith((f"{_FRAME},", _FIRST_WORDS[1])) for line in lines)
+    return told and lines[0].startswith(_FIRST_WORDS)
 
 
 FORMAT = Format(
