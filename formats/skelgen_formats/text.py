@@ -149,7 +149,7 @@ def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
         See `number_in`, of which the errors are, too.
     """
     try:
-        return float(text)
+        return _parsed(text)
     except ValueError:
         return math.nan if is_unseen(text.strip()) else number_in(path, place, text, what)
 

@@ -93,7 +93,7 @@ def _head_of(titles: Sequence[str], row: Sequence[str]) -> TidyHead | None:
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
     if values and "name" in at and AXIS_IN_NAME.search("".join(row[at["name"] :][:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables
-    is_by_axis = bool(values) and at.keys() >= {"name", "axis"} and not body.place
+    is_by_axis = bool(values and (clock or frames)) and at.keys() >= {"name", "axis"} and not body.place
     if is_by_axis:
         at["value"], value = values[0], _VALUE.fullmatch(titles[values[0]])
         body.unit = (value[1] or "").lower() if value else ""
