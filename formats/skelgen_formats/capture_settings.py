@@ -101,11 +101,8 @@ def read_settings(
     """
     settings = read_any_settings(path, detection, search)
     if isinstance(settings, RoomSettings):
-        raise FormatError(
-            Path(path),
-            "",
-            f"holds {len(settings.rig.cameras)} cameras of a room; this needs a <left> and a <right> one",
-        )
+        what = f"holds {len(settings.rig.cameras)} cameras of a room; this needs a <left> and a <right> one"
+        raise FormatError(Path(path), "", what)
     return settings
 
 

@@ -225,9 +225,8 @@ def _every_frame(rows: Floats, notices: list[str]) -> Floats:
     n_frames = int(frames[-1] - frames[0]) + 1
     if n_frames == len(rows) or n_frames > _MOST_TIMES * len(rows):
         return rows
-    notices.append(
-        f"{counted(n_frames - len(rows), 'frame is', 'frames are')} left out in the file: nothing is seen then"
-    )
+    missing = counted(n_frames - len(rows), "frame is", "frames are")
+    notices.append(f"{missing} left out in the file: nothing is seen then")
     every = np.full((n_frames, rows.shape[1]), np.nan)
     every[(frames - frames[0]).astype(np.intp)] = rows
     return every
