@@ -98,7 +98,8 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
-    return take_from_head(path, numbers.reshape(len(every), n_names, -1), names, head, stamps, options)
+    numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
+    return take_from_head(path, numbers, names, head, stamps, options)
 
 
 def _n_points_of_name(head: TidyHead) -> int:
