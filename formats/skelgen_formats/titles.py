@@ -23,7 +23,6 @@ from skelgen_formats.turn_titles import (
     BETWEEN,
     angle_alone,
     angle_of,
-    cell_alone,
     cell_of,
     component_alone,
     order_by_words,
@@ -228,8 +227,8 @@ def nameless_body(titles: Sequence[str]) -> Body:
         if angle := angle_alone(title):
             body.angles.setdefault(angle[0], column)
             body.stated_order, body.angle_unit = body.stated_order or angle[1], body.angle_unit or angle[2]
-        if cell := cell_alone(title):
-            body.matrix.setdefault(cell, column)
+        if (cell := cell_of(title)) and not cell[0]:
+            body.matrix.setdefault(cell[1], column)
         text, unit = _without_unit(title)
         if component := component_alone(title):
             body.turn.setdefault(component, column)
