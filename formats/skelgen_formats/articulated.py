@@ -10,7 +10,7 @@ its half spheres stick out. Nothing is weighed: with the density of water a thig
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Comment, Element
 
 import numpy as np
@@ -22,7 +22,7 @@ from skelgen.geometry.rotations import (
     transform_from,
     vector_from_matrix,
 )
-from skelgen.model import Joint, Motion, Project, Skeleton
+from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import bone_end, bone_names, parent_from_child, plain_names
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
@@ -93,7 +93,7 @@ class Link:
 
 
 def links_of(project: Project, joints: str) -> tuple[Link, ...]:
-    """Return all limbs from the roots outward.
+    """Return all limbs from the roots outward, posed as near to the motion as joints that keep their types can be.
 
     Parameters
     ----------
@@ -102,14 +102,22 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
     joints : str
         A choice of `JOINTS`.
     """
-    skeleton, motion = project.skeleton, project.motion
-    called = plain_names(skeleton.joint_names)
-    above = {joint.child: (joint, name) for joint, name in zip(skeleton.joints, called, strict=True)}
-    bones = bone_names(skeleton)
-    return tuple(
-        _link(*above[limb], bones, motion, joints) if limb in above else _root(project, limb, bones[limb])
-        for limb in skeleton.outward.tolist()
+    links = _links(project.skeleton, project.motion.world_from_limb, joints)
+    moved = _moved_markers(project, links)
+    if moved <= _MOVED:
+        return links
+    from skelgen.kinematics.inverse.inverse_kinematics import hold_joints  # noqa: PLC0415 - scipy is slow to load
+
+    freed = {link.limb for link in links if link.kind == "ball"}
+    held = tuple(
+        replace(joint, kind="ball", axis=None, axis_std=None, second_axis=None, second_axis_std=None)
+        if joint.child in freed
+        else joint
+        for joint in project.skeleton.joints
     )
+    skeleton = replace(project.skeleton, joints=held)
+    again = _links(skeleton, hold_joints(skeleton, project.motion.world_from_limb), AS_FOUND)
+    return again if _moved_markers(project, again) < moved else links
 
 
 def posed(links: Sequence[Link]) -> Floats:
@@ -223,17 +231,25 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
     return tuple(remarks)
 
 
-def _root(project: Project, limb: int, name: str) -> Link:
-    poses = project.motion.world_from_limb[:, limb]
-    place = project.skeleton.reference_pose[limb, :3, 3]
+def _links(skeleton: Skeleton, world: Floats, joints: str) -> tuple[Link, ...]:
+    called = plain_names(skeleton.joint_names)
+    above = {joint.child: (joint, name) for joint, name in zip(skeleton.joints, called, strict=True)}
+    bones = bone_names(skeleton)
+    return tuple(
+        _link(*above[limb], bones, world, joints) if limb in above else _root(skeleton, limb, bones[limb], world)
+        for limb in skeleton.outward.tolist()
+    )
+
+
+def _root(skeleton: Skeleton, limb: int, name: str, world: Floats) -> Link:
+    poses, place = world[:, limb], skeleton.reference_pose[limb, :3, 3]
     rotations = poses[:, :3, :3]
     angles = euler_angles("XYZ", rotations)
     named = (name, "world", f"world-{name}")
     return Link(limb, -1, *named, "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
 
 
-def _link(joint: Joint, name: str, bones: Sequence[str], motion: Motion, joints: str) -> Link:
-    world = motion.world_from_limb
+def _link(joint: Joint, name: str, bones: Sequence[str], world: Floats, joints: str) -> Link:
     _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
     kind, axes, angles = _by_kind(joint, rotations)
     if joints == AS_MOVED and _departure(axes, angles, rotations) > _play(angles):

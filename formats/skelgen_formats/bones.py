@@ -15,6 +15,7 @@ from skelgen.errors import FormatError, ParameterError, WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import listed
 from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 
@@ -347,8 +348,14 @@ def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:
     if project.skeleton.loops:
         joints = f"{len(project.skeleton.loops)} joint{'s' if len(project.skeleton.loops) > 1 else ''}"
         remarks.append(f"{title} holds trees only: {joints} closing loops are left out.")
-    interpolated = int((~project.motion.limb_seen).any(axis=1).sum())
+    interpolated = int(project.motion.interpolated.any(axis=1).sum())
     if interpolated:
         frames = f"{interpolated} of {project.motion.n_frames} frames"
         remarks.append(f"{title} cannot say that in {frames} some limb is not seen but interpolated.")
-    return tuple(remarks)
+    return (*remarks, *never_seen_remarks(project))
+
+
+def never_seen_remarks(project: Project) -> tuple[str, ...]:
+    """Say of which limbs no frame tells how they turn, in a sentence or none."""
+    names = [project.skeleton.limb_names[limb] for limb in project.motion.never_seen]
+    return (f"No frame tells all turns of {listed(names)}: too few markers.",) if names else ()

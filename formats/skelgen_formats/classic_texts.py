@@ -1,11 +1,13 @@
-"""The text files of the classic program (Schönauer 2007, 4.2 and 4.6): the cost matrix of the markers, and the tree.
+"""Text files of limbs: those of the classic program (Schönauer 2007, 4.2 and 4.6), cost matrix and tree, and a table.
 
 Numbers are separated by blanks, and lines that begin with ``#`` say what they are, so that `numpy.loadtxt` reads both.
 The matrix has a row per marker: the standard deviations of its distances to all markers. The tree has a row per limb:
 the limb, its parent (-1 for a root) and the cost of the joint between them (nan for a root). What limbs are
 called stands in the lines with ``#``, and, once the skeleton is fitted, which joints the motion does not determine.
+The table has a row per marker: its name, its limb, and the limb's name.
 """
 
+import csv
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,9 +17,14 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen_formats.options import Format, Writable
+from skelgen_formats.text import defused
 from skelgen_formats.writing import choices_in
 
 _COSTS_TITLE, _TREE_TITLE = "Cost matrix of the markers, text", "Tree of the limbs, text"
+_LIMBS_TITLE = "Limbs of the markers, CSV"
+
+LIMB_COLUMNS = ("marker", "limb", "name")
+"""Titles of the table of limbs."""
 
 
 def write_costs(value: Writable, path: Path) -> list[Path]:
@@ -74,6 +81,36 @@ def write_tree(value: Writable, path: Path) -> list[Path]:
     return [path]
 
 
+def write_limbs(value: Writable, path: Path) -> list[Path]:
+    """Write which marker is on which limb; names that a spreadsheet would take for formulas begin with an apostrophe.
+
+    Parameters
+    ----------
+    value : Project
+        With limbs.
+    path : Path
+        The file.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, or the file cannot be written.
+    MissingResultError
+        If markers are not grouped into limbs yet.
+    """
+    project = _project(value, _LIMBS_TITLE)
+    called = [*map(defused, project.limbs.names), ""]  # the last one is for -1
+    found = zip(map(defused, project.trajectories.names), project.limbs.limb_of_marker.tolist(), strict=True)
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8", errors="replace") as stream,
+    ):
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(LIMB_COLUMNS)
+        rows.writerows((marker, limb, called[limb]) for marker, limb in found)
+    return [path]
+
+
 def _limb(project: Project, limb: int) -> str:
     """Name of a limb, and its markers."""
     markers = (project.trajectories.names[marker] for marker in project.limbs.markers_of(limb))
@@ -115,4 +152,14 @@ TREE = Format(
     keeps=("names", "limbs"),
     marks_open="lines with `#`, once the skeleton is fitted",
     note="One row per limb: its parent and the cost of the joint between them.",
+)
+LIMBS = Format(
+    name="limbs-csv",
+    title=_LIMBS_TITLE,
+    suffixes=(".limbs.csv",),
+    holds="summary",
+    write=lambda value, path, options, monitor: write_limbs(value, path),
+    check=lambda value, options: _project(value, _LIMBS_TITLE).limbs,
+    keeps=("names", "limbs"),
+    note="One row per marker: its limb (-1 = left out) and what the limb is called; `--names` reads it.",
 )

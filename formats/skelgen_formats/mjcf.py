@@ -34,7 +34,7 @@ from skelgen_formats.articulated import (
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
-from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up
+from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up, turned_up
 from skelgen_formats.xml_text import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".mjcf.xml", ".qpos.csv"
@@ -44,7 +44,12 @@ _BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
 
 
 def write_mjcf(
-    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
+    value: Writable,
+    path: Path,
+    joints: str = AS_MOVED,
+    density: float = 1000.0,
+    up: str = "",
+    monitor: Monitor = SILENT,
 ) -> list[Path]:
     """Write the model, and a table with the coordinates of every frame.
 
@@ -58,6 +63,8 @@ def write_mjcf(
         `AS_MOVED` or `AS_FOUND`.
     density : float, kg/m^3
         Of the limbs.
+    up : str
+        The axis that points up, against gravity; what is found if left out.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -74,6 +81,8 @@ def write_mjcf(
         model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
         document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
         add_choices(document, project)
+        SubElement(document, "compiler", angle="radian")
+        SubElement(document, "option", gravity=number_text(gravity(project, up, _UP)))
         order = [links[name] for name in _add_bodies(document, project, links, density)]
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
@@ -86,8 +95,6 @@ def write_mjcf(
 
 def _add_bodies(document: Element, project: Project, links: Mapping[str, Link], density: float) -> list[str]:
     """Add the bodies, and return their names in MuJoCo's order: as they stand in the file."""
-    SubElement(document, "compiler", angle="radian")
-    SubElement(document, "option", gravity=number_text(gravity(project, _UP)))
     default = SubElement(document, "default")
     attributes = {"type": "capsule", "size": _BONE_RADIUS_M, "contype": "0", "conaffinity": "0"}
     SubElement(default, "geom", attributes, density=repr(density))
@@ -143,6 +150,10 @@ def _coordinates(link: Link) -> Floats:
     return np.concatenate([link.translations * M_PER_MM, quaternions], axis=1)
 
 
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
+    return write_mjcf(value, path, options.joints, options.density, turned_up(options.axes), monitor)
+
+
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return (
         f"Ranges are those of this motion with a margin, masses those of capsules of {options.density:g} kg/m³; the"
@@ -158,7 +169,7 @@ FORMAT = Format(
     suffixes=(MODEL_SUFFIX, ".mjcf"),
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, options.density, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),

@@ -36,7 +36,7 @@ from skelgen_formats.articulated import (
 from skelgen_formats.bones import plain_names
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
-from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up
+from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up, turned_up
 from skelgen_formats.xml_text import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
@@ -55,7 +55,12 @@ _JOINT_TYPES = {
 
 
 def write_opensim(
-    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
+    value: Writable,
+    path: Path,
+    joints: str = AS_MOVED,
+    density: float = 1000.0,
+    up: str = "",
+    monitor: Monitor = SILENT,
 ) -> list[Path]:
     """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
 
@@ -69,6 +74,8 @@ def write_opensim(
         `AS_MOVED` or `AS_FOUND`.
     density : float, kg/m^3
         Of the limbs.
+    up : str
+        The axis that points up, against gravity; what is found if left out.
     monitor : Monitor
         Shows progress; may cancel.
 
@@ -84,7 +91,7 @@ def write_opensim(
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
         model, motion, markers, setup = files = files_beside(folder / path.name, *SUFFIXES)
-        document = _document(replace(project, _trajectories=named), links, density)
+        document = _document(replace(project, _trajectories=named), links, density, gravity(project, up, _UP))
         document[0].set("name", plain_names([path.stem])[0])
         write_tree(model, document)
         write_tree(setup, _setup(project, named.names, files))
@@ -94,11 +101,11 @@ def write_opensim(
     return list(files_beside(path, *SUFFIXES))
 
 
-def _document(project: Project, links: Sequence[Link], density: float) -> Element:
+def _document(project: Project, links: Sequence[Link], density: float, gravity_vector: Floats) -> Element:
     document = Element("OpenSimDocument", Version=_VERSION)
     add_choices(document, project)
     model = SubElement(document, "Model")
-    _add(model, "gravity", number_text(gravity(project, _UP)))
+    _add(model, "gravity", number_text(gravity_vector))
     _add(model, "length_units", "meters")
     _add(model, "force_units", "N")
     bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
@@ -218,6 +225,10 @@ def _add(parent: Element, name: str, text: str) -> None:
     SubElement(parent, name).text = text
 
 
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
+    return write_opensim(value, path, options.joints, options.density, turned_up(options.axes), monitor)
+
+
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     own = [
         f"Masses and inertias are those of capsules of {options.density:g} kg/m³, ranges those of this motion with a"
@@ -236,7 +247,7 @@ FORMAT = Format(
     suffixes=SUFFIXES[:2],
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, options.density, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, *SUFFIXES),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),

@@ -31,6 +31,7 @@ from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Poses, Project
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies
+from skelgen_formats.bones import never_seen_remarks
 from skelgen_formats.lines import Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import AXES, FIXED_DISTANCE, RATE, UNIT, Format, Options, Writable, per_mm
@@ -147,9 +148,10 @@ def _poses_of(value: Writable) -> Poses:
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     if isinstance(project.take, Poses):
         return ("Bodies are written as they were recorded, not as the skeleton poses them.",)
-    hidden = int((~project.motion.limb_seen).any(axis=1).sum())
+    hidden = int(project.motion.interpolated.any(axis=1).sum())
     empty = f"; in {hidden} of {project.motion.n_frames} frames some limb is not seen, whose cells are empty"
-    return (f"The bodies are the limbs of the skeleton as it was fitted{empty if hidden else ''}.",)
+    fitted = f"The bodies are the limbs of the skeleton as it was fitted{empty if hidden else ''}."
+    return (fitted, *(f"{one} Their cells are empty." for one in never_seen_remarks(project)))
 
 
 def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, float]:

@@ -72,7 +72,7 @@ FORMATS: tuple[Format, ...] = (
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT),
-    *(untitled.FORMAT, mfml.FORMAT, classic_texts.COSTS, classic_texts.TREE),
+    *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 
@@ -243,8 +243,8 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
         raise WriteError(f"the format {entry.name} can only be read")
     monitor.begin(f"writing {path.name}")
     value = with_bone_names(with_rest_pose(value, options.rest), options.bone_names)
-    turn = turn_wished(value, options, entry.up)
-    return entry.write(with_up_axis(with_rate(value, options.rate), turn), path, options, monitor)
+    options = replace(options, axes=turn_wished(value, options, entry.up))
+    return entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:

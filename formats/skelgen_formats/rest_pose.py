@@ -67,6 +67,8 @@ def remarks_on_rest(project: Project, rest: str) -> tuple[str, ...]:
     """
     if rest not in (T_POSE, A_POSE) or is_person(project.skeleton):
         return ()
+    if len(project.skeleton.bodies) > 1:
+        return (f"Bones rest in the reference pose: a {rest} is that of one body in a file of its own.",)
     why = "the limbs are not known as those of a person with left and right"
     return (f"Bones rest in the reference pose: {why}, so that there is no {rest} (name them with --names).",)
 

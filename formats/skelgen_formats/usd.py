@@ -55,7 +55,7 @@ from skelgen_formats.options import (
     moving_project,
     per_mm,
 )
-from skelgen_formats.writing import place_remark
+from skelgen_formats.writing import place_remark, turned_up
 
 _TITLE = "USD"
 _CODES = 24.0  # per second: Blender's frame rate, and USD's own default
@@ -276,8 +276,7 @@ TIME_CODES = Option(
 
 
 def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
-    up = "" if options.axes == AS_RECORDED else options.axes[-1]
-    return write_usd(value, path, options.unit, up, options.time_codes, monitor)
+    return write_usd(value, path, options.unit, turned_up(options.axes), options.time_codes, monitor)
 
 
 FORMAT = Format(

@@ -173,7 +173,7 @@ def marker_files(path: Path, filled: bool) -> tuple[Path, ...]:
 
 def table_of(path: Path) -> Path:
     """Return where the table of filled positions belongs to a file of markers."""
-    return path.with_name(path.stem + TABLE_SUFFIX)
+    return path.with_name(path.stem.removesuffix(TABLE_SUFFIX.removesuffix(".csv")) + TABLE_SUFFIX)
 
 
 _GRAVITY = 9.80665  # m/s^2, the standard
@@ -233,19 +233,26 @@ def remark_on_up(project: Project, options: Options, up: str, title: str) -> tup
     return (f"{title} takes {up} to be up; in the recording it is {found}{advice}.",)
 
 
-def gravity(project: Project, up: str) -> Floats:
-    """Return the acceleration of gravity [m/s^2], shape (3,), against what is found to be up.
+def turned_up(axes: str) -> str:
+    """Return the axis that a turn of the world, a key of `TURNS`, brings upward; empty if nothing is turned."""
+    return "" if axes == AS_RECORDED else axes[-1]
+
+
+def gravity(project: Project, up: str, usual: str) -> Floats:
+    """Return the acceleration of gravity [m/s^2], shape (3,).
 
     Parameters
     ----------
     project : Project
         In the axes of the file.
     up : str
-        The axis that is up where nothing is found, see `Format.up`.
+        The axis that is up in the file; what is found if empty.
+    usual : str
+        The one that is where nothing is found, see `Format.up`.
     """
     from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
 
-    found = up_of(project) or up
+    found = up or up_of(project) or usual
     return np.where(np.array(list("xyz")) == found[-1], _GRAVITY if found.startswith("-") else -_GRAVITY, 0.0)
 
 

@@ -258,11 +258,7 @@ def edge_centres(image: Image, spots: SpotTable, background: float) -> Floats:
 
 @kernel_part
 def _centre_of_edge(
-    image: Image,
-    window: tuple[int, int, int, int],
-    disc: tuple[float, float, float],
-    background: float,
-    centre: Floats,
+    image: Image, window: tuple[int, int, int, int], disc: tuple[float, float, float], background: float, centre: Floats
 ) -> None:
     """Fill a centre and its deviation by Newton's steps from a disc x, y, radius; leave it if they diverge."""
     left, right, top, bottom = window

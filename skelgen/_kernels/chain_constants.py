@@ -137,7 +137,7 @@ def add_offsets(table: ChainTable, place: Place, limb: int, constants: Constants
     constants : Constants
         What is added to.
     """
-    column = _first_of_markers(limb, constants)
+    column = _first_of_markers(limb, constants.columns)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
         weight = place.markers[own, WEIGHT]
@@ -165,7 +165,7 @@ def add_displacements(table: ChainTable, place: Place, limb: int, constants: Con
     constants : Constants
         What is added to.
     """
-    first, basis, total = _first_of_markers(limb, constants), constants.basis, constants.total
+    first, basis, total = _first_of_markers(limb, constants.columns), constants.basis, constants.total
     rotation = matrix(place.limbs, limb, ROTATION)
     for one in range(basis.shape[2]):
         force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -183,11 +183,9 @@ def add_displacements(table: ChainTable, place: Place, limb: int, constants: Con
 
 
 @kernel_part
-def _first_of_markers(limb: int, constants: Constants) -> int:
+def _first_of_markers(limb: int, columns: Columns) -> int:
     """Return the column of the first constant of a limb's markers, behind those of its joint."""
-    limbs = constants.columns.limbs
-    first: int = limbs[limb, FIRST] + limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
-    return first
+    return int(columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0))
 
 
 @kernel_part
@@ -208,12 +206,12 @@ def add_tilts(table: ChainTable, place: Place, forms: Floats, limb: int, constan
         What is added to.
     """
     columns = constants.columns
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    mixed = matrix(forms, limb, MIXED)
     for tilt in range(columns.limbs[limb, N_TILTS] - 1, -1, -1):
         change = tilted(table, columns, place, limb, tilt)
         column = columns.limbs[limb, FIRST] + 3 + tilt
         _set_column(constants.coupling, TORQUES, column, by_symmetric(symmetric(forms, limb, TURN), change))
-        _set_column(constants.coupling, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
+        _set_column(constants.coupling, FORCES, column, turned(mixed, change))
         add_rows(constants, column, change, TORQUES, columns.limbs[limb, LAST])
 
 
@@ -261,13 +259,12 @@ def add_joint(table: ChainTable, place: Place, forms: Floats, limb: int, constan
         What is added to.
     """
     columns = constants.columns
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    by_shift = transposed(matrix(forms, limb, MIXED))
     axes = transposed(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION))
     for axis in range(2, -1, -1):
         column, shift = columns.limbs[limb, FIRST] + axis, axes[axis]
         _set_column(constants.coupling, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
-        torque = plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c))
-        _set_column(constants.coupling, TORQUES, column, torque)
+        _set_column(constants.coupling, TORQUES, column, turned(by_shift, shift))
         add_rows(constants, column, shift, FORCES, columns.limbs[limb, LAST])
 
 
@@ -349,7 +346,7 @@ def _add_offset_gradient(
     table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats
 ) -> None:
     """Add the gradient at the offsets of a limb's markers, and what their residuals do to the limb."""
-    column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
+    column = _first_of_markers(limb, columns)
     axes = transposed(matrix(place.limbs, limb, ROTATION))
     force, torque = vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
     for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):

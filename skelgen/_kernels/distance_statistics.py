@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.small_matrices import dot, minus, vector
 from skelgen.model.arrays import Bools, Floats, Ints
 
 FAR = 3.0
@@ -24,6 +25,21 @@ CLIPPINGS = 3
 
 
 _Moments = tuple[float, float, float]
+
+
+@kernel_part
+def squared_distance(table: Floats, row: int, other: Floats, other_row: int) -> float:
+    """Return the square of the distance of two points, each the first three numbers of a row of its table.
+
+    Parameters
+    ----------
+    table, other : ndarray
+        Numbers, row by row.
+    row, other_row : int
+        Rows of the points.
+    """
+    away = minus(vector(table, row, 0), vector(other, other_row, 0))
+    return dot(away, away)
 
 
 def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
@@ -100,10 +116,7 @@ def _add_distances(points: Floats, markers: Ints, starts: Ints, weights: Floats,
         for one in range(starts[moment], starts[moment + 1]):
             sums[0, markers[one], markers[one]] += weight
             for other in range(one + 1, starts[moment + 1]):
-                square = 0.0
-                for axis in range(3):
-                    square += (points[one, axis] - points[other, axis]) ** 2
-                distance = math.sqrt(square)
+                distance = math.sqrt(squared_distance(points, one, points, other))
                 sums[0, markers[one], markers[other]] += weight
                 sums[1, markers[one], markers[other]] += weight * distance
                 sums[2, markers[one], markers[other]] += weight * distance * distance
@@ -114,12 +127,9 @@ def _fill_known_lengths(values: Floats, positions: Floats, first: int, second: i
     """Put the distances in frames that show both one after the other, and return how many they are."""
     n_known = 0
     for frame in range(len(positions)):
-        total = 0.0
-        for axis in range(3):
-            away = positions[frame, second, axis] - positions[frame, first, axis]
-            total += away * away
-        if not math.isnan(total):
-            values[n_known] = math.sqrt(total)
+        square = squared_distance(positions[frame], second, positions[frame], first)
+        if not math.isnan(square):
+            values[n_known] = math.sqrt(square)
             n_known += 1
     return n_known
 
@@ -232,16 +242,6 @@ def ways_of_pairs(ways: Floats, pairs: Ints) -> Floats:
     pairs : ndarray of intp, shape (2, n_pairs)
         Markers of the set.
     """
-    found = np.empty((2, pairs.shape[1], ways.shape[1] + 1))
-    _write_ways(ways, pairs, found)
-    return found
-
-
-@kernel
-def _write_ways(ways: Floats, pairs: Ints, found: Floats) -> None:
-    n_ways = ways.shape[1]
-    for pair in range(pairs.shape[1]):
-        for half in range(2):
-            for way in range(n_ways):
-                found[half, pair, way] = ways[pairs[0, pair], way, half, pairs[1, pair]]
-            found[half, pair, n_ways] = 1.0 - half  # a larger body moves alike
+    moved = ways[pairs[0], :, :, pairs[1]]
+    size = np.broadcast_to([1.0, 0.0], (len(moved), 1, 2))  # a larger body moves alike
+    return np.moveaxis(np.concatenate([moved, size], axis=1), 2, 0)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels import contiguous, kernel
-from skelgen._kernels.small_matrices import dot, minus, plus, turned, vector
+from skelgen._kernels.distance_statistics import squared_distance
+from skelgen._kernels.small_matrices import block, column, dot, minus, plus, turned, vector
 from skelgen.model.arrays import Bools, Floats, Ints
 
 FIRST_ROOM = 2
@@ -57,11 +58,7 @@ def _write_explained(
     for point in range(len(points)):
         frame = frames[point]
         for marker in range(predicted.shape[1]):
-            square = 0.0
-            for axis in range(3):
-                away = predicted[frame, marker, axis] - points[point, axis]
-                square += away * away
-            score = square * factor[frame, marker] + 1.0
+            score = squared_distance(predicted[frame], marker, points, point) * factor[frame, marker] + 1.0
             if score > 0.0:
                 if count < len(scores):
                     pairs[0, count], pairs[1, count], scores[count] = point, marker, score
@@ -112,8 +109,7 @@ def scores_of_poses(poses: Floats, limb: LimbMarkers, points: Floats, chance: fl
 @kernel
 def _add_scores(poses: Floats, limb: LimbMarkers, points: Floats, peaks: Floats, scores: Floats, used: Bools) -> None:
     for pose in range(len(poses)):
-        turn = vector(poses[pose], 0, 0), vector(poses[pose], 1, 0), vector(poses[pose], 2, 0)
-        origin = poses[pose, 0, 3], poses[pose, 1, 3], poses[pose, 2, 3]
+        turn, origin = block(poses[pose], 0, 0), column(poses[pose], 3)
         for marker in range(len(peaks)):
             place = plus(turned(turn, vector(limb.offsets, marker, 0)), origin)
             nearest, least = 0, math.inf

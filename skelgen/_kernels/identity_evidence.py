@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.distance_statistics import squared_distance
 from skelgen.model.arrays import Bools, Floats, Ints
 
 FREEDOMS = 4.0
@@ -118,11 +119,9 @@ def _fill_lengths(lengths: Floats, points: Floats, marker: int, mates: Ints) -> 
     """Fill in the distances to mates, NaN where unknown, and return how many are known."""
     n_known = 0
     for index in range(len(mates)):
-        total = 0.0
-        for axis in range(3):
-            away = points[mates[index], axis] - points[marker, axis]
-            total += away * away
-        lengths[index] = math.sqrt(total) if mates[index] >= 0 else math.nan
+        lengths[index] = (
+            math.sqrt(squared_distance(points, mates[index], points, marker)) if mates[index] >= 0 else math.nan
+        )
         n_known += not math.isnan(lengths[index])
     return n_known
 

@@ -66,9 +66,11 @@ from skelgen._kernels.small_matrices import (
     add_symmetric,
     by_symmetric,
     dot,
+    matrix,
+    product,
     symmetric,
     times,
-    turned,
+    transposed,
     vector,
 )
 from skelgen.model.arrays import Floats, Ints
@@ -219,9 +221,7 @@ def _eliminate_free_turn(forms: Floats, limb: int, level: float, constants: Cons
     limbs, coupling = constants.columns.limbs, constants.coupling
     span = limbs[limb, FIRST] + (3 if limb > 0 else 0), limbs[limb, LAST]
     factor = _inverse_root(symmetric(forms, limb, TURN), level)
-    a = turned(factor, vector(forms, limb, MIXED))
-    b = turned(factor, vector(forms, limb, MIXED + 3))
-    c = turned(factor, vector(forms, limb, MIXED + 6))
+    a, b, c = product(matrix(forms, limb, MIXED), transposed(factor))
     add_symmetric(forms, limb, SHIFT, (-dot(a, a), -dot(a, b), -dot(a, c), -dot(b, b), -dot(b, c), -dot(c, c)))
     _eliminate_rows(factor, TORQUES, span, constants)
     _mix(coupling, FORCES, 1.0, times(-1.0, a), ROWS, span)
@@ -275,20 +275,16 @@ def _carry_columns(table: ChainTable, place: Place, forms: Floats, limb: int, co
 
 
 @kernel_part
-def _inverse_root(matrix: Symmetric, level: float) -> Matrix:
+def _inverse_root(upper: Symmetric, level: float) -> Matrix:
     """Return W with W^T W = (matrix + level)^-1, lower, no pivot below the level."""
-    a, b, c, d, e, f = matrix
+    a, b, c, d, e, f = upper
     pivot = max(a + level, level)
     low, lower, first = b / pivot, c / pivot, 1.0 / math.sqrt(pivot)
     pivot = max(d + level - low * b, level)
     mixed = e - lower * b
     across, second = mixed / pivot, 1.0 / math.sqrt(pivot)
     third = 1.0 / math.sqrt(max(f + level - lower * c - across * mixed, level))
-    return (
-        (first, 0.0, 0.0),
-        (-low * second, second, 0.0),
-        ((low * across - lower) * third, -across * third, third),
-    )
+    return ((first, 0.0, 0.0), (-low * second, second, 0.0), ((low * across - lower) * third, -across * third, third))
 
 
 @kernel_part

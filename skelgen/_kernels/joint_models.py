@@ -14,7 +14,7 @@ from skelgen._kernels.least_squares import (
     write_inverse_root,
     write_times_transposed,
 )
-from skelgen._kernels.small_matrices import SMALL_ANGLE
+from skelgen._kernels.rotations import SMALL_ANGLE
 from skelgen.model.arrays import Floats
 
 UNIVERSAL_RIDGE = 1e-6
@@ -39,7 +39,7 @@ def linearised(parts: Parts, rotations: Floats, weight: Floats) -> Linearised:
     Parameters
     ----------
     parts : tuple
-        `JointRotation.parts` of a rigid joint, hinge or universal joint.
+        Of a rigid joint, hinge or universal joint, as in `ConstrainedRotation`.
     rotations : ndarray, shape (n_frames, 3, 3)
         Measured, parent from child.
     weight : ndarray, shape (n_frames, 3, 3)

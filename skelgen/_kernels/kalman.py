@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, array_part
 from skelgen._kernels.least_squares import factorise, solve
-from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
+from skelgen._kernels.rotations import move_pose, write_pose_error
 from skelgen.model.arrays import Floats
 
 N_STATE = 18

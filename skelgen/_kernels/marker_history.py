@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.distance_statistics import squared_distance
 from skelgen._kernels.small_matrices import dot, minus, plus, set_vector, turned, vector
 from skelgen.model.arrays import Floats, Ints
 
@@ -86,7 +87,7 @@ def learn_distances(tables: DistanceTables, slots: Ints, positions: Floats, wind
             row, column = slots[one], slots[other]
             common = tables.common[row, column] + 1.0
             step = 1.0 / min(common, window)
-            surprise = _distance(positions, one, positions, other) - tables.mean[row, column]
+            surprise = math.sqrt(squared_distance(positions, one, positions, other)) - tables.mean[row, column]
             variance = (1.0 - step) * (tables.variance[row, column] + step * surprise**2)
             tables.common[row, column] = common
             tables.mean[row, column] += step * surprise
@@ -188,18 +189,10 @@ def write_misfits(points: Floats, positions: Floats, neighbours: Neighbours, mis
             for place in range(neighbours.order.shape[1]):
                 other = neighbours.order[marker, place]
                 if other >= 0:
-                    off = _distance(points, point, positions, other) - neighbours.means[marker, place]
+                    off = math.sqrt(squared_distance(points, point, positions, other)) - neighbours.means[marker, place]
                     squares += (off / neighbours.deviations[marker, place]) ** 2
                     count += 1
             misfits[point, marker] = math.sqrt(squares / count) if count >= LEAST_NEIGHBOURS else math.inf
-
-
-@kernel_part
-def _distance(points: Floats, one: int, others: Floats, other: int) -> float:
-    x = points[one, 0] - others[other, 0]
-    y = points[one, 1] - others[other, 1]
-    z = points[one, 2] - others[other, 2]
-    return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel_part

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
-from skelgen._kernels.small_matrices import Symmetric, Vector
+from skelgen._kernels.distance_statistics import squared_distance
+from skelgen._kernels.small_matrices import TINY, by_symmetric, inverse, minus, set_vector, vector
 from skelgen.model.arrays import Bools, Floats, Ints
 
 LINE_FRAMES = 8
@@ -144,11 +145,8 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
 def _write_lengths(positions: Floats, marker: int, others: Ints, result: Floats) -> None:
     for frame in range(len(positions)):
         for column in range(len(others)):
-            total = 0.0
-            for axis in range(3):
-                away = positions[frame, marker, axis] - positions[frame, others[column], axis]
-                total += away * away
-            result[frame, column] = math.sqrt(total)
+            points = positions[frame]
+            result[frame, column] = math.sqrt(squared_distance(points, marker, points, others[column]))
 
 
 def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
@@ -277,10 +275,7 @@ def _write_strayed(positions: Floats, expected: Floats, factor: float, found: Bo
         for marker in range(positions.shape[1]):
             own, nearest = math.nan, math.inf
             for other in range(positions.shape[1]):
-                x = positions[frame, marker, 0] - expected[frame, other, 0]
-                y = positions[frame, marker, 1] - expected[frame, other, 1]
-                z = positions[frame, marker, 2] - expected[frame, other, 2]
-                square = x * x + y * y + z * z
+                square = squared_distance(positions[frame], marker, expected[frame], other)
                 if other == marker:
                     own = square
                 if square < nearest:  # never true of NaN
@@ -320,34 +315,14 @@ def fitted_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, we
 def _fit_steps(positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, result: Floats) -> None:
     """Replace the weighted steps in space by those that fit the distances, too."""
     for frame in range(len(sudden)):
-        direct, a, b, c = weights[len(mates)], result[frame, 0], result[frame, 1], result[frame, 2]
+        direct, points, (a, b, c) = weights[len(mates)], positions[frame], vector(result, frame, 0)
         xx, xy, xz, yy, yz, zz = direct, 0.0, 0.0, direct, 0.0, direct
         for mate in range(len(mates)):
-            jump, other = sudden[frame, mate], mates[mate]
-            x = positions[frame, marker, 0] - positions[frame, other, 0]
-            y = positions[frame, marker, 1] - positions[frame, other, 1]
-            z = positions[frame, marker, 2] - positions[frame, other, 2]
+            jump, (x, y, z) = sudden[frame, mate], minus(vector(points, marker, 0), vector(points, mates[mate], 0))
             length = math.sqrt(x * x + y * y + z * z)
             if length > 0.0 and not math.isnan(jump):
                 x, y, z = x / length, y / length, z / length
                 u, v, w = weights[mate] * x, weights[mate] * y, weights[mate] * z
                 xx, xy, xz, yy, yz, zz = xx + u * x, xy + v * x, xz + w * x, yy + v * y, yz + w * y, zz + w * z
                 a, b, c = a + u * jump, b + v * jump, c + w * jump
-        a, b, c = _solved((xx, xy, xz, yy, yz, zz), (a, b, c))
-        result[frame, 0], result[frame, 1], result[frame, 2] = a, b, c
-
-
-@kernel_part
-def _solved(normal: Symmetric, right: Vector) -> Vector:
-    """Solve a system of three equations by Cholesky's factor."""
-    xx, xy, xz, yy, yz, zz = normal
-    xx = math.sqrt(xx)
-    xy, xz = xy / xx, xz / xx
-    yy = math.sqrt(yy - xy * xy)
-    yz = (yz - xz * xy) / yy
-    zz = math.sqrt(zz - xz * xz - yz * yz)
-    a = right[0] / xx
-    b = (right[1] - xy * a) / yy
-    c = (right[2] - xz * a - yz * b) / zz / zz
-    b = (b - yz * c) / yy
-    return (a - xy * b - xz * c) / xx, b, c
+        set_vector(result, frame, 0, by_symmetric(inverse((xx, xy, xz, yy, yz, zz), TINY), (a, b, c)))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.distance_statistics import squared_distance
 from skelgen._kernels.tracklet_evidence import WITNESSES
 from skelgen.model.arrays import Floats, Ints
 
@@ -55,20 +56,12 @@ def evidence_of_means(sums: tuple[Floats, Floats], laws: tuple[Floats, Floats], 
 def _write_distances(points: Floats, places: Floats, row: Ints, distances: Floats) -> None:
     for point in range(len(points)):
         for marker in range(places.shape[1]):
-            square = 0.0
-            for axis in range(3):
-                away = places[row[point], marker, axis] - points[point, axis]
-                square += away * away
-            distances[point, marker] = math.sqrt(square)
+            distances[point, marker] = math.sqrt(squared_distance(places[row[point]], marker, points, point))
 
 
 @kernel
 def _write_evidence(
-    sums: tuple[Floats, Floats],
-    laws: tuple[Floats, Floats],
-    near: Ints,
-    limits: tuple[float, int],
-    evidence: Floats,
+    sums: tuple[Floats, Floats], laws: tuple[Floats, Floats], near: Ints, limits: tuple[float, int], evidence: Floats
 ) -> None:
     """Write what `evidence_of_means` returns; the markers `near` each one are those of least variance first."""
     (counts, totals), (usual, variance), (spacing, least) = sums, laws, limits

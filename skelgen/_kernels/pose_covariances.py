@@ -162,8 +162,7 @@ def _keep_axis_turns(
 @kernel_part
 def _follow_of(solved: Floats, limb: int) -> Matrix:
     """How a free turn follows the limb's origin."""
-    columns = vector(solved, limb, FOLLOW), vector(solved, limb, FOLLOW + 3), vector(solved, limb, FOLLOW + 6)
-    return transposed(columns)
+    return transposed(matrix(solved, limb, FOLLOW))
 
 
 @kernel_part

@@ -50,6 +50,7 @@ from skelgen._kernels.quadratic_forms import (
     take_axis,
     take_turn,
 )
+from skelgen._kernels.rotations import proper, rotation_by
 from skelgen._kernels.small_matrices import (
     Vector,
     by_symmetric,
@@ -61,8 +62,6 @@ from skelgen._kernels.small_matrices import (
     minus,
     plus,
     product,
-    proper,
-    rotation_by,
     set_matrix,
     set_vector,
     symmetric,
@@ -223,10 +222,9 @@ def _back_substitute(
 @kernel_part
 def _free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     """Return the turn of a limb below a ball joint whose origin is shifted."""
-    x = times(shift[0], vector(solved, limb, FOLLOW))
-    y = times(shift[1], vector(solved, limb, FOLLOW + 3))
-    z = times(shift[2], vector(solved, limb, FOLLOW + 6))
-    return minus(minus(minus(vector(solved, limb, FREE_REST), x), y), z)
+    x, y, z = matrix(solved, limb, FOLLOW)
+    turn = minus(vector(solved, limb, FREE_REST), times(shift[0], x))
+    return minus(minus(turn, times(shift[1], y)), times(shift[2], z))
 
 
 @kernel_part

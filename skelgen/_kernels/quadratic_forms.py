@@ -20,23 +20,33 @@ from skelgen._kernels.chain import ARM, ERROR, FREE, FREEDOMS, LINK, START, WEIG
 from skelgen._kernels.joint_models import PARENT
 from skelgen._kernels.small_matrices import (
     Matrix,
+    Symmetric,
     Vector,
+    add_matrix,
     add_symmetric,
     add_vector,
     by_symmetric,
     cross,
+    cross_matrix,
     dot,
     inverse,
+    matrix,
+    minus,
     plus,
-    refined,
+    set_matrix,
     set_symmetric,
     set_vector,
     symmetric,
     times,
+    transposed,
+    turned,
     upper_of_product,
     vector,
 )
 from skelgen.model.arrays import Floats
+
+REFINEMENTS = 4
+"""Each takes off all but some thousandth of the error, at the least level."""
 
 ILL_CONDITIONED = 1e8
 """Condition beyond which solutions are refined: the root of the precision of numbers."""
@@ -82,10 +92,7 @@ def find_forms(table: ChainTable, place: Place, forms: Floats) -> tuple[float, f
                 moment, force = plus(moment, times(weight, arm)), plus(force, own_force)
                 torque = plus(torque, cross(arm, own_force))
         set_symmetric(forms, limb, TURN, (yy + zz, -xy, -xz, xx + zz, -yz, xx + yy))
-        x, y, z = moment
-        set_vector(forms, limb, MIXED, (0.0, z, -y))
-        set_vector(forms, limb, MIXED + 3, (-z, 0.0, x))
-        set_vector(forms, limb, MIXED + 6, (y, -x, 0.0))
+        set_matrix(forms, limb, MIXED, transposed(cross_matrix(moment)))
         set_symmetric(forms, limb, SHIFT, (total, 0.0, 0.0, total, 0.0, total))
         set_vector(forms, limb, TORQUE, torque)
         set_vector(forms, limb, FORCE, force)
@@ -113,22 +120,29 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     trace = form[0] + form[3] + form[5]
     level = max(level, LEAST_LEVEL * trace)
     covariance = inverse(form, level)
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    a, b, c = matrix(forms, limb, MIXED)
     p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
     if trace * (covariance[0] + covariance[3] + covariance[5]) > ILL_CONDITIONED:
         p, q, r = (  # else the rounding of a turn that hardly shows would grow from limb to limb
-            refined(form, level, covariance, p, a),
-            refined(form, level, covariance, q, b),
-            refined(form, level, covariance, r, c),
+            _refined(form, level, covariance, p, a),
+            _refined(form, level, covariance, q, b),
+            _refined(form, level, covariance, r, c),
         )
     torque = vector(forms, limb, TORQUE)
-    set_vector(solved, limb, FOLLOW, p)
-    set_vector(solved, limb, FOLLOW + 3, q)
-    set_vector(solved, limb, FOLLOW + 6, r)
+    set_matrix(solved, limb, FOLLOW, (p, q, r))
     set_vector(solved, limb, FREE_REST, by_symmetric(covariance, torque))
     set_symmetric(solved, limb, COVARIANCE, covariance)
     add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
     add_vector(forms, limb, FORCE, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
+
+
+@kernel_part
+def _refined(form: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
+    """Return a solution of (form + level) x = right that is more exact than what the inverse, `covariance`, gave."""
+    for _ in range(REFINEMENTS):
+        left_over = minus(plus(by_symmetric(form, solution), times(level, solution)), right)
+        solution = minus(solution, by_symmetric(covariance, left_over))
+    return solution
 
 
 @kernel_part
@@ -151,11 +165,7 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
         Where to write in the limb's row.
     """
     along = by_symmetric(symmetric(forms, limb, TURN), axis)
-    sideways = (
-        dot(axis, vector(forms, limb, MIXED)),
-        dot(axis, vector(forms, limb, MIXED + 3)),
-        dot(axis, vector(forms, limb, MIXED + 6)),
-    )
+    sideways = turned(matrix(forms, limb, MIXED), axis)
     variance = 1.0 / (max(dot(axis, along), 0.0) + level)
     by_turn, by_shift = times(variance, along), times(variance, sideways)
     rest = variance * dot(axis, vector(forms, limb, TORQUE))
@@ -199,9 +209,9 @@ def _carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     shift, force = symmetric(forms, limb, SHIFT), vector(forms, limb, FORCE)
     a, b, c, d, e, f = shift
     p, q, r = cross(link, (a, b, c)), cross(link, (b, d, e)), cross(link, (c, e, f))
-    x, y, z = _levered(link, p, q, r)
+    x, y, z = _levered(link, (p, q, r))
     add_symmetric(forms, parent, TURN, (x[0], x[1], x[2], y[1], y[2], z[2]))
-    _add_columns(forms, parent, p, q, r)
+    add_matrix(forms, parent, MIXED, (p, q, r))
     add_symmetric(forms, parent, SHIFT, shift)
     add_vector(forms, parent, TORQUE, cross(link, force))
     add_vector(forms, parent, FORCE, force)
@@ -211,27 +221,16 @@ def _carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
 def _carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of a limb whose turn counts as its parent's own."""
     _carry_point(forms, limb, parent, link)
-    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    x, y, z = _levered(link, a, b, c)
+    mixed = matrix(forms, limb, MIXED)
+    x, y, z = _levered(link, mixed)
     add_symmetric(forms, parent, TURN, symmetric(forms, limb, TURN))
     add_symmetric(forms, parent, TURN, (2 * x[0], x[1] + y[0], x[2] + z[0], 2 * y[1], y[2] + z[1], 2 * z[2]))
-    _add_columns(forms, parent, a, b, c)
+    add_matrix(forms, parent, MIXED, mixed)
     add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
 
 
 @kernel_part
-def _levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
-    """Return -[a b c] @ [link]x, of which each row is link x that of [a b c]."""
-    return (
-        cross(link, (a[0], b[0], c[0])),
-        cross(link, (a[1], b[1], c[1])),
-        cross(link, (a[2], b[2], c[2])),
-    )
-
-
-@kernel_part
-def _add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
-    """Add columns to those of a mixed matrix."""
-    add_vector(forms, limb, MIXED, a)
-    add_vector(forms, limb, MIXED + 3, b)
-    add_vector(forms, limb, MIXED + 6, c)
+def _levered(link: Vector, columns: Matrix) -> Matrix:
+    """Return -M @ [link]x of a matrix M by its columns: each row is link x that of M."""
+    x, y, z = transposed(columns)
+    return cross(link, x), cross(link, y), cross(link, z)

@@ -5,7 +5,6 @@ Frames of all groups stand one after the other, in rows of which each group has 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -76,33 +75,14 @@ def displacements_of(shapes: Floats) -> tuple[Floats, Floats]:
     tuple of ndarray, shapes (n_groups, 3 n_points, 6) and (n_groups,)
         Displacements in columns, and root mean square distances of the points from their middle [mm].
     """
-    n_groups, n_points, _ = shapes.shape
-    columns, radii = np.zeros((n_groups, 3 * n_points, 6)), np.zeros(n_groups)
-    (shapes,) = contiguous(shapes)
-    _write_displacements(shapes, columns, radii)
-    return columns, radii
-
-
-@kernel
-def _write_displacements(shapes: Floats, columns: Floats, radii: Floats) -> None:
-    n_points = shapes.shape[1]
-    for group in range(len(shapes)):
-        for i in range(3):
-            middle = 0.0
-            for point in range(n_points):
-                middle += shapes[group, point, i]
-                columns[group, 3 * point + i, i] = 1.0
-            middle /= n_points
-            one, other = (i + 1) % 3, (i + 2) % 3
-            for point in range(n_points):
-                away = shapes[group, point, i] - middle
-                radii[group] += away * away
-                columns[group, 3 * point + one, 3 + other] = away
-                columns[group, 3 * point + other, 3 + one] = -away
-        radii[group] = math.sqrt(radii[group] / n_points)
-        for row in range(3 * n_points):
-            for k in range(3, 6):
-                columns[group, row, k] /= radii[group] if radii[group] > 0.0 else 1.0
+    away = shapes - shapes.mean(axis=1, keepdims=True)
+    radii = np.sqrt((away**2).sum(axis=2).mean(axis=1))
+    away /= np.where(radii > 0.0, radii, 1.0)[:, np.newaxis, np.newaxis]
+    columns = np.zeros((*shapes.shape, 6))
+    for i, (one, other) in enumerate(((1, 2), (2, 0), (0, 1))):
+        columns[:, :, i, i] = 1.0
+        columns[:, :, one, 3 + other], columns[:, :, other, 3 + one] = away[:, :, i], -away[:, :, i]
+    return columns.reshape(len(shapes), -1, 6), radii
 
 
 def covariances_along(residuals: Floats, spans: Ints, bases: Floats) -> Floats:

@@ -18,19 +18,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import array_kernel, array_part, fixed, kernel, kernel_part
+from skelgen._kernels import array_kernel, array_part, kernel, kernel_part
 from skelgen._kernels.absolute_orientation import N_ROOM, write_rotations
 from skelgen._kernels.least_squares import factorise, solve
 from skelgen._kernels.rigid_body_tables import PointTable, PosedBody, SearchRules, TargetTable
+from skelgen._kernels.rotations import move_pose
 from skelgen._kernels.small_matrices import (
     Symmetric,
     Vector,
+    block,
     by_symmetric,
+    column,
+    cross,
     dot,
     inverse,
     minus,
-    product,
-    transposed,
+    turned,
+    upper_half,
     vector,
 )
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -39,7 +43,6 @@ EXACT = 1e-6
 """mm; what at least is taken as the standard deviation of a point, so that exact ones can be weighted."""
 
 MAX_STEPS = 10
-X, Y, Z = fixed(0, 1, 2)
 STEP_TOLERANCE = 1e-10
 """rad and mm; steps below change nothing that anyone could measure."""
 
@@ -139,8 +142,8 @@ def weigh_pose(target: TargetTable, scene: PointTable, matched: Ints) -> Weighed
     n_free = max(3 * n_matched - 6, 1)
     excess = max(1.0, squares / chi_squared_limit(n_free, LIKELY))
     for row in range(6):
-        for column in range(6):
-            covariance[row, column] *= excess
+        for other in range(6):
+            covariance[row, other] *= excess
     return WeighedPose(pose, covariance, math.sqrt(squares / excess / n_free))
 
 
@@ -215,82 +218,24 @@ def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
     return pose
 
 
-@kernel
-def write_pose_error(pose: Floats, found: Floats, error: Floats) -> None:
-    """Write the rotation about the world's axes and the shift from one pose to another.
-
-    Parameters
-    ----------
-    pose, found : ndarray, shape (4, 4), mm
-        World from body, before and after.
-    error : ndarray, shape (6,)
-        Receives a rotation vector [rad], no longer than half a turn, and a shift [mm].
-    """
-    before = vector(pose, X, X), vector(pose, Y, X), vector(pose, Z, X)
-    after = vector(found, X, X), vector(found, Y, X), vector(found, Z, X)
-    turn = product(after, transposed(before))
-    x, y, z = turn[2][1] - turn[1][2], turn[0][2] - turn[2][0], turn[1][0] - turn[0][1]
-    sine, cosine = math.sqrt(x * x + y * y + z * z), turn[0][0] + turn[1][1] + turn[2][2] - 1.0
-    scale = math.atan2(sine, cosine) / sine if sine > 0.0 else 0.5
-    error[0], error[1], error[2] = scale * x, scale * y, scale * z
-    if sine == 0.0 and cosine < 0.0:  # a half turn about an axis that does not matter: it is too far
-        error[0] = math.pi
-    for axis in range(3):
-        error[3 + axis] = found[axis, 3] - pose[axis, 3]
-
-
-@kernel
-def move_pose(pose: Floats, step: Floats) -> None:
-    """Rotate a pose about the world's axes by the first half of a step (Rodrigues), and shift it by the second.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (4, 4), mm
-        World from body, which is moved.
-    step : ndarray, shape (6,)
-        Rotation vector [rad] and shift [mm].
-    """
-    x, y, z = step[0], step[1], step[2]
-    angle = math.sqrt(x * x + y * y + z * z)
-    sine = math.sin(angle) / angle if angle > 0.0 else 1.0
-    half = 2.0 * (math.sin(angle / 2.0) / angle) ** 2 if angle > 0.0 else 0.5
-    for column in range(3):
-        a, b, c = pose[0, column], pose[1, column], pose[2, column]
-        u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
-        pose[0, column] = a + sine * u + half * (y * w - z * v)
-        pose[1, column] = b + sine * v + half * (z * u - x * w)
-        pose[2, column] = c + sine * w + half * (x * v - y * u)
-    for axis in range(3):
-        pose[axis, 3] += step[3 + axis]
-
-
 @kernel_part
 def _arm(pose: Floats, balls: Floats, ball: int) -> Vector:
     """Return the way [mm] from the body's origin to a ball, in the world."""
-    x, y, z = balls[ball, 0], balls[ball, 1], balls[ball, 2]
-    return (
-        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
-        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
-        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z,
-    )
+    return turned(block(pose, 0, 0), vector(balls, ball, 0))
 
 
 @kernel_part
 def _away(target: TargetTable, scene: PointTable, point: int, ball: int, pose: Floats) -> Vector:
     """Return the way [mm] from a posed ball to a point."""
-    arm, points = _arm(pose, target.points, ball), scene.points
-    place = points[point, 0] - pose[0, 3], points[point, 1] - pose[1, 3], points[point, 2] - pose[2, 3]
-    return minus(place, arm)
+    return minus(minus(vector(scene.points, point, 0), column(pose, 3)), _arm(pose, target.points, ball))
 
 
 @kernel_part
 def _spread(target: TargetTable, scene: PointTable, point: int, ball: int, pose: Floats) -> Symmetric:
     """Return the covariance [mm^2] of that way."""
-    own, c = target.variances, scene.covariances
-    xx, xy, xz = c[point, 0, 0], c[point, 0, 1], c[point, 0, 2]
-    yy, yz, zz = c[point, 1, 1], c[point, 1, 2], c[point, 2, 2]
+    xx, xy, xz, yy, yz, zz = upper_half(block(scene.covariances[point], 0, 0))
     for axis in range(3):
-        variance, x, y, z = own[ball, axis], pose[0, axis], pose[1, axis], pose[2, axis]
+        variance, (x, y, z) = target.variances[ball, axis], column(pose, axis)
         xx, xy, xz = xx + variance * x * x, xy + variance * x * y, xz + variance * x * z
         yy, yz, zz = yy + variance * y * y, yz + variance * y * z, zz + variance * z * z
     return xx, xy, xz, yy, yz, zz
@@ -309,19 +254,17 @@ def _squared_deviation(
 @kernel_part
 def _add_ball(normal: Floats, gradient: Floats, arm: Vector, weight: Symmetric, away: Vector) -> None:
     """Add what one ball says of the pose: how it moves with a small rotation about the world's axes and a shift."""
-    x, y, z = arm
     force = by_symmetric(weight, away)
-    torque = y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0]
+    torque = cross(arm, force)
     for axis in range(3):
         gradient[axis] += torque[axis]
         gradient[3 + axis] += force[axis]
-    for column in range(6):
-        slope = _slope(arm, column)
-        force = by_symmetric(weight, slope)
-        torque = y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0]
+    for freedom in range(6):
+        force = by_symmetric(weight, _slope(arm, freedom))
+        torque = cross(arm, force)
         for axis in range(3):
-            normal[axis, column] += torque[axis]
-            normal[3 + axis, column] += force[axis]
+            normal[axis, freedom] += torque[axis]
+            normal[3 + axis, freedom] += force[axis]
 
 
 @kernel_part

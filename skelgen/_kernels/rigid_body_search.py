@@ -25,6 +25,7 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, fixed, kernel, kernel_part
 from skelgen._kernels.rigid_body_tables import PointTable, SearchRules, TargetTable
+from skelgen._kernels.small_matrices import block, dot, minus, turned, vector
 from skelgen.model.arrays import Bools, Floats, Ints
 
 ROOT_TOLERANCE = 1e-13  # of the largest eigenvalue: the sum of squares is right to 1e-12 of the body's size squared
@@ -94,14 +95,12 @@ def point_distances(points: Floats, covariances: Floats, left: Ints, right: Ints
         for b in range(a + 1, n):
             if left[a] == left[b] or right[a] == right[b]:
                 continue
-            x, y, z = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1], points[a, 2] - points[b, 2]
-            square = x * x + y * y + z * z
+            away = minus(vector(points, a, 0), vector(points, b, 0))
+            square = dot(away, away)
             distances[a, b] = distances[b, a] = math.sqrt(square)
             spread = 0.0
             for c in (a, b):
-                s = covariances[c]
-                spread += x * x * s[0, 0] + y * y * s[1, 1] + z * z * s[2, 2]
-                spread += 2 * (x * y * s[0, 1] + x * z * s[0, 2] + y * z * s[1, 2])
+                spread += dot(away, turned(block(covariances[c], 0, 0), away))
             variances[a, b] = variances[b, a] = spread / square if square > 0.0 else 0.0
     return distances, variances
 

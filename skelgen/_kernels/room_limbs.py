@@ -14,6 +14,7 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.room_points import Room, is_in_view, whitened
+from skelgen._kernels.small_matrices import block, dot, turned
 from skelgen.model.arrays import Bools, Floats, Ints
 
 N_STATE = 6
@@ -164,9 +165,9 @@ def place_by_balls(room: Room, is_free: Bools, states: Floats, covariances: Floa
         found[marker, which] = ball - room.starts[which]
         seen, start = whitened(room, which, ball, states[marker]), states[marker].copy()
         for half in range(2):
-            off = seen[4 * half]
+            off, along = seen[half]
             for axis in range(3):
-                slope[axis] = seen[4 * half + 1 + axis]
+                slope[axis] = along[axis]
                 off -= slope[axis] * (states[marker, axis] - start[axis])
             _measure(states[marker], covariances[marker], slope, off, 1.0, math.inf)
     return found, squares
@@ -175,18 +176,7 @@ def place_by_balls(room: Room, is_free: Bools, states: Floats, covariances: Floa
 @kernel_part
 def _off(room: Room, camera: int, ball: int, state: Floats, covariance: Floats) -> float:
     """Return the squared distance of a ball from where a marker is expected, in standard deviations of both."""
-    r, x, y, z, s, u, v, w = whitened(room, camera, ball, state)
-    px, py, pz = _times(covariance, x, y, z)
-    qx, qy, qz = _times(covariance, u, v, w)
-    a, b, c = 1.0 + x * px + y * py + z * pz, u * px + v * py + w * pz, 1.0 + u * qx + v * qy + w * qz
+    (r, u), (s, v) = whitened(room, camera, ball, state)
+    p, q = turned(block(covariance, 0, 0), u), turned(block(covariance, 0, 0), v)
+    a, b, c = 1.0 + dot(u, p), dot(v, p), 1.0 + dot(v, q)
     return float((c * r * r - 2.0 * b * r * s + a * s * s) / (a * c - b * b))
-
-
-@kernel_part
-def _times(matrix: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the product of a symmetric matrix and a vector."""
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
-    )

@@ -17,15 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
-from skelgen._kernels.room_points import (
-    Room,
-    drop_misfits,
-    fill_symmetric,
-    is_in_view,
-    nearest_ball,
-    point_of_two,
-    refine,
-)
+from skelgen._kernels.room_points import Room, drop_misfits, is_in_view, nearest_ball, point_of_two, refine
+from skelgen._kernels.small_matrices import block, dot, minus, set_block, set_vector, transposed, turned, vector, whole
 from skelgen.model.arrays import Bools, Floats, Ints
 
 SURE = 4
@@ -99,8 +92,7 @@ def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
         What counts as one marker.
     """
     n_cameras, n_balls = len(room.poses), len(room.rays)
-    places, essential = _geometry(room.poses)
-    balls, hypotheses, scores = _hypotheses(room, essential, places, expected, rules)
+    balls, hypotheses, scores = _hypotheses(room, expected, rules)
     is_free = np.ones(n_balls, dtype=np.bool_)
     most = n_balls // 2 + 1
     found = np.full((most, n_cameras), -1, dtype=np.intp)
@@ -125,7 +117,8 @@ def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
                 is_free[balls[best, camera]] = False
         for axis in range(3):
             points[n_found, axis] = hypotheses[best, axis]
-        fill_symmetric(numbers, covariances[n_found])
+        upper = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
+        set_block(covariances[n_found], 0, 0, whole(upper))
         squares[n_found], evidence[n_found] = numbers[6], scores[best]
         n_found += 1
         n_hypotheses -= 1
@@ -144,37 +137,7 @@ def match_room(room: Room, expected: Floats, rules: Rules) -> RoomMatches:
 
 
 @array_part
-def _geometry(poses: Floats) -> tuple[Floats, Floats]:
-    """Return where cameras stand, (n, 3), and the essential matrix of each two, (n, n, 3, 3)."""
-    n = len(poses)
-    places, essential = np.zeros((n, 3)), np.zeros((n, n, 3, 3))
-    for one in range(n):
-        for axis in range(3):
-            for row in range(3):
-                places[one, axis] -= poses[one, row, axis] * poses[one, row, 3]
-    shift, turn = np.empty(3), np.empty((3, 3))
-    for one in range(n):
-        for two in range(one + 1, n):
-            for row in range(3):
-                shift[row] = poses[two, row, 3]
-                for axis in range(3):
-                    shift[row] += poses[two, row, axis] * places[one, axis]
-                    turn[row, axis] = (
-                        poses[two, row, 0] * poses[one, axis, 0]
-                        + poses[two, row, 1] * poses[one, axis, 1]
-                        + poses[two, row, 2] * poses[one, axis, 2]
-                    )
-            for axis in range(3):
-                essential[one, two, 0, axis] = shift[1] * turn[2, axis] - shift[2] * turn[1, axis]
-                essential[one, two, 1, axis] = shift[2] * turn[0, axis] - shift[0] * turn[2, axis]
-                essential[one, two, 2, axis] = shift[0] * turn[1, axis] - shift[1] * turn[0, axis]
-    return places, essential
-
-
-@array_part
-def _hypotheses(
-    room: Room, essential: Floats, places: Floats, expected: Floats, rules: Rules
-) -> tuple[Ints, Floats, Floats]:
+def _hypotheses(room: Room, expected: Floats, rules: Rules) -> tuple[Ints, Floats, Floats]:
     """Return the balls, points and scores of all hypotheses."""
     n_cameras, n_balls = len(room.poses), len(room.rays)
     balls = np.full((8 * n_balls + 8, n_cameras), -1, dtype=np.intp)
@@ -183,8 +146,7 @@ def _hypotheses(
     numbers, lines, n = np.empty(8), np.empty((n_balls, 3)), 0
     for one in range(n_cameras):
         for two in range(one + 1, n_cameras):
-            e = essential[one, two]
-            _fill_lines(lines, room, e, one, two)
+            _fill_lines(lines, room, one, two)
             for i in range(room.starts[one], room.starts[one + 1]):
                 for j in range(room.starts[two], room.starts[two + 1]):
                     if together[i, j] or not _are_in_plane(room, lines, i, j, rules.gate):
@@ -194,7 +156,7 @@ def _hypotheses(
                     for camera in range(n_cameras):
                         balls[n, camera] = -1
                     balls[n, one], balls[n, two] = i, j
-                    if not point_of_two(room, places, balls[n], points[n]):
+                    if not point_of_two(room, balls[n], points[n]):
                         continue
                     scores[n] = _grown(room, balls[n], points[n], numbers, expected, rules)
                     if scores[n] <= 0.0:
@@ -219,16 +181,13 @@ def _longer(balls: Ints, points: Floats, scores: Floats) -> tuple[Ints, Floats, 
 
 
 @kernel_part
-def _fill_lines(lines: Floats, room: Room, e: Floats, one: int, two: int) -> None:
+def _fill_lines(lines: Floats, room: Room, one: int, two: int) -> None:
     """Fill the epipolar lines of the balls of two cameras, each in the other's image."""
+    essential = block(room.essential[one, two], 0, 0)
     for i in range(room.starts[one], room.starts[one + 1]):
-        x, y = room.rays[i, 0], room.rays[i, 1]
-        for row in range(3):
-            lines[i, row] = e[row, 0] * x + e[row, 1] * y + e[row, 2]
+        set_vector(lines, i, 0, turned(essential, (room.rays[i, 0], room.rays[i, 1], 1.0)))
     for j in range(room.starts[two], room.starts[two + 1]):
-        x, y = room.rays[j, 0], room.rays[j, 1]
-        for row in range(3):
-            lines[j, row] = e[0, row] * x + e[1, row] * y + e[2, row]
+        set_vector(lines, j, 0, turned(transposed(essential), (room.rays[j, 0], room.rays[j, 1], 1.0)))
 
 
 @kernel_part
@@ -300,8 +259,8 @@ def _score(room: Room, balls: Ints, point: Floats, numbers: Floats, expected: Fl
         if balls[camera] < 0 and is_in_view(room, camera, point):
             score -= rules.unseen
     for other in range(len(expected)):
-        x, y, z = expected[other, 0] - point[0], expected[other, 1] - point[1], expected[other, 2] - point[2]
-        if x * x + y * y + z * z <= rules.reach * rules.reach:
+        away = minus(vector(expected, other, 0), (point[0], point[1], point[2]))
+        if dot(away, away) <= rules.reach * rules.reach:
             return float(score + rules.expected)
     return float(score)
 

@@ -9,7 +9,20 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from skelgen._kernels import kernel_part
-from skelgen._kernels.small_matrices import Vector, inverse
+from skelgen._kernels.small_matrices import (
+    Vector,
+    block,
+    by_symmetric,
+    column,
+    dot,
+    inverse,
+    minus,
+    plus,
+    times,
+    transposed,
+    turned,
+    vector,
+)
 from skelgen.model.arrays import Floats, Ints
 
 FEWEST_TO_DROP = 3.0
@@ -21,7 +34,7 @@ N_STEPS = 2
 LEVEL = 1e-30
 """Added to the information [1/mm^2]: nothing beside that of any ball."""
 
-Misfit = tuple[float, float, float, float, float, float, float, float]
+Misfit = tuple[tuple[float, Vector], tuple[float, Vector]]
 """Seen minus expected of a ball and its slope by the point, twice."""
 
 
@@ -32,6 +45,10 @@ class Room(NamedTuple):
     ----------
     poses : ndarray, shape (n_cameras, 3, 4), mm
         camera_from_world of each.
+    places : ndarray, shape (n_cameras, 3), mm
+        Where they stand.
+    essential : ndarray, shape (n_cameras, n_cameras, 3, 3)
+        y^T E x = 0 for rays x of the first and y of the second of two cameras that meet.
     sizes : ndarray, shape (n_cameras, 4)
         Smallest x and y, largest x and y of rays that its image shows.
     starts : ndarray of intp, shape (n_cameras + 1,)
@@ -43,6 +60,8 @@ class Room(NamedTuple):
     """
 
     poses: Floats
+    places: Floats
+    essential: Floats
     sizes: Floats
     starts: Ints
     rays: Floats
@@ -62,38 +81,30 @@ def ray_direction(room: Room, camera: int, ball: int) -> Vector:
     ball : int
         Which, of all cameras' balls.
     """
-    x, y, pose = room.rays[ball, 0], room.rays[ball, 1], room.poses[camera]
-    return (
-        pose[0, 0] * x + pose[1, 0] * y + pose[2, 0],
-        pose[0, 1] * x + pose[1, 1] * y + pose[2, 1],
-        pose[0, 2] * x + pose[1, 2] * y + pose[2, 2],
-    )
+    ray = room.rays[ball, 0], room.rays[ball, 1], 1.0
+    return turned(transposed(block(room.poses[camera], 0, 0)), ray)
 
 
 @kernel_part
-def point_of_two(room: Room, places: Floats, balls: Ints, point: Floats) -> bool:
+def point_of_two(room: Room, balls: Ints, point: Floats) -> bool:
     """Fill the middle between two rays where they are nearest; return whether that is before both cameras.
 
     Parameters
     ----------
     room : Room
         Cameras and balls.
-    places : ndarray, shape (n_cameras, 3), mm
-        Where the cameras stand.
     balls : ndarray of intp, shape (n_cameras,)
         The ball of each camera, -1 where it has none.
     point : ndarray, shape (3,), mm
         In the world.
     """
-    one, two = -1, -1
+    places, one, two = room.places, -1, -1
     for camera in range(len(balls)):
         if balls[camera] >= 0:
             one, two = two, camera
     a, b = ray_direction(room, one, balls[one]), ray_direction(room, two, balls[two])
-    ox, oy, oz = places[two, 0] - places[one, 0], places[two, 1] - places[one, 1], places[two, 2] - places[one, 2]
-    aa, bb = a[0] * a[0] + a[1] * a[1] + a[2] * a[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-    ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    ao, bo = a[0] * ox + a[1] * oy + a[2] * oz, b[0] * ox + b[1] * oy + b[2] * oz
+    between = minus(vector(places, two, 0), vector(places, one, 0))
+    aa, ab, bb, ao, bo = dot(a, a), dot(a, b), dot(b, b), dot(a, between), dot(b, between)
     determinant = aa * bb - ab * ab
     if not determinant > 0.0:
         return False
@@ -116,9 +127,7 @@ def projected(pose: Floats, point: Floats) -> Vector:
     point : ndarray, shape (3,), mm
         In the world.
     """
-    x = pose[0, 0] * point[0] + pose[0, 1] * point[1] + pose[0, 2] * point[2] + pose[0, 3]
-    y = pose[1, 0] * point[0] + pose[1, 1] * point[1] + pose[1, 2] * point[2] + pose[1, 3]
-    z = pose[2, 0] * point[0] + pose[2, 1] * point[1] + pose[2, 2] * point[2] + pose[2, 3]
+    x, y, z = plus(turned(block(pose, 0, 0), (point[0], point[1], point[2])), column(pose, 3))
     return x / z, y / z, z
 
 
@@ -135,10 +144,8 @@ def slopes(pose: Floats, x: float, y: float, z: float) -> tuple[Vector, Vector]:
     z : float, mm
         How far ahead it is.
     """
-    return (
-        ((pose[0, 0] - x * pose[2, 0]) / z, (pose[0, 1] - x * pose[2, 1]) / z, (pose[0, 2] - x * pose[2, 2]) / z),
-        ((pose[1, 0] - y * pose[2, 0]) / z, (pose[1, 1] - y * pose[2, 1]) / z, (pose[1, 2] - y * pose[2, 2]) / z),
-    )
+    right, down, ahead = block(pose, 0, 0)
+    return times(1.0 / z, minus(right, times(x, ahead))), times(1.0 / z, minus(down, times(y, ahead)))
 
 
 @kernel_part
@@ -164,23 +171,22 @@ def refine(room: Room, balls: Ints, point: Floats, numbers: Floats) -> bool:
             if ball < 0:
                 continue
             seen = whitened(room, camera, ball, point)
-            if not seen[0] < 1e150:
+            if not seen[0][0] < 1e150:
                 return False
             count += 1
             for half in range(2):
-                r, x, y, z = seen[4 * half], seen[4 * half + 1], seen[4 * half + 2], seen[4 * half + 3]
+                r, (x, y, z) = seen[half]
                 a, b, c, d, e, f = a + x * x, b + x * y, c + x * z, d + y * y, e + y * z, f + z * z
                 u, v, w, squares = u + x * r, v + y * r, w + z * r, squares + r * r
-        information = (a, b, c, d, e, f)
-        covariance = inverse(information, LEVEL)
+        covariance = inverse((a, b, c, d, e, f), LEVEL)
         if step == N_STEPS:
             for index in range(6):
                 numbers[index] = covariance[index]
             numbers[6], numbers[7] = squares, count
         else:
-            point[0] += covariance[0] * u + covariance[1] * v + covariance[2] * w
-            point[1] += covariance[1] * u + covariance[3] * v + covariance[4] * w
-            point[2] += covariance[2] * u + covariance[4] * v + covariance[5] * w
+            shift = by_symmetric(covariance, (u, v, w))
+            for axis in range(3):
+                point[axis] += shift[axis]
     return True
 
 
@@ -202,20 +208,14 @@ def whitened(room: Room, camera: int, ball: int, point: Floats) -> Misfit:
     pose, spread = room.poses[camera], room.spread[ball]
     x, y, z = projected(pose, point)
     if not z > 0.0:
-        return 1e200, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return (1e200, (0.0, 0.0, 0.0)), (0.0, (0.0, 0.0, 0.0))
     scale = 1.0 / (spread[0, 0] * spread[1, 1] - spread[0, 1] * spread[1, 0])
     a, b, c, d = spread[1, 1] * scale, -spread[0, 1] * scale, -spread[1, 0] * scale, spread[0, 0] * scale
     right, down = room.rays[ball, 0] - x, room.rays[ball, 1] - y
-    (ux, uy, uz), (vx, vy, vz) = slopes(pose, x, y, z)
+    u, v = slopes(pose, x, y, z)
     return (
-        a * right + b * down,
-        a * ux + b * vx,
-        a * uy + b * vy,
-        a * uz + b * vz,
-        c * right + d * down,
-        c * ux + d * vx,
-        c * uy + d * vy,
-        c * uz + d * vz,
+        (a * right + b * down, plus(times(a, u), times(b, v))),
+        (c * right + d * down, plus(times(c, u), times(d, v))),
     )
 
 
@@ -240,11 +240,10 @@ def nearest_ball(room: Room, camera: int, point: Floats, numbers: Floats, gate: 
     x, y, z = projected(pose, point)
     if not z > 0.0:
         return -1
-    (ux, uy, uz), (vx, vy, vz) = slopes(pose, x, y, z)
-    a, b, c, d, e, f = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
-    px, py, pz = a * ux + b * uy + c * uz, b * ux + d * uy + e * uz, c * ux + e * uy + f * uz
-    qx, qy, qz = a * vx + b * vy + c * vz, b * vx + d * vy + e * vz, c * vx + e * vy + f * vz
-    xx, xy, yy = ux * px + uy * py + uz * pz, ux * qx + uy * qy + uz * qz, vx * qx + vy * qy + vz * qz
+    across, along = slopes(pose, x, y, z)
+    covariance = (numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5])
+    spread_along = by_symmetric(covariance, along)
+    xx, xy, yy = dot(across, by_symmetric(covariance, across)), dot(across, spread_along), dot(along, spread_along)
     best, least = -1, gate * gate
     for ball in range(room.starts[camera], room.starts[camera + 1]):
         spread = room.spread[ball]
@@ -282,7 +281,7 @@ def drop_misfits(room: Room, balls: Ints, point: Floats, numbers: Floats, gate: 
         for camera in range(len(balls)):
             if balls[camera] >= 0:
                 seen = whitened(room, camera, balls[camera], point)
-                square = seen[0] * seen[0] + seen[4] * seen[4]
+                square = seen[0][0] * seen[0][0] + seen[1][0] * seen[1][0]
                 if square > largest:
                     worst, largest = camera, square
         if worst < 0:
@@ -308,20 +307,3 @@ def is_in_view(room: Room, camera: int, point: Floats) -> bool:
     pose, size = room.poses[camera], room.sizes[camera]
     x, y, z = projected(pose, point)
     return bool(z > 0.0 and size[0] < x < size[2] and size[1] < y < size[3])
-
-
-@kernel_part
-def fill_symmetric(numbers: Floats, out: Floats) -> None:
-    """Fill a symmetric matrix from its upper half.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (6,)
-        Its upper half, row by row.
-    out : ndarray, shape (3, 3)
-        The matrix, which is filled.
-    """
-    out[0, 0], out[1, 1], out[2, 2] = numbers[0], numbers[3], numbers[5]
-    out[0, 1] = out[1, 0] = numbers[1]
-    out[0, 2] = out[2, 0] = numbers[2]
-    out[1, 2] = out[2, 1] = numbers[4]

@@ -49,10 +49,8 @@ def add_vector(table: Floats, row: int, first: int, value: Vector) -> None:
 
     Parameters
     ----------
-    table, row, first
-        As for `vector`.
-    value : tuple of float
-        Three numbers.
+    table, row, first, value
+        As for `set_vector`.
     """
     table[row, first] += value[0]
     table[row, first + 1] += value[1]
@@ -79,10 +77,8 @@ def set_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None
 
     Parameters
     ----------
-    table, row, first
-        As for `vector`.
-    value : tuple of float
-        Six numbers.
+    table, row, first, value
+        As for `set_vector`; six numbers.
     """
     set_vector(table, row, first, (value[0], value[1], value[2]))
     set_vector(table, row, first + 3, (value[3], value[4], value[5]))
@@ -94,10 +90,8 @@ def add_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None
 
     Parameters
     ----------
-    table, row, first
-        As for `vector`.
-    value : tuple of float
-        Six numbers.
+    table, row, first, value
+        As for `set_vector`; six numbers.
     """
     add_vector(table, row, first, (value[0], value[1], value[2]))
     add_vector(table, row, first + 3, (value[3], value[4], value[5]))
@@ -121,14 +115,64 @@ def set_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
 
     Parameters
     ----------
-    table, row, first
-        As for `vector`.
-    value : tuple
-        Three rows of three numbers.
+    table, row, first, value
+        As for `set_vector`; three rows of three numbers.
     """
     set_vector(table, row, first, value[0])
     set_vector(table, row, first + 3, value[1])
     set_vector(table, row, first + 6, value[2])
+
+
+@kernel_part
+def add_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
+    """Add nine numbers to those in a table.
+
+    Parameters
+    ----------
+    table, row, first, value
+        As for `set_vector`; three rows of three numbers.
+    """
+    add_vector(table, row, first, value[0])
+    add_vector(table, row, first + 3, value[1])
+    add_vector(table, row, first + 6, value[2])
+
+
+@kernel_part
+def block(table: Floats, row: int, first: int) -> Matrix:
+    """Nine numbers of a table, three in each of three rows: of a pose, from its start on, the rotation.
+
+    Parameters
+    ----------
+    table, row, first
+        As for `vector`; of the first row.
+    """
+    return vector(table, row, first), vector(table, row + 1, first), vector(table, row + 2, first)
+
+
+@kernel_part
+def set_block(table: Floats, row: int, first: int, value: Matrix) -> None:
+    """Write nine numbers into a table, three in each of three rows.
+
+    Parameters
+    ----------
+    table, row, first, value
+        As for `set_vector`; three rows of three numbers.
+    """
+    set_vector(table, row, first, value[0])
+    set_vector(table, row + 1, first, value[1])
+    set_vector(table, row + 2, first, value[2])
+
+
+@kernel_part
+def column(table: Floats, which: int) -> Vector:
+    """The first three numbers of a column of a table: of a pose, of the last one, the shift.
+
+    Parameters
+    ----------
+    table, which
+        Numbers, row by row, and the index of the column.
+    """
+    return table[0, which], table[1, which], table[2, which]
 
 
 @kernel_part
@@ -226,8 +270,8 @@ def product(first: Matrix, second: Matrix) -> Matrix:
     first, second : tuple
         Matrices of three, by their rows.
     """
-    columns = transposed(second)
-    return turned(columns, first[0]), turned(columns, first[1]), turned(columns, first[2])
+    (a, b, c), columns = first, transposed(second)
+    return turned(columns, a), turned(columns, b), turned(columns, c)
 
 
 @kernel_part
@@ -294,6 +338,13 @@ def whole(upper: Symmetric) -> Matrix:
 
 
 @kernel_part
+def upper_half(rows: Matrix) -> Symmetric:
+    """Return the upper half of a symmetric matrix."""
+    (a, b, c), (_, d, e), (_, _, f) = rows
+    return a, b, c, d, e, f
+
+
+@kernel_part
 def by_symmetric(matrix: Symmetric, vector: Vector) -> Vector:
     """Return matrix @ vector.
 
@@ -346,53 +397,5 @@ def inverse(matrix: Symmetric, level: float) -> Symmetric:
     xy, yy = -low * second - last * xz, second - last * yz
     return first + low * low * second + corner * xz, xy, xz, yy, yz, third
 
-
-@kernel_part
-def refined(matrix: Symmetric, level: float, covariance: Symmetric, solution: Vector, right: Vector) -> Vector:
-    """Return a solution of (matrix + level) x = right that is more exact than what the inverse gave.
-
-    Parameters
-    ----------
-    matrix, covariance : tuple of float
-        A symmetric matrix by its upper half, and the inverse of it with the level on its diagonal.
-    level : float
-        What is added to the diagonal.
-    solution, right : tuple of float
-        What the inverse gave, and the right-hand side.
-    """
-    for _ in range(REFINEMENTS):
-        left_over = minus(plus(by_symmetric(matrix, solution), times(level, solution)), right)
-        solution = minus(solution, by_symmetric(covariance, left_over))
-    return solution
-
-
-@kernel_part
-def rotation_by(vector: Vector) -> Matrix:
-    """Return the rotation about a vector by 2 arctan(length / 2): of a small vector, by its length."""
-    scale = 1.0 / (1.0 + dot(vector, vector) / 4.0)
-    x, y, z = vector
-    xx, xy, xz, yy, yz, zz = upper_of_product(vector, times(scale / 2.0, vector))
-    x, y, z = x * scale, y * scale, z * scale
-    return (1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy)
-
-
-@kernel_part
-def proper(matrix: Matrix) -> Matrix:
-    """Return a rotation that is proper to rounding, of one that has drifted: a step of Newton for the polar factor."""
-    x, y, z = transposed(matrix)
-    square = ((dot(x, x), dot(x, y), dot(x, z)), (dot(y, x), dot(y, y), dot(y, z)), (dot(z, x), dot(z, y), dot(z, z)))
-    away = product(matrix, square)
-    return (
-        minus(times(1.5, matrix[0]), times(0.5, away[0])),
-        minus(times(1.5, matrix[1]), times(0.5, away[1])),
-        minus(times(1.5, matrix[2]), times(0.5, away[2])),
-    )
-
-
-REFINEMENTS = 4
-"""Each takes off all but some thousandth of the error, at the least level of `posing`."""
-
-SMALL_ANGLE = 1e-8
-"""rad; below this the series of sin(x)/x is exact to double precision with its first term."""
 
 TINY = float(np.finfo(np.float64).tiny)

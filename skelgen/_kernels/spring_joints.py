@@ -5,23 +5,24 @@ For each limb the unknowns are a small rotation about the world's axes [rad] and
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.rotations import turn_axes
 from skelgen._kernels.small_matrices import (
-    SMALL_ANGLE,
-    Matrix,
     Vector,
+    block,
     cross,
+    cross_matrix,
     dot,
     minus,
     plus,
     product,
-    times,
     transposed,
     turned,
+    upper_half,
     vector,
+    whole,
 )
 from skelgen.model.arrays import Floats, Ints
 
@@ -103,7 +104,7 @@ def add_markers(body: SpringBody, poses: LimbPoses, seen: SeenMarkers, normal: F
     for point in range(len(seen.points)):
         marker = seen.markers[point]
         limb, variance = body.limbs[marker], body.variances[marker]
-        arm = turned(_rotation(poses, limb), vector(body.offsets, marker, 0))
+        arm = turned(block(poses.rotations[limb], 0, 0), vector(body.offsets, marker, 0))
         error = minus(vector(seen.points, point, 0), plus(arm, vector(poses.origins, limb, 0)))
         weight = 1.0 / variance
         weight /= (1.0 + dot(error, error) / (variance * seen.robust**2)) ** 2
@@ -133,8 +134,8 @@ def add_joints(
     """
     for joint in range(len(body.joints)):
         parent, child = body.joints[joint, 0], body.joints[joint, 1]
-        arm = turned(_rotation(poses, parent), vector(body.places, joint, 0))
-        other = turned(_rotation(poses, child), vector(body.places, joint, 3))
+        arm = turned(block(poses.rotations[parent], 0, 0), vector(body.places, joint, 0))
+        other = turned(block(poses.rotations[child], 0, 0), vector(body.places, joint, 3))
         reached = plus(vector(poses.origins, parent, 0), arm)
         apart = minus(plus(vector(poses.origins, child, 0), other), reached)
         first, second = N_FREEDOMS * parent, N_FREEDOMS * child
@@ -150,12 +151,6 @@ def add_joints(
             normal[min(first, second) + i, max(first, second) + i] -= stiffness[joint]
         _add_gradient(gradient, first, weight, (arm, apart))
         _add_gradient(gradient, second, -weight, (other, apart))
-
-
-@kernel_part
-def _rotation(poses: LimbPoses, limb: int) -> Matrix:
-    turn = poses.rotations[limb]
-    return vector(turn, 0, 0), vector(turn, 1, 0), vector(turn, 2, 0)
 
 
 @kernel_part
@@ -198,17 +193,7 @@ def move_limbs(poses: LimbPoses, change: Floats) -> None:
     """
     for limb in range(len(poses.origins)):
         first = N_FREEDOMS * limb
-        step = change[first], change[first + 1], change[first + 2]
-        angle = math.sqrt(dot(step, step))
-        sine, half = 1.0, 0.5
-        if angle > SMALL_ANGLE:
-            sine, half = math.sin(angle) / angle, 2.0 * (math.sin(angle / 2.0) / angle) ** 2
-        columns = transposed(_rotation(poses, limb))
-        for column in range(3):
-            once = cross(step, columns[column])
-            moved = plus(plus(columns[column], times(sine, once)), times(half, cross(step, once)))
-            for axis in range(3):
-                poses.rotations[limb, axis, column] = moved[axis]
+        turn_axes(poses.rotations[limb], (change[first], change[first + 1], change[first + 2]))
         for axis in range(3):
             poses.origins[limb, axis] += change[first + 3 + axis]
 
@@ -232,10 +217,11 @@ def predict_markers(body: SpringBody, poses: LimbPoses, inverse: Floats, positio
     """
     for marker in range(len(positions)):
         limb = body.limbs[marker]
-        arm = turned(_rotation(poses, limb), vector(body.offsets, marker, 0))
-        turn, across, shift = _limb_covariance(inverse, N_FREEDOMS * limb)
-        x, y, z = arm
-        columns = (0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)
+        arm = turned(block(poses.rotations[limb], 0, 0), vector(body.offsets, marker, 0))
+        first = N_FREEDOMS * limb
+        turn, across = whole(upper_half(block(inverse, first, first))), block(inverse, first, first + 3)
+        shift = whole(upper_half(block(inverse, first + 3, first + 3)))
+        columns = transposed(cross_matrix(arm))
         mixed = product(columns, across)
         turning = product(product(columns, turn), transposed(columns))
         for i in range(3):
@@ -243,24 +229,3 @@ def predict_markers(body: SpringBody, poses: LimbPoses, inverse: Floats, positio
             for j in range(3):
                 spread[marker, i, j] = turning[i][j] + mixed[i][j] + mixed[j][i] + shift[i][j]
             spread[marker, i, i] += body.variances[marker]
-
-
-@kernel_part
-def _limb_covariance(inverse: Floats, first: int) -> tuple[Matrix, Matrix, Matrix]:
-    """Covariances of a limb's rotation, of its rotation (rows) with its shift, and of its shift."""
-    return (
-        _symmetric_block(inverse, first),
-        (
-            vector(inverse, first, first + 3),
-            vector(inverse, first + 1, first + 3),
-            vector(inverse, first + 2, first + 3),
-        ),
-        _symmetric_block(inverse, first + 3),
-    )
-
-
-@kernel_part
-def _symmetric_block(inverse: Floats, first: int) -> Matrix:
-    a, b, c = vector(inverse, first, first)
-    d, e, f = inverse[first + 1, first + 1], inverse[first + 1, first + 2], inverse[first + 2, first + 2]
-    return (a, b, c), (b, d, e), (c, e, f)

@@ -20,6 +20,8 @@ import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
 from skelgen._kernels.camera import Pair
+from skelgen._kernels.room_points import LEVEL
+from skelgen._kernels.small_matrices import block, cross, dot, inverse, plus, set_block, turned, whole
 from skelgen.model.arrays import Floats, Ints
 
 NEWTON_STEPS = 12
@@ -183,12 +185,8 @@ def triangulate(left: View, right: View, geometry: Geometry, pairs: Ints) -> Tri
         along_right, aside_right = q * q * g / below_right, -p * q / below_right
         first = _moved(x[i], x_spread[i], along * ux - aside * uy, along * uy + aside * ux)
         second = _moved(y[j], y_spread[j], along_right * vx - aside_right * vy, along_right * vy + aside_right * vx)
-        rays[pair, 0, 0], rays[pair, 0, 1], rays[pair, 1, 0], rays[pair, 1, 1] = (
-            first[0],
-            first[1],
-            second[0],
-            second[1],
-        )
+        rays[pair, 0, 0], rays[pair, 0, 1] = first
+        rays[pair, 1, 0], rays[pair, 1, 1] = second
         shifts[pair, 0] = math.sqrt(along * along + aside * aside)
         shifts[pair, 1] = math.sqrt(along_right * along_right + aside_right * aside_right)
         if _meet(first, second, geometry, points[pair]):
@@ -290,23 +288,19 @@ def _moved(ray: Floats, spread: Floats, u: float, v: float) -> Pair:
 def _meet(first: Pair, second: Pair, geometry: Geometry, point: Floats) -> bool:
     """Fill where two rays meet, in the left camera's frame; return whether that is in front of both cameras."""
     turn, shift = geometry.rotation, geometry.shift
-    x = turn[0, 0] * first[0] + turn[0, 1] * first[1] + turn[0, 2]
-    y = turn[1, 0] * first[0] + turn[1, 1] * first[1] + turn[1, 2]
-    z = turn[2, 0] * first[0] + turn[2, 1] * first[1] + turn[2, 2]
-    ax, ay, az = second[1] * z - y, x - second[0] * z, second[0] * y - second[1] * x
-    bx, by = second[1] * shift[2] - shift[1], shift[0] - second[0] * shift[2]
-    bz = second[0] * shift[1] - second[1] * shift[0]
-    depth = -(ax * bx + ay * by + az * bz) / (ax * ax + ay * ay + az * az)
+    ahead = turned(block(turn, 0, 0), (first[0], first[1], 1.0))
+    ray = second[0], second[1], 1.0
+    a, b = cross(ray, ahead), cross(ray, (shift[0], shift[1], shift[2]))
+    depth = -dot(a, b) / dot(a, a)
     point[0], point[1], point[2] = first[0] * depth, first[1] * depth, depth
-    return depth > 0.0 and math.isfinite(depth) and z * depth + shift[2] > 0.0
+    return depth > 0.0 and math.isfinite(depth) and ahead[2] * depth + shift[2] > 0.0
 
 
 @kernel_part
 def _fill_slope(slope: Floats, point: Floats, spread: Floats, turn: Floats, shift: Floats) -> None:
     """Fill the derivative (2, 3) of the whitened coordinates of one camera by the point in the left one's frame."""
-    px = turn[0, 0] * point[0] + turn[0, 1] * point[1] + turn[0, 2] * point[2] + shift[0]
-    py = turn[1, 0] * point[0] + turn[1, 1] * point[1] + turn[1, 2] * point[2] + shift[1]
-    pz = turn[2, 0] * point[0] + turn[2, 1] * point[1] + turn[2, 2] * point[2] + shift[2]
+    inside = turned(block(turn, 0, 0), (point[0], point[1], point[2]))
+    px, py, pz = plus(inside, (shift[0], shift[1], shift[2]))
     determinant = (spread[0, 0] * spread[1, 1] - spread[0, 1] * spread[1, 0]) * pz
     for axis in range(3):
         u, v = turn[0, axis] - turn[2, axis] * px / pz, turn[1, axis] - turn[2, axis] * py / pz
@@ -316,13 +310,9 @@ def _fill_slope(slope: Floats, point: Floats, spread: Floats, turn: Floats, shif
 
 @kernel_part
 def _invert_normal(slope: Floats, out: Floats) -> None:
-    """Fill (J^T J)^-1 of a slope J (4, 3), by cofactors."""
+    """Fill (J^T J)^-1 of a slope J (4, 3)."""
     a = b = c = d = e = f = 0.0
     for row in range(4):
         u, v, w = slope[row, 0], slope[row, 1], slope[row, 2]
         a, b, c, d, e, f = a + u * u, b + u * v, c + u * w, d + v * v, e + v * w, f + w * w
-    scale = 1.0 / (a * (d * f - e * e) + b * (c * e - b * f) + c * (b * e - c * d))
-    out[0, 0], out[1, 1], out[2, 2] = (d * f - e * e) * scale, (a * f - c * c) * scale, (a * d - b * b) * scale
-    out[0, 1] = out[1, 0] = (c * e - b * f) * scale
-    out[0, 2] = out[2, 0] = (b * e - c * d) * scale
-    out[1, 2] = out[2, 1] = (b * c - a * e) * scale
+    set_block(out, 0, 0, whole(inverse((a, b, c, d, e, f), LEVEL)))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel, kernel_part
+from skelgen._kernels.distance_statistics import squared_distance
 from skelgen._kernels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -136,30 +137,11 @@ def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
 @kernel
 def _gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
     """Gain [nats] of linking a track to a point; not above 0 out of reach."""
-    x, y, z = difference(points, point, expected, track)
-    squared = x * x + y * y + z * z
+    squared = squared_distance(points, point, expected, track)
     if squared > terms[track, 0] * terms[track, 0]:
         return 0.0
     loss = terms[track, 3] * math.log1p(squared * weight / terms[track, 2])
     return float(terms[track, 1] + 1.5 * math.log(weight) - loss)
-
-
-@kernel
-def difference(points: Floats, point: int, others: Floats, other: int) -> tuple[float, float, float]:
-    """Vector from another point to this one.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n_points, 3), mm
-        Points.
-    point : int
-        The one that the vector leads to.
-    others : ndarray, shape (n_others, 3), mm
-        Other points.
-    other : int
-        The one that it begins at.
-    """
-    return points[point, 0] - others[other, 0], points[point, 1] - others[other, 1], points[point, 2] - others[other, 2]
 
 
 @array_kernel
@@ -226,12 +208,7 @@ def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
 
 @array_part
 def _match_cluster(
-    pairs: Ints,
-    gains: Floats,
-    own: Ints,
-    places: tuple[Ints, Ints],
-    optimal: bool,
-    point_of_track: Ints,
+    pairs: Ints, gains: Floats, own: Ints, places: tuple[Ints, Ints], optimal: bool, point_of_track: Ints
 ) -> None:
     """Assign the points of one cluster, which has the pairs `own`, to its tracks; both maps are room to work in."""
     row_of_track, column_of_point = places
@@ -370,10 +347,9 @@ def find_doubts(links: Links, expected: Floats, terms: Floats, points: Floats, r
             if other >= 0 and gain_of_track[other] - gain < rules.evidence:
                 doubtful[other] = True
         elif other < 0:
-            if gain_of_track[track] - gain < rules.evidence:
-                x, y, z = difference(points, point, points, other_point)
-                if x * x + y * y + z * z >= rules.duplicate * rules.duplicate:
-                    doubtful[track] = True
+            apart = squared_distance(points, point, points, other_point) >= rules.duplicate * rules.duplicate
+            if apart and gain_of_track[track] - gain < rules.evidence:
+                doubtful[track] = True
         else:
             kept, exchanged = _surprises(points, point, other_point, expected, track, other)
             width = rules.relative * (terms[track, 2] + terms[other, 2]) / 2.0

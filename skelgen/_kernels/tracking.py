@@ -7,15 +7,8 @@ import math
 import numpy as np
 
 from skelgen._kernels import array_kernel, array_part, kernel_part
-from skelgen._kernels.track_matching import (
-    Links,
-    difference,
-    find_doubts,
-    find_pairs,
-    first_not_below,
-    match,
-    rising_order,
-)
+from skelgen._kernels.distance_statistics import squared_distance
+from skelgen._kernels.track_matching import Links, find_doubts, find_pairs, first_not_below, match, rising_order
 from skelgen._kernels.tracks import (
     AGE,
     ALIVE,
@@ -161,8 +154,7 @@ def _has_double(points: Floats, point: int, order: Ints, placed: Bools, near: fl
         other = order[rank]
         if points[other, 0] > points[point, 0] + near:
             break
-        x, y, z = difference(points, other, points, point)
-        if placed[other] and x * x + y * y + z * z < near * near:
+        if placed[other] and squared_distance(points, other, points, point) < near * near:
             return True
     return False
 
@@ -174,11 +166,9 @@ def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, s
     nearest, least = -1, np.inf
     for other in range(n_old):
         if counters[other, AGE] > 1 and counters[other, MISSED] == 0:
-            x = motion[other, LEVEL, 0] - points[point, 0]
-            y = motion[other, LEVEL, 1] - points[point, 1]
-            z = motion[other, LEVEL, 2] - points[point, 2]
-            if x * x + y * y + z * z < least:
-                nearest, least = other, x * x + y * y + z * z
+            away = squared_distance(motion[other], LEVEL, points, point)
+            if away < least:
+                nearest, least = other, away
     for axis in range(3):
         motion[track, LEVEL, axis] = points[point, axis]
         motion[track, SLOPE, axis] = motion[track, RECENT_ERROR, axis] = 0.0
@@ -224,9 +214,9 @@ def _mute_jumps(points: TrackedPoints, begun: Ints, expected: Floats, lost: Bool
             continue
         nearest, least = 0, np.inf
         for rank in range(len(begun)):
-            x, y, z = difference(points.positions, begun[rank], expected, track)
-            if x * x + y * y + z * z < least:
-                nearest, least = rank, x * x + y * y + z * z
+            away = squared_distance(points.positions, begun[rank], expected, track)
+            if away < least:
+                nearest, least = rank, away
         counters[totals[ALIVE] - len(begun) + nearest, MUTED] = mute - 1
         points.identities[begun[nearest]] = -1
 

@@ -223,12 +223,7 @@ def _log_ratio(
 
 @kernel_part
 def _likelihoods(
-    square: float,
-    counts: tuple[float, float],
-    scatters: tuple[float, float],
-    tau: float,
-    spacing: float,
-    flags: Ints,
+    square: float, counts: tuple[float, float], scatters: tuple[float, float], tau: float, spacing: float, flags: Ints
 ) -> tuple[float, float]:
     """Log likelihoods that two means differ so if they are of one marker and of two, but for what both share."""
     freedom = PRIOR_SAMPLES + counts[0] + counts[1] - 2.0

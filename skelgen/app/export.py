@@ -11,7 +11,7 @@ from skelgen_formats.options import AUTO, FILLED, Format, Options, Writable
 from skelgen_formats.rest_pose import remarks_on_rest
 from skelgen_formats.writing import PARTS, choices_in, parts_in, trajectories_of
 
-from skelgen.app.bodies import body_files
+from skelgen.app.bodies import BODY, body_files
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, recording_of
 from skelgen.errors import SkelgenError, WriteError
@@ -186,7 +186,23 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
         choices = (*choices, f"{entry.title} {what}.")
     called = remarks_on_bone_names(with_segment_names(project, options.bone_names), options.bone_names)
     resting = remarks_on_rest(project, options.rest)
-    return (*losses, *entry.remarks(project, options), *called, *resting, *choices, *marking)
+    return (
+        *losses,
+        *entry.remarks(project, options),
+        *_remark_on_bodies(project, entry, path),
+        *called,
+        *resting,
+        *choices,
+        *marking,
+    )
+
+
+def _remark_on_bodies(project: Project, entry: Format, path: Path) -> tuple[str, ...]:
+    """How to write each body by itself, where several share a file of skeletons."""
+    n_bodies = len(project.bodies) if entry.holds == "skeleton" and project.has("joints") else 1
+    stem, dot, suffix = path.name.partition(".")
+    apart = f"the name {stem}_{BODY}{dot}{suffix} writes each to a file of its own"
+    return (f"{n_bodies} bodies share this file; {apart}.",) if n_bodies > 1 else ()
 
 
 def remarks_on_parts(parts: Sequence[tuple[Project, Path]], entry: Format, options: Options) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +21,8 @@ from typing import TYPE_CHECKING
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import with_correction, with_places
-from skelgen.app.files import NamedFile, given_identities, open_input
+from skelgen.app.files import NamedFile, open_input
+from skelgen.app.identities import with_identities
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project
@@ -167,17 +167,10 @@ def reconstruct(  # noqa: PLR0913 - what users name: most leave most of it out
     InputError or ParameterError
         If nothing can be found in the take (one marker, two frames, no motion); for an unknown or bad parameter.
     """
-    project = _begun(take, seed, given_identities(identities))
+    project = with_identities(take if isinstance(take, Project) else Project(take, seed), identities)
     settings = Settings(parameters, methods)
     options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
     return run_stages(project, until_stage=until, settings=settings, options=options, monitor=monitor or SILENT)
-
-
-def _begun(take: Take | Project, seed: int, identities: Identities | None) -> Project:
-    """Return the project that a run begins with."""
-    if isinstance(take, Project):
-        return replace(take, identities=identities or take.identities)
-    return Project(take, seed, identities=identities)
 
 
 def calibrate_together(

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
-from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.lines import Sample
 from skelgen_formats.options import Format, Option
 
 from skelgen.app.bodies import body_files
+from skelgen.app.identities import with_identities
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of
@@ -26,7 +26,7 @@ from skelgen.app.project_file.archive import (
 )
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
-from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
 from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.parameters import ParameterValue
@@ -98,19 +98,13 @@ def open_input(
         if options:
             raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
         project = open_project(find_result(path))
-        stated = given_identities(identities) or project.identities
-        return replace(project, seed=project.seed if seed is None else seed, identities=stated)
+        return with_identities(replace(project, seed=project.seed if seed is None else seed), identities)
     if is_stereo(path, format):
         taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
-        return Project(taken, seed or 0, identities=given_identities(identities))
+        return with_identities(Project(taken, seed or 0), identities)
     take = registry.read_take(path, format, sample=sample, **options)
     source = recorded_file_of(path, format or registry.recognise(path).name, options)
-    return Project(take, seed or 0, identities=given_identities(identities), source=source)
-
-
-def given_identities(identities: Identities | Path | str | None) -> Identities | None:
-    """Return what the user states of some points, read from a file if a path is given."""
-    return read_identities(identities) if isinstance(identities, Path | str) else identities
+    return with_identities(Project(take, seed or 0, source=source), identities)
 
 
 @with_checked_arguments

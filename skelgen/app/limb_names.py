@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from skelgen_formats.classic_texts import LIMB_COLUMNS
 from skelgen_formats.options import OWN_NAMES
 from skelgen_formats.text import split_cells, undefused
 
@@ -308,10 +309,6 @@ def limb_of(project: Project, limbs: Limbs, correction: Correction) -> int:
     if not on_limbs:
         raise InputError(f"the correction '{correction.sentence}' names no marker that is on a limb; take it back")
     return int(max(sorted(set(on_limbs)), key=on_limbs.count))
-
-
-LIMB_COLUMNS = ("marker", "limb", "name")
-"""Titles of the table of limbs that a run writes."""
 
 
 def read_hierarchy(path: Path | str) -> dict[str, str]:

@@ -3,7 +3,6 @@
 Files may replace others: inputs never, files that the user did not name only where that is asked for.
 """
 
-import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,8 @@ from pathlib import Path
 from skelgen_formats import registry
 from skelgen_formats.c3d.writer import write_points
 from skelgen_formats.registry import write_file
-from skelgen_formats.text import defused
 from skelgen_formats.writing import place_remark
 
-from skelgen.app.limb_names import LIMB_COLUMNS
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
@@ -99,15 +96,6 @@ def stem_of(path: Path | str) -> str:
     return name[: -len(SUFFIX)] if name.lower().endswith(SUFFIX) else Path(path).stem
 
 
-def _write_limbs(project: Project, path: Path) -> None:
-    limbs, called = project.limbs, [*map(defused, project.limbs.names), ""]  # the last one is for -1
-    found = zip(map(defused, project.trajectories.names), limbs.limb_of_marker.tolist(), strict=True)
-    with path.open("w", newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(LIMB_COLUMNS)
-        rows.writerows((marker, limb, called[limb]) for marker, limb in found)
-
-
 def _write_raw_joints(project: Project, path: Path) -> None:
     """Write the joints before the fit; after it, their descriptions say which the motion does not determine."""
     topology, trajectories = project.topology, project.trajectories
@@ -126,7 +114,7 @@ def _write_report(project: Project, path: Path) -> None:
 OUTPUTS = (
     Output(SUFFIX, "", save_project),
     Output(".labels.c3d", "labels", lambda project, path: write_file(project.trajectories, path)),
-    Output(".limbs.csv", "limbs", _write_limbs),
+    Output(".limbs.csv", "limbs", write_file),
     Output(".costs.txt", "limbs", write_file),
     Output(".raw-joints.c3d", "joints", _write_raw_joints),
     Output(".tree.txt", "joints", write_file),

@@ -259,7 +259,7 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     if len(seen):
         middle = f"half of them within {np.median(seen):.2f} mm"
         yield f"Markers lie {seen.mean():.2f} mm from the skeleton on average, {middle}."
-    unseen = 1.0 - float(project.motion.limb_seen.mean() if project.motion.limb_seen.size else 1.0)
+    unseen = float(project.motion.interpolated.mean()) if project.motion.limb_seen.size else 0.0
     yield f"{100 * unseen:.1f} % of the limbs' poses are interpolated."
 
 

@@ -205,21 +205,16 @@ def fifty_markers() -> Structure:
     return Structure("human-50", limbs)
 
 
-def long_take(n_frames: int, seed: int = 0) -> Trajectories:
+def long_take(n_frames: int) -> Trajectories:
     """Return a short simulated take forth and back until it is long enough, with fresh noise, so that it is soon made.
 
-    Parameters
-    ----------
-    n_frames : int
-        Any number; an hour at 200 Hz is 720 000.
-    seed : int
-        Seed of motion and noise.
+    An hour at 200 Hz has 720 000 frames.
     """
-    short = cast(Trajectories, simulate("human", seed=seed, parameters=_LONG).take)
+    short = cast(Trajectories, simulate("human", parameters=_LONG).take)
     turn = 2 * short.n_frames - 2
     frames = np.arange(n_frames) % turn
     frames = np.where(frames < short.n_frames, frames, turn - frames)
-    positions, random = np.empty((n_frames, LONG_TAKE_MARKERS, 3)), np.random.default_rng(seed)
+    positions, random = np.empty((n_frames, LONG_TAKE_MARKERS, 3)), np.random.default_rng(0)
     for first in range(0, n_frames, _CHUNK):
         part = short.positions[frames[first : first + _CHUNK], :LONG_TAKE_MARKERS]
         positions[first : first + _CHUNK] = part + random.normal(0.0, _FRESH_NOISE, part.shape)

@@ -31,7 +31,6 @@ from skelgen.capture.bodies.prediction import (
 from skelgen.capture.calibration.joints import trees_of
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope
 from skelgen.capture.target_joints import (
-    N_POSE,
     ChainState,
     JointAngle,
     TargetChain,
@@ -41,11 +40,7 @@ from skelgen.capture.target_joints import (
     violation_of,
 )
 from skelgen.capture.values import FoundBody, StereoPoints
-from skelgen.geometry.rotations import (
-    cross_matrix,
-    matrix_from_vector,
-    vector_from_matrix,
-)
+from skelgen.geometry.rotations import N_POSE, matrix_from_vector, slopes_by_motion, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, TargetJoint
@@ -225,7 +220,7 @@ class ChainFilter:
             parts = measure(now)
             slope = np.concatenate([part.slope for part in parts])
             error = np.concatenate([part.error for part in parts]) + slope @ step[:n]
-            total = slope @ prior.covariance[:n, :n] @ slope.T + _block_diagonal([part.covariance for part in parts])
+            total = slope @ prior.covariance[:n, :n] @ slope.T + block_diagonal(*(part.covariance for part in parts))
             gain = np.asarray(np.linalg.solve(total, slope @ prior.covariance[:n]).T, dtype=np.float64)
             step = gain @ error
             if iteration == 0:
@@ -280,7 +275,7 @@ class ChainFilter:
         poses, target = self._tree.poses(chain), self._targets[name]
         turn = poses[name][:3, :3]
         arms = target.points[ball] @ turn.T
-        columns = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (len(ball), 3, 3))], axis=2)
+        columns = slopes_by_motion(arms)
         own = (turn * np.asarray(target.std)[ball, np.newaxis] ** 2) @ turn.T
         spreads = columns @ self._open(poses, name) @ columns.swapaxes(1, 2) + own
         return arms + poses[name][:3, 3], columns @ self._tree.slope(poses, name), spreads
@@ -385,11 +380,3 @@ def chain_filters(
     targets = {body.name: body for body in settings.bodies}
     trees = trees_of(settings.joints)
     return tuple(ChainFilter([settings.joints[joint] for joint in tree], targets, parameters) for tree in trees if tree)
-
-
-def _block_diagonal(blocks: Sequence[Floats]) -> Floats:
-    ends = np.cumsum([0, *(len(block) for block in blocks)])
-    out = np.zeros((ends[-1], ends[-1]))
-    for start, end, block in zip(ends[:-1], ends[1:], blocks, strict=True):
-        out[start:end, start:end] = block
-    return out

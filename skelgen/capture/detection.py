@@ -42,9 +42,7 @@ _LEAST_NOISE = 0.5  # grey levels: what rounding to whole levels hides
 _FEW_PIXELS = 4  # counted pixels of the smallest ball: 4 x 4 px in every fourth row
 
 
-def detect_balls(
-    image: Image, parameters: DetectionParameters | None = None, *, size: tuple[int, int] | None = None
-) -> Balls:
+def detect_balls(image: Image, parameters: DetectionParameters | None = None) -> Balls:
     """Find the bright balls of a grey image.
 
     Parameters
@@ -53,8 +51,6 @@ def detect_balls(
         What a camera has taken.
     parameters : DetectionParameters, optional
         Thresholds, and which spots are balls.
-    size : tuple of int, px, optional
-        Width and height that the image must have, those of the calibrated camera.
 
     Returns
     -------
@@ -64,10 +60,10 @@ def detect_balls(
     Raises
     ------
     InputError
-        If it is no grey image of 8 bits, or of another size.
+        If it is no grey image of 8 bits.
     """
     settings = parameters or _DEFAULTS
-    check_image(image, size)
+    _check_image(image)
     image = np.ascontiguousarray(image)
     counts = histogram(image, min(settings.row_step, image.shape[0]))
     thresholds = find_thresholds(counts, settings)
@@ -82,32 +78,14 @@ def detect_balls(
     return _Spots(image, thresholds, spots, settings.noise or dark_noise(counts)).balls(settings)
 
 
-def check_image(image: Image, size: tuple[int, int] | None = None) -> None:
-    """Refuse what is no grey image of 8 bits, or has another size than the camera that was calibrated.
-
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (height, width)
-        What is to be checked.
-    size : tuple of int, px, optional
-        Width and height of the calibrated camera.
-
-    Raises
-    ------
-    InputError
-        Says what the image is and what is needed.
-    """
+def _check_image(image: Image) -> None:
+    """Refuse what is no grey image of 8 bits."""
     if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype != np.uint8:
         shape, kind = getattr(image, "shape", None), getattr(image, "dtype", type(image).__name__)
         raise InputError(f"an image has shape {shape} and type {kind}; grey images of 8 bits are needed")
     height, width = image.shape
     if not 0 < min(height, width) <= max(height, width) <= MOST_PIXELS:
         raise InputError(f"an image has {width} x {height} pixels; sides of 1 to {MOST_PIXELS} are possible")
-    if size is not None and (width, height) != tuple(size):
-        raise InputError(
-            f"an image has {width} x {height} pixels where the calibrated camera has {size[0]} x {size[1]}; "
-            "use the calibration of this camera in this mode"
-        )
 
 
 def _no_balls(notice: str) -> Balls:

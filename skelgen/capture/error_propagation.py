@@ -7,7 +7,7 @@ A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation
 import numpy as np
 
 from skelgen.capture.optics import in_image, project, projection_jacobian
-from skelgen.geometry.rotations import cross_matrix
+from skelgen.geometry.rotations import cross_matrix, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 
@@ -56,7 +56,7 @@ LEAST_EIGENVALUE = 1e-10
 _TINY = np.finfo(np.float64).tiny
 
 
-def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats, seen: Bools | None = None) -> Floats:
+def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats) -> Floats:
     """Return the covariance of a target's most likely pose.
 
     Parameters
@@ -66,9 +66,7 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     target : BodyTarget
         The balls; deviations of their calibration count as further noise.
     world_from_body : ndarray, shape (..., 4, 4), translation in mm
-        Where the target is.
-    seen : ndarray of bool, shape (..., n_points), optional
-        Which balls are seen; those that lie in both images, if not given.
+        Where the target is; those balls are seen that lie in both images.
 
     Returns
     -------
@@ -78,13 +76,13 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     """
     turned = target.points @ np.swapaxes(world_from_body[..., :3, :3], -1, -2)
     points = turned + world_from_body[..., np.newaxis, :3, 3]
-    seen = seen_by_both(rig, points) if seen is None else seen
+    seen = seen_by_both(rig, points)
     turn = world_from_body[..., np.newaxis, :3, :3]
     variance = np.zeros_like(target.points) if target.std is None else target.std**2
     calibrated = (turn * variance[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
     weights = _inverse_where_finite(point_covariances(rig, points) + calibrated)
     weights = np.where(seen[..., np.newaxis, np.newaxis], weights, 0.0)
-    slope = np.concatenate([-cross_matrix(turned), np.broadcast_to(np.eye(3), (*turned.shape, 3))], axis=-1)
+    slope = slopes_by_motion(turned)
     information = (np.swapaxes(slope, -1, -2) @ weights @ slope).sum(axis=-3)
     return _inverse_where(information, seen.sum(axis=-1) >= LEAST_POINTS)
 
@@ -136,16 +134,12 @@ def angle_covariance(
     return np.asarray(slope @ both @ np.swapaxes(slope, -1, -2))
 
 
-def block_diagonal(first: Floats, second: Floats) -> Floats:
-    """Return the covariance of two bodies together, shape (..., 12, 12): their errors are independent.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (..., 6, 6)
-        Of small rotations about the world's axes [rad] and shifts [mm] of each.
-    """
-    out = np.zeros((*first.shape[:-2], 12, 12))
-    out[..., :6, :6], out[..., 6:, 6:] = first, second
+def block_diagonal(*blocks: Floats) -> Floats:
+    """Return the covariance of quantities together whose errors are independent, from that of each."""
+    ends = np.cumsum([0, *(block.shape[-1] for block in blocks)])
+    out = np.zeros((*blocks[0].shape[:-2], ends[-1], ends[-1]))
+    for start, end, block in zip(ends[:-1], ends[1:], blocks, strict=True):
+        out[..., start:end, start:end] = block
     return out
 
 

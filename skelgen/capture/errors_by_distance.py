@@ -6,16 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.capture.calibration.bundle_adjustment import slopes_of_camera
-from skelgen.capture.error_propagation import (
-    HINGE,
-    angle_covariance,
-    point_covariances,
-    pose_covariances,
-    seen_by_both,
-)
+from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
 from skelgen.capture.optics import view_centre
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
+from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, moved_points, transform_from
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import N_CAMERA_STD, BodyTarget, CaptureSettings, StereoRig, TargetJoint
 
@@ -81,9 +75,7 @@ class RigErrors:
     curves: tuple[ErrorCurve, ...]
 
 
-def errors_by_distance(
-    settings: CaptureSettings, distances: Sequence[float] = WORKING_DISTANCES, seed: int = 0
-) -> RigErrors:
+def errors_by_distance(settings: CaptureSettings, distances: Sequence[float] = WORKING_DISTANCES) -> RigErrors:
     """Return the errors of a rig's points, bodies and joint angles against the distance.
 
     Parameters
@@ -92,8 +84,6 @@ def errors_by_distance(
         The rig; its bodies and joints, or typical ones where it has none.
     distances : sequence of float, mm
         From the middle between the cameras.
-    seed : int
-        Of the random orientations of bodies and joints.
 
     Raises
     ------
@@ -104,7 +94,7 @@ def errors_by_distance(
     if not away.size or not np.isfinite(away).all() or away.min() <= 0:
         raise InputError("distances of the errors must be above 0 mm")
     places = view_centre(settings.rig, away)
-    quaternions = np.random.default_rng(seed).normal(size=(N_TURNS, 4))
+    quaternions = np.random.default_rng(0).normal(size=(N_TURNS, 4))
     turns = matrix_from_quaternion(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
     bodies = settings.bodies or (typical_target("typical target"),)
     joints = settings.joints or typical_joints()
@@ -177,7 +167,7 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
     if rig.covariance is None:
         raise InputError("these cameras have no covariance: calibrate them again")
     to_left = rig.left.camera_from_world
-    in_left = points @ to_left[:3, :3].T + to_left[:3, 3]
+    in_left = moved_points(to_left, points)
     eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
     (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
     by_point = np.concatenate([left, right], axis=1)
@@ -229,7 +219,7 @@ def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
 
 def _covariances_where_seen(rig: StereoRig, target: BodyTarget, poses: Floats) -> Floats:
     """Covariances of a target's pose; NaN where one of its balls is outside an image."""
-    points = target.points @ np.swapaxes(poses[..., :3, :3], -1, -2) + poses[..., np.newaxis, :3, 3]
+    points = moved_points(poses, target.points)
     covariances = pose_covariances(rig, target, poses)
     covariances[~seen_by_both(rig, points).all(axis=-1)] = np.nan
     return covariances

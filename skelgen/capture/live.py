@@ -236,10 +236,7 @@ class MotionCapture(Recogniser):
     """
 
     def __init__(
-        self,
-        settings: CaptureSettings,
-        prediction: PredictionParameters | None = None,
-        threads: bool | None = None,
+        self, settings: CaptureSettings, prediction: PredictionParameters | None = None, threads: bool | None = None
     ) -> None:
         wanted = (os.cpu_count() or 1) > 1 if threads is None else threads
         n_threads = max(2, len(settings.bodies))

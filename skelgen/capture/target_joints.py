@@ -27,12 +27,14 @@ from itertools import pairwise
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
+from skelgen._kernels.rotations import move_pose, write_pose_error
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import (
+    N_POSE,
     cross_matrix,
     matrix_from_vector,
+    moved_pose,
     nearest_rotation,
     vector_from_matrix,
 )
@@ -181,10 +183,6 @@ def _kinematic(kind: str) -> Joint:
     return Joint(0, 1, origin, origin, kind, _Z if kind == "hinge" else None, origin)
 
 
-N_POSE = 6
-"""Freedoms of a pose: a small rotation about the world's axes [rad], then a shift [mm]."""
-
-
 @dataclass(frozen=True, eq=False)
 class ChainState:
     """Where a chain of targets is, and how it moves.
@@ -249,14 +247,11 @@ class TargetChain:
         step : ndarray, shape (n,)
             Rotations [rad] and the root's shift [mm].
         """
-        root = state.root.copy()
-        root[:3, :3] = nearest_rotation(matrix_from_vector(step[:3]) @ root[:3, :3])
-        root[:3, 3] += step[3:N_POSE]
         turns = [
             nearest_rotation(matrix_from_vector(vector_of_joint(joint, step[own])) @ turn)
             for joint, turn, own in zip(self.joints, state.turns, self.of_joint, strict=True)
         ]
-        return replace(state, root=root, turns=tuple(turns))
+        return replace(state, root=moved_pose(state.root, step[:N_POSE]), turns=tuple(turns))
 
     def poses(self, state: ChainState) -> dict[str, Floats]:
         """Return where all targets are, world from body, by name."""

@@ -216,6 +216,7 @@ def report(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="beside the project"),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Write the HTML report of a project."""
     from skelgen.app.outputs import check_outputs, recording_of
@@ -225,7 +226,7 @@ def report(
     source = find_result(result)
     target, project = output or source.with_suffix(".html"), open_project(source)
     check_outputs((target,), (source, recording_of(project)), (target,))
-    show_files(Screen(), [write_report(project, target)])
+    show_files(Screen(quiet), [write_report(project, target)])
 
 
 def view(

@@ -29,17 +29,45 @@ _MISSING = "-"
 _ROUNDING = 1e-9  # smaller values are what rounding leaves of 0
 
 
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+_X_PORT, _PATIENCE = 6000, 1.0  # of the first display of a machine; seconds until one is taken to be gone
+_ON_DISPLAYS = ("xcb", "wayland")  # Qt's ways of drawing that need one
 
 
 def has_display() -> bool:
-    """Return whether windows can be seen."""
-    return sys.platform != "linux" or any(os.environ.get(name) for name in _DISPLAYS)
+    """Return whether windows can be seen: a session that has ended leaves the name of its display behind."""
+    return sys.platform != "linux" or any(map(_answers, _display_addresses()))
 
 
 def can_open_windows() -> bool:
-    """Return whether Qt can open windows, on a display or where it is told to draw."""
-    return has_display() or bool(os.environ.get("QT_QPA_PLATFORM"))
+    """Return whether Qt can open windows, on a display or where it is told to draw; it ends the program otherwise."""
+    platform = os.environ.get("QT_QPA_PLATFORM", "")
+    return has_display() if not platform or platform.startswith(_ON_DISPLAYS) else True
+
+
+def _display_addresses() -> Iterator[str | tuple[str, int]]:
+    """Sockets of the displays that the environment names: paths, or hosts with ports."""
+    if wayland := os.environ.get("WAYLAND_DISPLAY"):
+        yield str(Path(os.environ.get("XDG_RUNTIME_DIR", "")) / wayland)
+    host, _, number = os.environ.get("DISPLAY", "").rpartition(":")
+    number = number.partition(".")[0]
+    if number.isdecimal() and host in {"", "unix"}:
+        yield f"/tmp/.X11-unix/X{number}"
+        yield f"\0/tmp/.X11-unix/X{number}"
+    elif number.isdecimal():
+        yield host, _X_PORT + int(number)
+
+
+def _answers(address: str | tuple[str, int]) -> bool:
+    import socket
+
+    family = socket.AF_UNIX if isinstance(address, str) else socket.AF_INET
+    try:
+        with socket.socket(family) as opened:
+            opened.settimeout(_PATIENCE)
+            opened.connect(address)
+    except (OSError, OverflowError, ValueError):  # the last two of an environment that names no display
+        return False
+    return True
 
 
 class Screen:

@@ -3,7 +3,7 @@
 May change with every version; scripts import what they need from `skelgen`.
 """
 
-from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_lines, evaluation_tables
+from skelgen.evaluation.evaluation import Evaluation, Table, evaluate, evaluation_tables
 from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore
 from skelgen.evaluation.matching import LabelScore, LimbScore, SpanScore, TopologyScore
 
@@ -18,6 +18,5 @@ __all__ = [
     "Table",
     "TopologyScore",
     "evaluate",
-    "evaluation_lines",
     "evaluation_tables",
 ]

@@ -235,12 +235,6 @@ def evaluation_tables(evaluation: Evaluation) -> tuple[Table, ...]:
     return tuple(table for table in tables if table.rows)
 
 
-def evaluation_lines(evaluation: Evaluation) -> tuple[str, ...]:
-    """Return the tables of an evaluation as lines of plain text, with an empty line between two tables."""
-    blocks = [table.lines() for table in evaluation_tables(evaluation)]
-    return tuple(line for index, block in enumerate(blocks) for line in (("", *block) if index else block))
-
-
 def _overview(evaluation: Evaluation) -> Table:
     rows: list[tuple[str, str]] = []
     if (labels := evaluation.labels) is not None:

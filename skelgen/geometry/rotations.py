@@ -10,7 +10,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelgen._kernels.small_matrices import SMALL_ANGLE
+from skelgen._kernels.rotations import SMALL_ANGLE
 from skelgen.model.arrays import Bools, Floats, Ints
 
 _NO_LENGTH = 1e-9  # shorter vectors have no direction
@@ -102,6 +102,42 @@ def cross_matrix(vector: Floats) -> Floats:
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
     return out
+
+
+def moved_points(pose: Floats, points: Floats) -> Floats:
+    """Return points that poses bring into the frames that they lead to.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (..., 4, 4), mm
+        One for each set of points.
+    points : ndarray, shape (..., n, 3), mm
+        Before.
+    """
+    return np.asarray(points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., np.newaxis, :3, 3])
+
+
+N_POSE = 6
+"""Numbers of a pose that changes: a small rotation [rad], then a shift [mm]."""
+
+
+def slopes_by_motion(arms: Floats) -> Floats:
+    """Return how points at the ends of arms move with a small rotation and a shift, shape (..., 3, 6)."""
+    return np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=-1)
+
+
+def moved_pose(pose: Floats, step: Floats) -> Floats:
+    """Return poses after a small turn and a shift.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (..., 4, 4), mm
+        Before.
+    step : ndarray, shape (..., 6)
+        A turn [rad] about the axes of the frame that the pose leads to, and a shift [mm].
+    """
+    turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
+    return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
 
 
 def transform_from(rotation: Floats, translation: Floats) -> Floats:

@@ -17,7 +17,7 @@ from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.kinematics.joints.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import outward_order, parents_from_names, spanning_forest
+from skelgen.model.topology import joint_children, parents_from_names, spanning_forest
 
 LOOP_GAP = 3.0
 """Joints outside the tree are candidates if their gap is below this many times the median gap of the tree's joints."""
@@ -172,7 +172,7 @@ def find_hierarchy(
     def relate(parent: int, child: int) -> RelativePoses:
         return relative_poses(poses, parent, child, covariances, size)
 
-    children = [int(child) for child in outward_order(parents) if parents[child] >= 0]
+    children: list[int] = joint_children(parents).tolist()
     joints = {child: choose_type(relate(int(parents[child]), child), wanted.get(child)) for child in children}
     found = Hierarchy(poses.names, parents, gaps, joints, ())
     if loops is None:
@@ -194,11 +194,8 @@ def without_residual(poses: Poses, hierarchy: Hierarchy) -> Poses:
         Its joints. A body is unseen where it or one between it and its root is.
     """
     world = poses.world_from_body.copy()
-    for body in outward_order(hierarchy.parents):
-        parent = int(hierarchy.parents[body])
-        if parent < 0:
-            continue
-        fit = hierarchy.joints[int(body)].fit
+    for body in joint_children(hierarchy.parents).tolist():
+        parent, fit = int(hierarchy.parents[body]), hierarchy.joints[body].fit
         joint = world[:, parent, :3, :3] @ fit.in_parent + world[:, parent, :3, 3]
         world[:, body, :3, 3] = joint - world[:, body, :3, :3] @ fit.in_child
     return replace(poses, world_from_body=world)

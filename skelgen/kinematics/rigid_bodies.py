@@ -15,7 +15,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import Rotator, fit_transform, means_in_body, rotation_by_quaternion
-from skelgen.geometry.rotations import cross_matrix, transform_from
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points, transform_from
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 from skelgen.progress import counted
@@ -32,7 +32,6 @@ FLATNESS = 0.02
 """Points whose second extent is below this part of the first are on one line, about which no rotation is determined."""
 
 _ROUNDING = float(np.finfo(np.float64).eps)
-POSE_FREEDOMS = 6
 FEWEST_POINTS = 3
 
 
@@ -186,7 +185,7 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
 
 def _deviation(poses: Floats, places: Floats, points: Floats) -> float:
     """Root mean square [mm] of how far coordinates of places are off the points of a posed body."""
-    carried = points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
+    carried = moved_points(poses, points)
     return float(np.sqrt(np.nanmean((places - carried) ** 2)))
 
 
@@ -242,10 +241,10 @@ def calibrate_rigid_body(positions: Floats) -> RigidBody:
     points, body_from_limb = normal_form(shape.points)
     poses = shape.world_from_limb @ np.linalg.inv(body_from_limb)
     seen = ~np.isnan(positions[:, :, 0]) & shape.posed[:, np.newaxis]
-    carried = np.einsum("fij,nj->fni", poses[:, :3, :3], points) + poses[:, np.newaxis, :3, 3]
+    carried = moved_points(poses, points)
     squares = float((np.where(seen[..., np.newaxis], positions - carried, 0.0) ** 2).sum())
     n_poses = int(seen.any(axis=1).sum())
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * n_poses - (3 * len(points) - POSE_FREEDOMS)
+    freedoms = 3 * int(seen.sum()) - N_POSE * n_poses - (3 * len(points) - N_POSE)
     noise = float(np.sqrt(squares / max(freedoms, 1)))
     return RigidBody(points, noise**2 * _unit_covariance(points, seen), noise, poses)
 

@@ -1,6 +1,6 @@
 """Clean, read-only arrays for the values: one check per meaning."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -58,6 +58,33 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
     if np.isinf(array).any() or (finite and np.isnan(array).any()):
         raise InputError(f"{what} holds values that are not finite numbers")
     return array
+
+
+def check_fields(
+    value: Any, shapes: Mapping[str, Sequence[int | None]], what: str = "{}", *, finite: bool = False
+) -> None:
+    """Give fields of a frozen value read-only float64 copies of the stated shapes; None stays where it is the default.
+
+    Parameters
+    ----------
+    value : object
+        The frozen value.
+    shapes : mapping of str to sequence of int or None
+        Shape of each field by its name; None leaves an axis free.
+    what : str
+        Name of a field in errors; ``{}`` stands for that in the value.
+    finite : bool
+        Refuse NaN.
+
+    Raises
+    ------
+    InputError
+        If a shape or a number is wrong.
+    """
+    for name, shape in shapes.items():
+        given = getattr(value, name)
+        if given is not None or value.__dataclass_fields__[name].default is not None:
+            set_fields(value, **{name: check_floats(given, shape, what.replace("{}", name, 1), finite=finite)})
 
 
 def as_floats(values: ArrayLike, what: str, shape: str) -> Floats:

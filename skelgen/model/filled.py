@@ -83,6 +83,8 @@ class Filled:
     def sentence(self) -> str:
         """How many positions are filled, by source."""
         counts = {source: int((self.source == source).sum()) for source in PositionSource}
+        if not self.filled.any() and not counts[PositionSource.NONE]:
+            return "no marker has a gap: nothing is filled"
         parts = [
             f"{counts[PositionSource.LIMB]} from the limb",
             f"{counts[PositionSource.JOINT]} with a joint's help",

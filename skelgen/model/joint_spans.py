@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, check_floats, set_fields
+from skelgen.model.arrays import Floats, check_fields, set_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,7 @@ class JointSpan:
     is_fixed: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("in_first", "in_second"):
-            set_fields(self, **{name: check_floats(getattr(self, name), (3,), name, finite=True)})
+        check_fields(self, {"in_first": (3,), "in_second": (3,)}, finite=True)
         set_fields(self, limbs=(int(self.limbs[0]), int(self.limbs[1])))
         if not 0 <= self.first_frame <= self.last_frame:
             raise InputError(f"a joint holds from frame {self.first_frame} to frame {self.last_frame}")

@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen import parameters
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, check_coordinates, check_floats, check_names, set_fields
+from skelgen.model.arrays import Floats, check_coordinates, check_fields, check_floats, check_names, set_fields
 
 ParameterValue = parameters.ParameterValue
 
@@ -27,8 +27,6 @@ JOINT_TYPES = ("ball", "hinge")
 N_CAMERA_STD = 4 + N_DISTORTION + 6
 """Numbers of a camera that a calibration measures: fx, fy, cx, cy, the lens, its turn and its shift against the first
 camera, about and along its own axes."""
-
-"""What a parameter of the detection may be set to."""
 
 _ROTATION_TOLERANCE = 1e-6  # of R R^T = 1: a file with 7 digits gives 1e-7
 
@@ -62,12 +60,10 @@ class Camera:
         what = f"camera {self.name}".strip()
         if self.width < 1 or self.height < 1:
             raise InputError(f"{what} has images of {self.width} x {self.height} pixels; both must be at least 1")
-        matrix = check_floats(self.matrix, (3, 3), f"matrix of {what}", finite=True)
-        if min(matrix[0, 0], matrix[1, 1]) <= 0 or (matrix[2] != (0, 0, 1)).any():
+        check_fields(self, {"matrix": (3, 3), "distortion": (N_DISTORTION,)}, f"{{}} of {what}", finite=True)
+        if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0 or (self.matrix[2] != (0, 0, 1)).any():
             raise InputError(f"the matrix of {what} needs focal lengths above 0 and 0 0 1 as its last row")
-        distortion = check_floats(self.distortion, (N_DISTORTION,), f"distortion of {what}", finite=True)
-        pose = check_pose(self.camera_from_world, f"camera_from_world of {what}")
-        set_fields(self, matrix=matrix, distortion=distortion, camera_from_world=pose)
+        set_fields(self, camera_from_world=check_pose(self.camera_from_world, f"camera_from_world of {what}"))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -244,21 +240,18 @@ class TargetJoint:
             raise InputError(f"joint {self.name!r} is of type {self.kind!r}; it must be one of {types}")
         if self.parent == self.child:
             raise InputError(f"joint {self.name!r} connects body {self.parent!r} with itself")
-        for attribute in ("parent_from_joint", "child_from_joint"):
-            pose = check_pose(getattr(self, attribute), f"{attribute} of joint {self.name!r}")
-            object.__setattr__(self, attribute, pose)
-        for attribute, shape in (("std", (2, 3)), ("axis_std", (2,))):
-            std = check_floats(getattr(self, attribute), shape, f"{attribute} of joint {self.name!r}", finite=True)
-            object.__setattr__(self, attribute, std)
+        for frame in ("parent_from_joint", "child_from_joint"):
+            set_fields(self, **{frame: check_pose(getattr(self, frame), f"{frame} of joint {self.name!r}")})
+        check_fields(self, {"std": (2, 3), "axis_std": (2,)}, f"{{}} of joint {self.name!r}", finite=True)
 
 
 @dataclass(frozen=True, eq=False)
-class CaptureSettings:
-    """Settings of a stereo capture, as one settings file holds them.
+class _Settings:
+    """Settings of a capture, as one settings file holds them.
 
     Attributes
     ----------
-    rig : StereoRig
+    rig : StereoRig or CameraRig
         The cameras.
     bodies : tuple of BodyTarget
         Bodies to look for; their names differ.
@@ -270,7 +263,7 @@ class CaptureSettings:
         Parameters of the detection of balls and of the search for bodies that differ from their defaults.
     """
 
-    rig: StereoRig
+    rig: StereoRig | CameraRig
     bodies: Sequence[BodyTarget] = ()
     joints: Sequence[TargetJoint] = ()
     source: str = ""
@@ -278,42 +271,27 @@ class CaptureSettings:
     search: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_and_freeze(self)
+        _check_targets(self.bodies, self.joints)
+        detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
+        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
 
 
 @dataclass(frozen=True, eq=False)
-class RoomSettings:
-    """Settings of a capture by the cameras of a room, as one settings file holds them.
+class CaptureSettings(_Settings):
+    """Settings of a stereo capture."""
 
-    Attributes
-    ----------
-    rig : CameraRig
-        The cameras.
-    bodies, joints, source, detection, search
-        As of `CaptureSettings`.
-    """
+    rig: StereoRig
+
+
+@dataclass(frozen=True, eq=False)
+class RoomSettings(_Settings):
+    """Settings of a capture by the cameras of a room."""
 
     rig: CameraRig
-    bodies: Sequence[BodyTarget] = ()
-    joints: Sequence[TargetJoint] = ()
-    source: str = ""
-    detection: Mapping[str, ParameterValue] = field(default_factory=dict)
-    search: Mapping[str, ParameterValue] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        _check_and_freeze(self)
 
 
 AnySettings = CaptureSettings | RoomSettings
 """Settings of two cameras, or of those of a room."""
-
-
-def _check_and_freeze(settings: AnySettings) -> None:
-    """Check the targets, and hold what was given as tuples and mappings that do not change."""
-    _check_targets(settings.bodies, settings.joints)
-    detection, search = (MappingProxyType(dict(values)) for values in (settings.detection, settings.search))
-    bodies, joints = tuple(settings.bodies), tuple(settings.joints)
-    set_fields(settings, bodies=bodies, joints=joints, detection=detection, search=search)
 
 
 def _check_targets(bodies: Sequence[BodyTarget], joints: Sequence[TargetJoint]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_fields, check_floats, check_ints, set_fields
 from skelgen.model.limbs import BODY_END, body_and_limb, check_limb_names
 from skelgen.model.topology import joint_children, limbs_of_bodies, outward_order
 
@@ -130,13 +130,11 @@ class Joint:
             raise InputError(f"a joint of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
         if self.open_directions not in range(4):
             raise InputError(f"a joint whose place is open in {self.open_directions} of 3 directions")
-        for name in ("position_in_parent", "position_in_child", "std"):
-            object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
-        vectors = dict.fromkeys(("axis", "second_axis", "axis_std", "second_axis_std"), (3,))
-        squares = dict.fromkeys(("covariance", "covariance_in_child", "turn_covariance"), (3, 3))
-        for name, shape in (vectors | squares).items():
-            if getattr(self, name) is not None:
-                set_fields(self, **{name: check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)})
+        vectors = ["position_in_parent", "position_in_child", "std", "second_axis", "axis_std", "second_axis_std"]
+        vectors += [] if self.axis is None else ["axis"]
+        squares = ("covariance", "covariance_in_child", "turn_covariance")
+        check_fields(self, dict.fromkeys(vectors, (3,)), "a joint's {}", finite=True)
+        check_fields(self, dict.fromkeys(squares, (3, 3)), "a joint's {}", finite=True)
 
     @property
     def is_determined(self) -> bool:
@@ -209,20 +207,17 @@ class Skeleton:
         parents = check_ints(self.parents, (None,), "parents")
         limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
         n_markers = len(limb_of_marker)
-        offsets = check_floats(self.marker_offsets, (n_markers, 3), "marker_offsets")
-        std = check_floats(self.marker_std, (n_markers,), "marker_std")
-        pose = check_floats(self.reference_pose, (len(parents), 4, 4), "reference_pose", finite=True)
-        set_fields(self, parents=parents, joints=tuple(self.joints), loops=tuple(self.loops), reference_pose=pose)
-        set_fields(self, limb_of_marker=limb_of_marker, marker_offsets=offsets, marker_std=std)
+        of_markers = dict.fromkeys(("marker_offsets", "offset_std"), (n_markers, 3))
+        check_fields(self, of_markers | dict.fromkeys(("marker_std", "marker_noise"), (n_markers,)))
+        check_fields(self, {"reference_pose": (len(parents), 4, 4)}, finite=True)
+        set_fields(self, parents=parents, joints=tuple(self.joints), loops=tuple(self.loops))
+        set_fields(self, limb_of_marker=limb_of_marker)
         set_fields(self, limb_names=check_limb_names(self.limb_names, len(parents)))
         if [joint.child for joint in self.joints] != joint_children(parents).tolist():
             raise InputError("joints must be listed from the root outward, one per child limb")
-        if not np.isfinite(offsets[limb_of_marker >= 0]).all():
+        if not np.isfinite(self.marker_offsets[limb_of_marker >= 0]).all():
             raise InputError("marker_offsets of markers on limbs must be finite numbers")
-        shapes = {"offset_std": (n_markers, 3), "length_std": (len(self.lengths),), "marker_noise": (n_markers,)}
-        for name, shape in shapes.items():
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, check_floats(getattr(self, name), shape, name))
+        check_fields(self, {"length_std": (len(self.lengths),)})
 
     @property
     def n_limbs(self) -> int:
@@ -346,19 +341,27 @@ class Motion:
     def __post_init__(self) -> None:
         poses = check_floats(self.world_from_limb, (None, None, 4, 4), "world_from_limb", finite=True)
         n_frames, n_limbs = poses.shape[:2]
-        joints = check_floats(self.joint_positions, (n_frames, None, 3), "joint_positions", finite=True)
-        markers = check_floats(self.marker_positions, (n_frames, None, 3), "marker_positions")
-        residuals = check_floats(self.residuals, (n_frames, markers.shape[1]), "residuals")
+        check_fields(self, {"joint_positions": (n_frames, None, 3)}, finite=True)
+        check_fields(self, {"marker_positions": (n_frames, None, 3)})
+        check_fields(self, {"residuals": (n_frames, self.marker_positions.shape[1])})
+        check_fields(self, {"joint_std": self.joint_positions.shape}, finite=True)
         seen = check_bools(self.limb_seen, (n_frames, n_limbs), "limb_seen")
-        set_fields(self, world_from_limb=poses, joint_positions=joints, marker_positions=markers)
-        set_fields(self, residuals=residuals, limb_seen=seen, rate=float(self.rate))
-        if self.joint_std is not None:
-            set_fields(self, joint_std=check_floats(self.joint_std, joints.shape, "joint_std", finite=True))
+        set_fields(self, world_from_limb=poses, limb_seen=seen, rate=float(self.rate))
 
     @property
     def n_frames(self) -> int:
         """Number of frames."""
         return len(self.limb_seen)
+
+    @property
+    def interpolated(self) -> Bools:
+        """Whether a limb's rotation is interpolated in a frame, as others show it, shape (n_frames, n_limbs)."""
+        return ~self.limb_seen & self.limb_seen.any(axis=0)
+
+    @property
+    def never_seen(self) -> Ints:
+        """Indices of the limbs whose markers tell all of their rotation in no frame."""
+        return np.flatnonzero(~self.limb_seen.any(axis=0))
 
     @property
     def times(self) -> Floats:

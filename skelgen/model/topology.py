@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_probabilities, set_fields
+from skelgen.model.arrays import Bools, Floats, Ints, check_fields, check_ints, check_probabilities, set_fields
 from skelgen.model.joint_spans import JointSpan
 from skelgen.model.limbs import DOUBTFUL
 
@@ -68,16 +68,13 @@ class Topology:
         n_limbs = len(parents)
         check_forest(parents)
         n_joints = int((parents >= 0).sum())
-        costs = check_floats(self.joint_costs, (n_limbs, n_limbs), "joint_costs")
-        raw = check_floats(self.raw_joint_positions, (None, n_joints, 3), "raw_joint_positions")
+        raw: tuple[int | None, ...] = (None, n_joints, 3)
+        check_fields(self, {"joint_costs": (n_limbs, n_limbs), "raw_joint_positions": raw, "values": (n_joints,)})
         n_iterations = check_ints(self.n_iterations, (n_joints,), "n_iterations")
-        values = check_floats(self.values, (n_joints,), "values")
-        set_fields(self, parents=parents, joint_costs=costs, raw_joint_positions=raw)
-        set_fields(self, n_iterations=n_iterations, values=values, alpha=float(self.alpha))
+        set_fields(self, parents=parents, n_iterations=n_iterations, alpha=float(self.alpha), spans=tuple(self.spans))
         for name in ("edge_probability", "rival_probability"):
             if getattr(self, name) is not None:
                 set_fields(self, **{name: check_probabilities(getattr(self, name), (n_joints,), name)})
-        set_fields(self, spans=tuple(self.spans))
         for pair in (*self.loops, *(span.limbs for span in self.spans)):
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop, or a joint for a span, joins two of {n_limbs} limbs, not {pair}")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import unit_vectors
-from skelgen.model.arrays import Floats, Ints, check_floats, check_names
+from skelgen.model.arrays import Floats, Ints, check_fields, check_names
 from skelgen.model.topology import joint_children
 
 DEGREES_OF_FREEDOM = {"free": 3, "ball": 3, "universal": 2, "hinge": 1}
@@ -79,9 +79,7 @@ class LimbModel:
         n_angles = DEGREES_OF_FREEDOM[self.kind]
         shapes: dict[str, tuple[int | None, ...]] = {"joint": (3,), "segment": (2, 3), "markers": (None, 3)}
         shapes |= {"axes": (n_angles, 3), "amplitudes": (n_angles,), "offsets": (n_angles,)}
-        for field, shape in shapes.items():
-            clean = check_floats(getattr(self, field), shape, f"{field} of limb {self.name!r}", finite=True)
-            object.__setattr__(self, field, clean)
+        check_fields(self, shapes, f"{{}} of limb {self.name!r}", finite=True)
         if np.abs(np.linalg.norm(self.axes, axis=1) - 1).max() > _UNIT_TOLERANCE:
             raise InputError(f"an axis of limb {self.name!r} has not the length 1")
         if self.marker_names:

@@ -16,7 +16,7 @@ from skelgen.geometry.frame_rate import transforms_at_rate, vectors_at_rate
 from skelgen.geometry.rotations import transform_from, vector_from_matrix
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS, turned_poses
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
-from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation
+from skelgen.kinematics.joints.rotations import ConstrainedRotation
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen.parameters import StageParameters, declare
@@ -115,7 +115,7 @@ class _Turn:
     rotations: Floats
     angles: Floats
     axes: Floats
-    rotation: HingeRotation | UniversalRotation | None = None
+    rotation: ConstrainedRotation | None = None
 
     def at_rate(self, recorded: float, rate: float) -> _Turn:
         """Interpolate to another rate [Hz]: angles about the axes if there are some, else by the shortest rotation."""
@@ -139,12 +139,12 @@ def _turn(tree: BoneTree, limb: int) -> _Turn:
     return _ball(rotations, "ball")
 
 
-def _missing(rotation: HingeRotation | UniversalRotation, rotations: Floats) -> Floats:
+def _missing(rotation: ConstrainedRotation, rotations: Floats) -> Floats:
     """Rotation vectors [rad] in the parent's axes from a joint's rotations to the given ones, shape (n_frames, 3)."""
     return vector_from_matrix(rotations @ rotation.rotations().swapaxes(-1, -2))
 
 
-def _refined(rotation: UniversalRotation, rotations: Floats) -> UniversalRotation:
+def _refined(rotation: ConstrainedRotation, rotations: Floats) -> ConstrainedRotation:
     """Refine axes and angles by Gauss-Newton steps, as the closed form is not exact to `STILL_MM`."""
     for _ in range(_REFINEMENTS):
         missing, (of_constants, of_angles) = _missing(rotation, rotations)[..., np.newaxis], rotation.slopes()
@@ -161,11 +161,9 @@ def _ball(rotations: Floats, kind: str) -> _Turn:
     return _Turn(kind, rotations, vector_from_matrix(rotations), np.eye(3))
 
 
-def _about_axes(rotation: HingeRotation | UniversalRotation) -> _Turn:
-    in_parent, in_child = rotation.axes()
-    axes = np.array([in_parent, in_child][: rotation.n_angles])
-    angles = np.unwrap(rotation.angles, axis=0).reshape(len(rotation.angles), rotation.n_angles)
-    return _Turn(rotation.kind, rotation.rotations(), angles, axes, rotation)
+def _about_axes(rotation: ConstrainedRotation) -> _Turn:
+    axes = np.array(rotation.axes())[: rotation.n_angles]
+    return _Turn(rotation.kind, rotation.rotations(), np.unwrap(rotation.angles, axis=0), axes, rotation)
 
 
 def _limb(tree: BoneTree, limb: int, turn: _Turn, n_markers: int) -> LimbModel:

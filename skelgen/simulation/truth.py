@@ -14,7 +14,16 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.files import open_regular, replacing
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
+from skelgen.model.arrays import (
+    Floats,
+    Ints,
+    check_fields,
+    check_floats,
+    check_ints,
+    check_names,
+    check_rate,
+    set_fields,
+)
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.model.topology import check_forest, joint_children
 
@@ -101,13 +110,12 @@ class Truth:
         shapes["soft_tissue"] = (n_frames, n_markers, 3)
         if not len(self.soft_tissue):
             set_fields(self, soft_tissue=np.zeros((n_frames, n_markers, 3)))
-        for name, wanted in shapes.items():
-            object.__setattr__(self, name, check_floats(getattr(self, name), wanted, name, finite=True))
-        axes = check_floats(self.joint_axes, (n_frames, n_joints, 3), "joint_axes")
+        check_fields(self, shapes, finite=True)
+        check_fields(self, {"joint_axes": (n_frames, n_joints, 3)})
         markers = check_names(self.marker_names, n_markers, "marker")
         limbs = check_names(self.limb_names, n_limbs, "limb")
         types, rate = tuple(str(kind) for kind in self.joint_kinds), check_rate(self.rate, "the truth")
-        set_fields(self, joint_axes=axes, marker_names=markers, limb_names=limbs, joint_kinds=types, rate=rate)
+        set_fields(self, marker_names=markers, limb_names=limbs, joint_kinds=types, rate=rate)
         self._check_references(n_limbs, n_markers, n_joints)
 
     def _check_references(self, n_limbs: int, n_markers: int, n_joints: int) -> None:

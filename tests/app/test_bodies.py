@@ -21,6 +21,9 @@ from skelgen.model import PointCloud, Project
 from skelgen.model.limbs import body_and_limb
 from skelgen.simulation import simulate
 
+PAIRS = ("upper arm", "forearm", "hand", "thigh", "shank", "foot")
+SEGMENTS = {"pelvis", "chest", "head", *(f"{side} {name}" for side in ("left", "right") for name in PAIRS)}
+
 
 @pytest.fixture(scope="module")
 def two():
@@ -97,10 +100,12 @@ def test_subjects_calibrated_each_by_itself_label_a_take_of_both(tmp_path):
 
 def test_limbs_of_two_people_are_called_by_their_body_and_alone_as_those_of_one(two_people):
     names = two_people.limbs.names
-    assert {name for name in names if ": " not in name} == {name.removeprefix("body2: ") for name in names[15:]}
-    assert {"left elbow", "body2: left elbow"} <= set(two_people.skeleton.joint_names)
+    assert [set(map(body_and_limb, names[first : first + 15])) for first in (0, 15)] == [
+        {(body, name) for name in SEGMENTS} for body in ("body1", "body2")
+    ]
+    assert {"body1: left elbow", "body2: left elbow"} <= set(two_people.skeleton.joint_names)
     for body in skelgen.split_bodies(two_people):
-        assert set(body.limbs.names) == set(names[:15]) == set(body.skeleton.limb_names)
+        assert SEGMENTS == set(body.limbs.names) == set(body.skeleton.limb_names)
         assert "left elbow" in body.skeleton.joint_names
 
 
@@ -116,8 +121,8 @@ def test_bone_names_of_a_rig_are_those_of_each_body(two_people):
     alone = [with_bone_names(body, "mixamo").skeleton for body in skelgen.split_bodies(two_people)]
     wanted = {"mixamorig:Hips", "mixamorig:RightForeArm", "mixamorig:LeftFoot"}
     assert all(wanted <= set(one.limb_names) and len(one.limb_names) == 15 for one in alone)
-    assert {*wanted, *(f"body2: {name}" for name in wanted)} <= set(whole.limb_names)
-    assert [whole.limb_names[root] for root in whole.roots] == ["mixamorig:Hips", "body2: mixamorig:Hips"]
+    assert {f"{body}: {name}" for body in ("body1", "body2") for name in wanted} <= set(whole.limb_names)
+    assert [whole.limb_names[root] for root in whole.roots] == ["body1: mixamorig:Hips", "body2: mixamorig:Hips"]
 
 
 def test_bodies_are_called_as_their_skeletons_and_limbs_as_calibrated(tmp_path):
@@ -288,8 +293,17 @@ def test_notes_with_a_file_for_each_body_are_those_of_the_files(two, tmp_path):
     bvh = next(entry for entry in export_formats() if entry.name == "bvh")
     whole, parts = (preview_export(two, bvh, tmp_path / name, {}).remarks for name in ("x.bvh", "{body}.bvh"))
     assert any("2 bodies hang on one root" in remark for remark in whole)
-    assert not any("bodies hang" in remark for remark in parts)
+    assert "2 bodies share this file; the name x_{body}.bvh writes each to a file of its own." in whole
+    assert not any("bodies" in remark for remark in parts)
     assert len(parts) == len(set(parts)) > 0
+
+
+def test_a_pose_at_rest_is_that_of_one_body_in_a_file_of_its_own(two_people, tmp_path):
+    bvh = next(entry for entry in export_formats() if entry.name == "bvh")
+    names = ("x.bvh", "{body}.bvh")
+    whole, parts = (preview_export(two_people, bvh, tmp_path / name, {"rest": "t-pose"}).remarks for name in names)
+    assert "Bones rest in the reference pose: a t-pose is that of one body in a file of its own." in whole
+    assert not any("rest in the reference" in remark for remark in parts)
 
 
 def test_a_note_on_one_body_begins_with_the_name_of_its_file(two_people, tmp_path):

@@ -131,7 +131,7 @@ class TestRunning:
 
     def test_report_goes_beside_the_project(self, done):
         (done / "wave.html").unlink()
-        assert main(["report", "out"]) == 0
+        assert main(["report", "out", "-q"]) == 0
         assert (done / "wave.html").exists()
 
     def test_interrupted_run_leaves_what_was_there(self, wave, tmp_path, monkeypatch):

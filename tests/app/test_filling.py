@@ -75,6 +75,8 @@ def test_command_fills_a_project(project, tmp_path, capsys):
     assert skelgen.read(tmp_path / "filled.csm").seen.all()
     assert (tmp_path / "filled.filled.csv").exists()
     assert "positions are filled, not measured" in "".join(capsys.readouterr())
+    named = write_filled(fill(project), tmp_path / "take.filled.c3d")[0]
+    assert [file.name for file in named] == ["take.filled.c3d", "take.filled.csv"]
 
 
 def test_a_gap_is_filled_as_the_command_states(project, tmp_path, capsys):
@@ -99,3 +101,4 @@ def test_report_says_from_what_gaps_can_be_filled(project):
 def test_report_of_a_take_without_gaps_speaks_of_no_filling():
     complete = skelgen.reconstruct(simulate("rods", n_frames=100).take)
     assert "skelgen fill" not in report_html(complete)
+    assert fill(complete).sentence == "no marker has a gap: nothing is filled"

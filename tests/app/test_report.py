@@ -137,6 +137,14 @@ def test_bare_take_has_a_report(take, is_played):
     assert set(re.findall(r'<section id="(\w+)"', report_html(Project(take)))) == wanted
 
 
+def test_a_constant_number_of_points_is_told_once_and_many_notices_are_folded():
+    cloud = PointCloud(np.arange(12.0).reshape(4, 3), np.array([0, 2, 4]), np.array([0.0, 0.1]))
+    few, many = (replace(cloud, notices=tuple(map(str, range(number)))) for number in (12, 13))
+    assert ("Points per frame", "2") in report_content(Project(cloud)).input.facts
+    assert "<details open><summary>Notices of all stages (12)" in report_html(Project(few))
+    assert "<details><summary>Notices of all stages (13)" in report_html(Project(many))
+
+
 def test_take_without_frames_has_no_timeline():
     take = Trajectories(np.zeros((0, 2, 3)), ("a", "b"), RATE)
     project = Project(take).with_trajectories(take, StageReport())
@@ -352,6 +360,16 @@ def test_joints_and_limbs_are_called_by_their_names():
     first, second = project.topology.edges[0].tolist()
     assert f"J0 &lt;part {first}&gt;-&lt;part {second}&gt;" in text
     assert not re.search("between limb [0-9]", text)
+    half = project.with_limb_names([f"limb{limb}" if limb == second else name for limb, name in enumerate(names)])
+    assert measures.joint_called(half, 0) == f"<part {first}>-limb{second}"
+
+
+def test_in_the_tree_the_root_names_the_body_and_other_limbs_stand_without_it():
+    project = build_project()
+    names = [f"body2: left thigh {limb}" for limb in range(project.limbs.n_limbs)]
+    tree = str(tree_figure(project.with_limb_names(names), measures.joint_lengths(project)))
+    shown = re.findall(r'class="strong"[^>]*>([^<]*)<', tree)
+    assert [limb for limb, name in enumerate(shown) if ": " in name] == project.topology.roots.tolist()
 
 
 def test_boxes_of_the_tree_show_the_names_of_limbs_that_have_one():

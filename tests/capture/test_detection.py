@@ -10,7 +10,6 @@ import pytest
 from skelgen._kernels.bright_spots import FULL
 from skelgen.capture.detection import (
     DetectionParameters,
-    check_image,
     correct_eccentricity,
     dark_noise,
     detect_balls,
@@ -245,12 +244,6 @@ def test_an_image_full_of_spots_has_no_balls_and_says_why():
 def test_what_is_no_grey_image_is_refused(image, what):
     with pytest.raises(InputError, match=what):
         detect_balls(image)
-
-
-def test_an_image_of_another_size_than_the_camera_is_refused():
-    with pytest.raises(InputError, match="640 x 480 pixels where the calibrated camera has 1280 x 1024"):
-        detect_balls(DARK, size=(1280, 1024))
-    check_image(DARK, (640, 480))
 
 
 def test_images_of_odd_sizes_and_strides_are_searched():

@@ -84,9 +84,8 @@ def test_calibration_of_a_target_adds_to_its_error():
 
 
 def test_poses_of_two_balls_and_of_balls_on_a_line_are_unknown():
-    target = typical_target("body")
-    two = np.array([True, True, False, False, False])
-    assert np.isnan(pose_covariances(reference_rig(), target, pose_at(middle()), two)).all()
+    two = BodyTarget("two", [[-2000.0, 0.0, 0.0], [0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [0.0, 2000.0, 0.0]])
+    assert np.isnan(pose_covariances(reference_rig(), two, pose_at(middle()))).all()  # two are out of the images
     line = BodyTarget("line", np.outer(np.arange(4.0) * 30.0, [1.0, 0.0, 0.0]))
     assert np.isnan(pose_covariances(reference_rig(), line, pose_at(middle()))).all()
 

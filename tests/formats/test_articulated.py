@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 
 import numpy as np
 from skelgen_formats.articulated import add_choices, links_of, plain_names, posed, remarks_on_joints
-from skelgen_formats.options import Options
+from skelgen_formats.options import AS_FOUND, AS_MOVED, Options
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Joint
@@ -57,3 +57,11 @@ def test_loops_and_gimbal_positions_are_said(jointed_project):
     assert "loops are left out" in loops
     assert "limb3-limb8" in gimbal
     assert remarks_on_joints(changed, Options(), by_three_angles=False) == (loops,)
+
+
+def test_where_types_are_kept_all_limbs_give_way_the_root_among_them(small_project):
+    """Its hinge leaves its type by far; joint by joint, what lies behind would bear all of that."""
+    root = next(link for link in links_of(small_project, AS_FOUND) if link.parent < 0)
+    assert np.abs(root.translations - small_project.motion.world_from_limb[:, root.limb, :3, 3]).max() > 1.0
+    free = next(link for link in links_of(small_project, AS_MOVED) if link.parent < 0)
+    np.testing.assert_array_equal(free.translations, small_project.motion.world_from_limb[:, free.limb, :3, 3])

@@ -10,6 +10,7 @@ from skelgen_formats.bvh import write_bvh
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
+from skelgen.app.stage_summary import stage_sentences
 from skelgen.benchmark.judges import bones_of_bvh
 from skelgen.errors import WriteError
 from skelgen.model import Motion
@@ -124,6 +125,19 @@ def test_what_is_not_told_is_said(small_project, make_project):
     ring = replace(small_project.skeleton, loops=(small_project.skeleton.joints[0],))
     assert "1 joint closing loops" in entry.remarks(replace(small_project, _skeleton=ring), Options())[1]
     assert "2 bodies hang on one root" in entry.remarks(make_project(parents=(-1, 0, -1)), Options())[1]
+
+
+def test_limbs_that_no_frame_shows_to_turn_are_named_and_not_counted_as_interpolated(small_project):
+    seen = small_project.motion.limb_seen.copy()
+    seen[:, 0], seen[:, 1:] = False, True
+    project = replace(small_project, _motion=replace(small_project.motion, limb_seen=seen))
+    told = f"No frame tells all turns of {small_project.skeleton.limb_names[0]}: too few markers."
+    for name in ("bvh", "gltf", "usd", "poses-csv"):
+        remarks = " ".join(find_format(name).remarks(project, Options()))
+        assert told in remarks
+        assert "interpolated" not in remarks
+        assert "frames some limb" not in remarks
+    assert "0.0 % of the limbs' poses are interpolated." in stage_sentences(project, "skeleton")
 
 
 def test_take_and_project_without_frames_are_refused(small_project, tmp_path):

@@ -30,7 +30,13 @@ def test_names_of_limbs_stand_in_the_comments(small_project, tmp_path, name):
     np.testing.assert_array_equal(np.loadtxt(path), np.loadtxt(write_file(small_project, tmp_path / f"b{name}")[0]))
 
 
-@pytest.mark.parametrize("name", ["a.costs.txt", "a.tree.txt"])
+def test_a_file_of_limbs_has_a_row_per_marker_and_no_joint_positions(small_project, tmp_path):
+    rows = write_file(small_project, tmp_path / "a.limbs.csv")[0].read_text(encoding="utf-8").splitlines()
+    assert rows[:2] == ["marker,limb,name", "M<0>&,0,limb0"]
+    assert len(rows) == 1 + small_project.trajectories.n_markers
+
+
+@pytest.mark.parametrize("name", ["a.costs.txt", "a.tree.txt", "a.limbs.csv"])
 def test_takes_are_refused(small_project, tmp_path, name):
     with pytest.raises(WriteError, match="not a take"):
         write_file(small_project.trajectories, tmp_path / name)

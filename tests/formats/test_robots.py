@@ -181,6 +181,20 @@ def test_gravity_points_down_as_it_is_found(standing_project, tmp_path, axes, do
     assert model.opt.gravity.tolist() == [-9.80665 if axis == down else 0.0 for axis in range(3)]
 
 
+@pytest.mark.parametrize(
+    ("name", "axes"), [("w.mjcf.xml", "auto"), ("w.mjcf.xml", "y-to-z"), ("w.osim", "as-recorded")]
+)
+def test_gravity_turns_with_the_axes_and_is_not_sought_anew(jointed_project, tmp_path, name, axes):
+    """y is up, as the lowest marker sways by 1 mm; once z is turned backward, a marker that hangs still is lowest."""
+    positions = jointed_project.trajectories.positions.copy()
+    positions[:, -1] = [0.0, np.nanmin(positions[:, :, 1]) - 1000.0, 1e4]
+    positions[::2, -1, 1] -= 2.0
+    take = replace(jointed_project.trajectories, positions=positions)
+    project = replace(jointed_project, take=take, _trajectories=take)
+    text = write_file(project, tmp_path / name, axes=axes)[0].read_text()
+    assert ("0.0 -9.80665 0.0" if name == "w.osim" else "0.0 0.0 -9.80665") in text
+
+
 def test_quaternions_of_the_motion_never_jump(jointed_project, tmp_path):
     header, numbers = read_columns(write_file(jointed_project, tmp_path / "walk.mjcf.xml")[1])
     first = [index for index, name in enumerate(header) if name.endswith("_qw")]

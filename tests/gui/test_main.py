@@ -106,6 +106,16 @@ def complaints(errors):
     return [line for line in errors.splitlines() if "propagateSizeHints" not in line]
 
 
+@pytest.mark.parametrize("named", [{"DISPLAY": ":98761"}, {"QT_QPA_PLATFORM": "xcb"}, {"DISPLAY": "somewhere:"}])
+def test_a_display_that_does_not_answer_is_none(environment, named):
+    """Qt would end the program with a signal."""
+    bare = {name: value for name, value in environment.items() if name not in ("QT_QPA_PLATFORM", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-m", "skelgen", "gui"]
+    done = subprocess.run(command, capture_output=True, text=True, env=bare | named, timeout=WAIT, check=False)
+    assert done.returncode == 2
+    assert "there is no display" in done.stderr
+
+
 def test_the_window_starts_without_a_file_and_ends_cleanly(watched):
     seen, code, errors = watched("empty")
     assert (seen, code, complaints(errors)) == ("shown: True", 0, [])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.kalman import GROWTH, BodyState, correct, predict
-from skelgen._kernels.rigid_body_pose import move_pose, write_pose_error
+from skelgen._kernels.rotations import move_pose, write_pose_error
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 
 STEP = 0.02

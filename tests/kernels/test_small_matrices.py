@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from skelgen._kernels import kernel
 from skelgen._kernels.least_squares import factorise, solve, turn_to_axes, write_inverse_root
+from skelgen._kernels.rotations import proper, rotation_by
 from skelgen._kernels.small_matrices import (
     added,
     cross_matrix,
@@ -16,8 +17,6 @@ from skelgen._kernels.small_matrices import (
     negative,
     outer,
     product,
-    proper,
-    rotation_by,
     set_matrix,
     set_symmetric,
     symmetric,

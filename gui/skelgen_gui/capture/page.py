@@ -47,12 +47,12 @@ class CapturePage(QWidget):
         self.setObjectName("page-capture")
         self._cameras = context.cameras
         self.view = _CaptureView()
-        self.live = LivePanel(context.jobs, context.report_error, self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setUsesScrollButtons(False)
         self.tabs.setAccessibleName(self.tr("Capture or calibrate"))
         self.tabs.setToolTip(self.tr("Calibrate cameras, targets and joints in this order, then capture with them"))
+        self.live = LivePanel(context.jobs, context.report_error, self)  # behind the heads of tabs, as Tab goes
         self.camera_step = CameraStep(context.jobs, context.report_error, lambda: self.live.choice.settings.path, self)
         self.room = RoomStep(context.jobs, context.report_error, self)
         self.target = TargetStep(context.jobs, context.report_error, self)

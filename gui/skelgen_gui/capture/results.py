@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QHeaderView, QLabel, QListWidget, QTableWidget, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QLabel, QListWidget, QTableWidget, QTableWidgetItem, QWidget
 
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.capture.target_joints import angle_names
 from skelgen.model.rig import CaptureSettings, RoomSettings
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, fit_columns
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -91,9 +91,7 @@ class ValueTable(QTableWidget):
         describe(self, name, tip)
         self.setColumnCount(len(titles))
         self.setHorizontalHeaderLabels(list(titles))
-        header = self.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        fit_columns(self.horizontalHeader(), 0)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Ask for the chosen rows to be taken away."""

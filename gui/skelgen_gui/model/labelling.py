@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.app.identities import own_point
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
@@ -242,27 +243,8 @@ def with_point_named(project: Project, question: Question, name: str) -> Project
     stated = () if project.identities is None else project.identities.entries
     position = question.position or _only_point(project, question.first_frame)
     entry = Identity(name.strip() or NOBODY, question.first_frame, position, last_frame=question.last_frame)
-    own = () if entry.name in {one.name for one in stated} else _own_point(project, entry.name)
+    own = () if entry.name in {one.name for one in stated} else own_point(project, entry.name)
     return replace(project, identities=Identities((*stated, *own, entry))).before("labels")
-
-
-def _own_point(project: Project, name: str) -> tuple[Identity, ...]:
-    """A point amid the longest track of the marker of this name, if there is one."""
-    markers, tracklets = project.trajectories, project.labelling.tracklets
-    if name not in markers.names or tracklets is None:
-        return ()
-    marker = markers.names.index(name)
-    parts = np.flatnonzero(tracklets.marker == marker)
-    if not len(parts):
-        return ()
-    longest = parts[tracklets.n_points[parts].argmax()]
-    first, last = int(tracklets.first[longest]), int(tracklets.last[longest])
-    frames = first + np.flatnonzero(markers.seen[first : last + 1, marker])
-    if not len(frames):
-        return ()
-    frame = int(frames[len(frames) // 2])
-    x, y, z = markers.positions[frame, marker].tolist()
-    return (Identity(name, frame, (x, y, z)),)
 
 
 def _only_point(project: Project, frame: int) -> tuple[float, float, float]:

@@ -174,6 +174,7 @@ class ExportPage(QWidget):
         self._options.addWidget(self.form)
         put_behind(self.choice, self.form)
         self.options_box.setVisible(bool(options))
+        self.target.each_body.setChecked(entry.holds == "skeleton")  # as programs take a file for one character
         self._turned = None
         self._turn_upright()
         self._follow()
@@ -354,7 +355,7 @@ class _ExportTarget(QWidget):
             Beginning of the files' names.
         """
         if folder is not None:
-            self.folder_line.setText(str(folder))
+            self.folder_line.setText(str(folder.absolute()))  # not as the command line named it
         self.name_line.setText(name)
 
     def _browse(self) -> None:

@@ -1,12 +1,11 @@
 """The first page: what is open, how to open something else, and identities that are known."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget, QListWidgetItem, QPushButton, QWidget
 
-from skelgen.app.files import given_identities
+from skelgen.app.identities import with_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor
@@ -74,7 +73,7 @@ class OpenPage(QWidget):
     def _read_identities(self, path: Path, project: Project) -> None:
         def work(monitor: Monitor) -> Project:
             monitor.begin("reading")
-            return replace(project, identities=given_identities(path)).before("labels")
+            return with_identities(project, path).before("labels")
 
         def done(changed: Project) -> None:
             self._context.document.change(self.tr("identities of {0}").format(path.name), changed)

@@ -8,7 +8,6 @@ from PySide6.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
-    QHeaderView,
     QLabel,
     QLineEdit,
     QPushButton,
@@ -20,7 +19,7 @@ from skelgen.app.files import file_filter
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, column, describe, row_of
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, column, describe, fit_columns, row_of
 
 _OWN, _OF_PROJECT = "own", "project"
 
@@ -90,8 +89,7 @@ class TakesPage(QWidget):
         tr = self.tr
         self.table.setModel(self.takes)
         choose_by_rows(self.table)
-        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        self.table.horizontalHeader().setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        fit_columns(self.table.horizontalHeader(), 1)
         self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
         self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
         self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))

@@ -16,7 +16,7 @@ from skelgen_gui.model.wording import joint_words, limb_words
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.layouts import bare_column, describe, fit_columns
 from skelgen_gui.widgets.painting import colour_of_limb
 
 _KIND, _INDEX = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
@@ -69,6 +69,7 @@ class Outline(PanelWhileSeen):
         self.search.setPlaceholderText(self.tr("Search"))
         describe(self.search, self.tr("Search limbs, joints and markers"), self.tr("Part of a name"))
         self.tree.setHeaderLabels([self.tr("Name"), self.tr("Seen"), self.tr("Doubts")])
+        fit_columns(self.tree.header(), _NAME)
         self.tree.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         self.tree.setEditTriggers(
             QAbstractItemView.EditTrigger.EditKeyPressed | QAbstractItemView.EditTrigger.SelectedClicked
@@ -117,8 +118,6 @@ class Outline(PanelWhileSeen):
             self._fill(project)
         for item in self._items():
             item.setExpanded(item.text(_NAME) not in folded)
-        for column in range(self.tree.columnCount()):
-            self.tree.resizeColumnToContents(column)
         self._is_following = False
         self._check()
         self._follow_selection()
@@ -178,6 +177,7 @@ class Outline(PanelWhileSeen):
             parent.addTopLevelItem(item)
         else:
             parent.addChild(item)
+        item.setFirstColumnSpanned(kind != _MARKER)  # of others only the name is told
         return item
 
     def _select(self) -> None:

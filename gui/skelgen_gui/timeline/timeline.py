@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
+from itertools import pairwise
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
@@ -187,6 +188,8 @@ class Transport(QWidget):
                 row.addWidget(part)
             row.addSpacing(_GAP)
         row.addStretch(1)
+        for before, after in pairwise(part for group in groups for part in group if part is not self._time):
+            QWidget.setTabOrder(before, after)
 
     def _button(self, name: str) -> QToolButton:
         button = QToolButton(self)

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
     QHBoxLayout,
+    QHeaderView,
     QLayout,
     QScrollArea,
     QTableView,
@@ -195,6 +196,22 @@ class RowModel(QAbstractTableModel, Generic[_Row]):
         if orientation == Qt.Orientation.Vertical or role not in {Role.DisplayRole, Role.ToolTipRole}:
             return None
         return self.heads[section][role == Role.ToolTipRole]
+
+
+def fit_columns(header: QHeaderView, stretched: int) -> None:
+    """Make columns as wide as their contents and give one of them what is left, so that nothing scrolls sideways.
+
+    Parameters
+    ----------
+    header : QHeaderView
+        Of a table or a tree, with its columns.
+    stretched : int
+        The column that takes the rest, and is cut short where there is too little.
+    """
+    header.setMinimumSectionSize(header.fontMetrics().horizontalAdvance("00000"))
+    header.setStretchLastSection(False)
+    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setSectionResizeMode(stretched, QHeaderView.ResizeMode.Stretch)
 
 
 def choose_by_rows(table: QTableView) -> None:

@@ -12,7 +12,7 @@ from skelgen.model.skeleton import joint_between
 
 
 def joint_called(project: Project, joint: int) -> str:
-    """Return what a joint is called, such as ``left elbow``; empty if a limb that it joins has no name.
+    """Return what a joint is called, such as ``left elbow``; empty if neither limb that it joins has a name.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def joint_called(project: Project, joint: int) -> str:
     """
     given = project.skeleton.joints[joint].name if project.has("skeleton") else ""
     limbs, names = project.topology.edges[joint].tolist(), project.limbs.names
-    if given or any(names[limb] == f"limb{limb}" for limb in limbs):
+    if given or all(names[limb] == f"limb{limb}" for limb in limbs):
         return given
     return joint_between(*(names[limb] for limb in limbs))
 

@@ -340,8 +340,8 @@ def _input(project: Project) -> InputContent:
     facts.append(("Duration", _length_in_time(project)))
     if isinstance(take, PointCloud):
         per_frame = take.points_per_frame
-        spread = f"{per_frame.min()} to {per_frame.max()}" if take.n_frames else "–"
-        facts += [("Points", str(take.n_points)), ("Points per frame", spread)]
+        ends = dict.fromkeys([str(per_frame.min()), str(per_frame.max())] if take.n_frames else ["–"])
+        facts += [("Points", str(take.n_points)), ("Points per frame", " to ".join(ends))]
         return InputContent(facts, points_figure(take)) if take.n_points else InputContent(facts)
     if isinstance(take, Poses):
         return InputContent([*facts, ("Bodies", str(take.n_bodies))])

@@ -10,7 +10,7 @@ from skelgen.app.drawing.wording import digits, percent
 from skelgen.app.report.curves import deviation_bars, residual_figure
 from skelgen.app.report.pictures import deviation_figure
 from skelgen.model import Limbs, Project
-from skelgen.progress import counted
+from skelgen.progress import counted, listed
 
 
 @dataclass(frozen=True)
@@ -190,11 +190,13 @@ def _residuals(mean: float, rms: float, largest: float) -> Residuals:
 
 
 def _interpolated(project: Project) -> str:
-    unseen = ~project.motion.limb_seen
+    unseen, never = project.motion.interpolated, [project.limbs.called(limb) for limb in project.motion.never_seen]
+    untold = f" No frame tells all turns of {listed(never)}: too few markers." if never else ""
     if not unseen.any():
-        return "Every limb's rotation rests on markers seen in the frame, in every frame."
+        others = "other " if never else ""
+        return f"Every {others}limb's rotation rests on markers seen in the frame, in every frame.{untold}"
     worst = int(unseen.sum(axis=0).argmax())
     return (
         f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
-        f"seen; most often {project.limbs.called(worst)}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
+        f"seen; most often {project.limbs.called(worst)}, in {counted(int(unseen[:, worst].sum()), 'frame')}.{untold}"
     )

@@ -28,6 +28,7 @@ from skelgen.app.drawing.scales import limb_colour, round_below
 from skelgen.app.drawing.wording import as_many_as_fit, clipped, digits, plain
 from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
+from skelgen.model.limbs import body_and_limb
 from skelgen.progress import counted
 
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
@@ -101,7 +102,8 @@ def _box(project: Project, limb: int, place: _Place) -> Markup:
     middle = place.y + _BOX_HEIGHT / 2
     called, count = project.limbs.called(limb), counted(len(markers), "marker")
     is_named = called == project.limbs.names[limb]
-    strong, small = (clipped(called, _STRONG_ROOM), count) if is_named else (count, _caption(names))
+    own = called if project.topology.parents[limb] < 0 else body_and_limb(called)[1]  # its root names the body
+    strong, small = (clipped(own, _STRONG_ROOM), count) if is_named else (count, _caption(names))
     parts = [
         svg.tag("title", f"{called}: {', '.join(names)}"),
         svg.rect(place.x, place.y, _BOX_WIDTH, _BOX_HEIGHT, "box outline", rx=7),

@@ -14,7 +14,7 @@ from skelgen._kernels.rigid_body_tables import PointTable, PosedBody, SearchRule
 from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
-from skelgen.geometry.rotations import cross_matrix, vector_from_matrix
+from skelgen.geometry.rotations import slopes_by_motion, vector_from_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
@@ -271,7 +271,7 @@ def _near(table: TargetTable, scene: PointTable, expected: ExpectedPose, rules: 
     turn, place = expected.world_from_body[:3, :3], expected.world_from_body[:3, 3]
     arms = table.points @ turn.T
     away = scene.points - (arms + place)[:, np.newaxis]
-    slopes = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (len(arms), 3, 3))], axis=2)
+    slopes = slopes_by_motion(arms)
     spread = np.einsum("kai,ij,kai->ka", slopes, expected.covariance, slopes) + table.variances
     limits = rules.floor**2 + spread[:, np.newaxis] + np.einsum("nii->ni", scene.covariances)
     return np.asarray((away**2 <= rules.gate**2 * limits).all(axis=2))

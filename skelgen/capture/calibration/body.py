@@ -6,9 +6,10 @@ in all other frames, among whatever else they hold; their points, put in order, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,9 @@ from skelgen.capture.calibration.joints import LEAST_TURN, thinned
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_from_matrix
+from skelgen.geometry.rotations import N_POSE, moved_pose, slopes_by_motion, vector_from_matrix
 from skelgen.kinematics import calibrate_rigid_body
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, gauss_newton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import BodyTarget
 from skelgen.progress import SILENT, Monitor, counted, with_progress
@@ -266,11 +268,8 @@ def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
     return notices
 
 
-MAX_STEPS = 20
-STEP_TOLERANCE = 1e-7
-"""mm; steps below change nothing that anyone could measure."""
-
-POSE_FREEDOMS = 6
+LEAST_GAIN = 1e-12
+"""Part of the sum of squares below which steps change nothing that anyone could measure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,58 +313,39 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
     WeightedShape
         Its covariance is never smaller than the residuals say.
     """
-    seen = ~np.isnan(positions[:, :, 0])
-    weights = np.linalg.inv(np.where(seen[..., np.newaxis, np.newaxis], covariances, np.eye(3)))
-    weights[~seen] = 0.0
+    seen, measured = ~np.isnan(positions[:, :, 0]), np.nan_to_num(positions)
+    roots = np.linalg.inv(np.linalg.cholesky(np.where(seen[..., np.newaxis, np.newaxis], covariances, np.eye(3))))
+    roots[~seen] = 0.0
     point, axis = np.divmod(np.arange(points.size), 3)
     free = axis < point  # the coordinates that the normal form leaves free
-    points, poses = points.copy(), poses.copy()
-    for _ in range(MAX_STEPS):
-        information, gradient, back_substitute = _schur_complement(points, poses, np.nan_to_num(positions), weights)
-        step = np.zeros(points.size)
-        step[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
-        points += step.reshape(points.shape)
-        moves = back_substitute(step)
-        poses[:, :3, :3] = matrix_from_vector(moves[:, :3]) @ poses[:, :3, :3]
-        poses[:, :3, 3] += moves[:, 3:]
-        if np.abs(step).max() < STEP_TOLERANCE:
-            break
-    information, _, _ = _schur_complement(points, poses, np.nan_to_num(positions), weights)
-    _, residuals = _residuals(points, poses, np.nan_to_num(positions))
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(free.sum())
-    noise = float(np.sqrt(float(np.einsum("fki,fkij,fkj->", residuals, weights, residuals)) / max(freedoms, 1)))
+
+    def linearised(body: _PosedShape) -> LinearisedProblem:
+        turns = body.poses[:, np.newaxis, :3, :3]
+        arms = (turns @ body.points[..., np.newaxis])[..., 0]
+        off = measured - arms - body.poses[:, np.newaxis, :3, 3]
+        by_pose = slopes_by_motion(arms)
+        by_points = np.einsum("fkij,kl->fkilj", roots @ turns, np.eye(len(points)))
+        return LinearisedProblem(
+            (roots @ off[..., np.newaxis]).reshape(len(poses), -1),
+            by_points.reshape(len(poses), points.size, points.size)[..., free],
+            (roots @ by_pose).reshape(len(poses), points.size, N_POSE),
+        )
+
+    def stepped(body: _PosedShape, step: Floats, moves: Floats) -> _PosedShape:
+        change = np.zeros(points.size)
+        change[free] = step
+        return _PosedShape(body.points + change.reshape(points.shape), moved_pose(body.poses, moves))
+
+    found = gauss_newton(_PosedShape(points, poses), linearised, stepped, least_gain=LEAST_GAIN)
+    freedoms = 3 * int(seen.sum()) - N_POSE * len(poses) - int(free.sum())
+    noise = float(np.sqrt(found.squares / max(freedoms, 1)))
     covariance = np.zeros((points.size, points.size))
-    covariance[np.ix_(free, free)] = max(noise, 1.0) ** 2 * np.linalg.inv(information[np.ix_(free, free)])
-    return WeightedShape(points, covariance, poses, noise)
+    covariance[np.ix_(free, free)] = max(noise, 1.0) ** 2 * found.solution.covariance
+    return WeightedShape(found.state.points, covariance, found.state.poses, noise)
 
 
-def _residuals(points: Floats, poses: Floats, positions: Floats) -> tuple[Floats, Floats]:
-    arms = np.einsum("fij,kj->fki", poses[:, :3, :3], points)
-    return arms, positions - arms - poses[:, np.newaxis, :3, 3]
+class _PosedShape(NamedTuple):
+    """A shape and its poses."""
 
-
-def _schur_complement(
-    points: Floats, poses: Floats, positions: Floats, weights: Floats
-) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
-    """Information and gradient of the shape with the poses eliminated, and the back-substitution for the poses."""
-    arms, residuals = _residuals(points, poses, positions)
-    slopes = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=3)
-    turns = poses[:, np.newaxis, :3, :3]
-    weighted_slopes = slopes.swapaxes(2, 3) @ weights
-    of_poses = np.linalg.inv((weighted_slopes @ slopes).sum(axis=1))
-    mixed = (weighted_slopes @ turns).transpose(0, 2, 1, 3).reshape(len(poses), POSE_FREEDOMS, -1)
-    gradient_of_poses = (weighted_slopes @ residuals[..., np.newaxis]).sum(axis=1)[..., 0]
-    own = (turns.swapaxes(2, 3) @ weights @ turns).sum(axis=0)
-    gradient = (turns.swapaxes(2, 3) @ weights @ residuals[..., np.newaxis]).sum(axis=0).ravel()
-    information = np.zeros((points.size, points.size))
-    for point in range(len(points)):
-        block = slice(3 * point, 3 * point + 3)
-        information[block, block] = own[point]
-    eliminated = of_poses @ mixed
-    information -= np.einsum("fai,faj->ij", mixed, eliminated)
-    gradient -= np.einsum("fai,fa->i", eliminated, gradient_of_poses)
-
-    def back_substitute(step: Floats) -> Floats:
-        return np.asarray(np.einsum("fab,fb->fa", of_poses, gradient_of_poses - mixed @ step))
-
-    return information, gradient, back_substitute
+    points: Floats
+    poses: Floats

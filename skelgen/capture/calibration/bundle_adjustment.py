@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.capture.optics import distortion_jacobian
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation, transform_from
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points, moved_pose
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import N_DISTORTION, Camera
 
@@ -20,9 +20,6 @@ N_MATRIX = 4
 """Numbers of a camera's matrix: fx, fy, cx, cy."""
 
 N_INTRINSIC = N_MATRIX + N_DISTORTION
-N_POSE = 6
-"""Numbers of a pose: a small turn [rad] about the axes of the frame that it leads to, and a shift [mm]."""
-
 MAX_STEPS = 40
 STANDS_STILL, ROUNDING = 1e-14, 1e-9
 """Gain as a part of the sum of squares, and by distance [px] of each corner, below which no step is taken."""
@@ -127,14 +124,9 @@ def _adjust(bundle: Bundle, free: Bools) -> Adjusted:
 
 def _residuals_of(bundle: Bundle) -> Floats:
     """Return seen minus expected corners, shape (n_cameras, n_views, n_corners, 2), px."""
-    in_first = _posed(bundle.first_from_board, bundle.board)
-    expected = [pixels_and_slopes(eye, _posed(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
+    in_first = moved_points(bundle.first_from_board, bundle.board)
+    expected = [pixels_and_slopes(eye, moved_points(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
     return np.asarray(bundle.corners - np.stack(expected))
-
-
-def _posed(pose: Floats, points: Floats) -> Floats:
-    """Points, shape (..., n, 3), brought by poses, shape (..., 4, 4), into the frames that they lead to."""
-    return np.asarray(points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., np.newaxis, :3, 3])
 
 
 def pixels_and_slopes(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
@@ -183,7 +175,7 @@ def slopes_of_camera(eye: Camera, points: Floats) -> tuple[Floats, Floats]:
     points : ndarray, shape (n, 3), mm
         In the first camera's frame.
     """
-    inside = _posed(eye.camera_from_world, points)
+    inside = moved_points(eye.camera_from_world, points)
     _, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
     by_pose = slope_by_pose(by_point, inside - eye.camera_from_world[:3, 3])
     return np.concatenate([by_intrinsic, by_pose], axis=-1), np.asarray(by_point @ eye.camera_from_world[:3, :3])
@@ -210,7 +202,7 @@ def _linearised(bundle: Bundle, free: Bools) -> tuple[Floats, Floats]:
     turned = bundle.board @ np.swapaxes(bundle.first_from_board[:, :3, :3], 1, 2)
     in_first = turned + bundle.first_from_board[:, np.newaxis, :3, 3]
     for index, eye in enumerate(bundle.cameras):
-        inside = _posed(eye.camera_from_world, in_first)
+        inside = moved_points(eye.camera_from_world, in_first)
         pixels, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
         residuals[index] = bundle.corners[index] - pixels
         slope[index, ..., N_INTRINSIC * index : N_INTRINSIC * (index + 1)] = by_intrinsic
@@ -277,20 +269,6 @@ def _moved_camera(eye: Camera, index: int, shared: Floats) -> Camera:
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:N_MATRIX]
     pose = moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
     return replace(eye, matrix=matrix, distortion=eye.distortion + own[N_MATRIX:], camera_from_world=pose)
-
-
-def moved_pose(pose: Floats, step: Floats) -> Floats:
-    """Return poses after a small turn and a shift.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (..., 4, 4), mm
-        Before.
-    step : ndarray, shape (..., 6)
-        A turn [rad] about the axes of the frame that the pose leads to, and a shift [mm].
-    """
-    turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
-    return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
 
 
 OUTLIER_RATIO = 3.0

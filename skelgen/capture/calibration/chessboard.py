@@ -200,8 +200,8 @@ LEAST_CORNERS = 4
 """Corners in a part from which on it counts as covered: fewer may come from one board's edge."""
 
 
-def coverage(corners: Sequence[Floats], size: tuple[int, int], parts: tuple[int, int] = (3, 3)) -> Ints:
-    """Return how many corners of all views lie in each part of the image, shape (rows, columns).
+def coverage(corners: Sequence[Floats], size: tuple[int, int]) -> Ints:
+    """Return how many corners of all views lie in each ninth of the image, shape (3, 3), row by row.
 
     Parameters
     ----------
@@ -209,15 +209,10 @@ def coverage(corners: Sequence[Floats], size: tuple[int, int], parts: tuple[int,
         One for each view.
     size : tuple of int, px
         Width and height of the image.
-    parts : tuple of int
-        Rows and columns of parts.
     """
     every = np.concatenate([np.empty((0, 2)), *corners])
-    across = np.clip(every[:, 0] / size[0] * parts[1], 0, parts[1] - 1).astype(np.intp)
-    down = np.clip(every[:, 1] / size[1] * parts[0], 0, parts[0] - 1).astype(np.intp)
-    counts = np.zeros(parts, dtype=np.intp)
-    np.add.at(counts, (down, across), 1)
-    return counts
+    across, down = np.clip(every / size * 3, 0, 2).astype(np.intp).T
+    return np.bincount(3 * down + across, minlength=9).reshape(3, 3)
 
 
 def uncovered(corners: Sequence[Floats], size: tuple[int, int]) -> list[str]:

@@ -24,6 +24,7 @@ from skelgen.kinematics.joints.relative_poses import relative_poses
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_TYPES, TargetJoint
+from skelgen.model.topology import joint_children
 from skelgen.progress import counted
 
 MIN_FRAMES = 20
@@ -185,10 +186,7 @@ def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> TypeChoi
 def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, TypeChoice]]:
     """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
     hierarchy = find_hierarchy(poses, covariances=own)
-    order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]
-    for body in order:
-        order += [int(child) for child in np.flatnonzero(hierarchy.parents == body)]
-    for child in order:
+    for child in joint_children(hierarchy.parents).tolist():
         if child not in hierarchy.joints:
             continue
         parent = poses.names[hierarchy.parents[child]]

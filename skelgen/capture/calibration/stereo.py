@@ -27,7 +27,7 @@ from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform
-from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import moved_points, nearest_rotation, transform_from, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import N_CAMERA_STD, TYPICAL_NOISE, Camera, StereoRig
@@ -303,8 +303,7 @@ def _guess_of_pair(
     """The guess from one pair, with the error of each pair in its best order; infinite behind the camera."""
     turn = nearest_rotation(right_from_left[:3, :3])  # a product of poses: takes the rounding off
     eye = replace(right, camera_from_world=transform_from(turn, right_from_left[:3, 3]))
-    in_left = board.points @ np.swapaxes(left_poses[:, :3, :3], 1, 2) + left_poses[:, np.newaxis, :3, 3]
-    expected = project(eye, in_left)
+    expected = project(eye, moved_points(left_poses, board.points))
     shifts = corners[:, orders] - expected[:, np.newaxis]
     errors = np.nan_to_num(np.sqrt((shifts**2).sum(axis=-1).mean(axis=-1)), nan=np.inf)
     best = errors.argmin(axis=1)

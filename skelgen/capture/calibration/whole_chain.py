@@ -12,14 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import N_POSE, matrix_from_vector, moved_pose, transform_from, vector_from_matrix
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, Minimum, gauss_newton
 from skelgen.kinematics.joints.closed_form import hinge_angles
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import TargetJoint
 
 MAX_STEPS = 15
-STEP_TOLERANCE = 1e-6
-"""mm and rad; steps of the constants below change nothing that anyone could measure."""
+LEAST_GAIN = 1e-12
+"""Part of the sum of squares below which steps change nothing that anyone could measure."""
 
 SLOPE_STEP = 1e-4
 """mm and rad; for differences: errors of the second order stay below 1e-7 of a slope."""
@@ -28,7 +29,6 @@ N_CONSTANTS = {"ball": 6, "hinge": 9}
 """A ball's place in both bodies; a hinge's place across its axis in the parent, its place in the child, and two tilts
 in each."""
 N_ANGLES = {"ball": 3, "hinge": 1}
-POSE_FREEDOMS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,24 +72,7 @@ def fit_whole_chain(
         Of small rotations about the world's axes [rad] and shifts [mm].
     """
     fit = _Fit(joints, poses, covariances)
-    state = fit.start()
-    error = fit.residuals(state)
-    for _ in range(MAX_STEPS):
-        _, local, constant = fit.step(state, error)
-        part, better = 1.0, state
-        while part > 1e-3:
-            better = fit.moved(state, part * local, part * constant)
-            trial = fit.residuals(better)
-            if (trial**2).sum() <= (error**2).sum():
-                break
-            part /= 2
-        else:
-            break
-        state, error = better, trial
-        if np.abs(constant).max() < STEP_TOLERANCE:
-            break
-    information, _, _ = fit.step(state, error)
-    return fit.result(state, error, information)
+    return fit.result(gauss_newton(fit.start(), fit.linearised, fit.moved, MAX_STEPS, LEAST_GAIN))
 
 
 class _Fit:
@@ -99,7 +82,7 @@ class _Fit:
         self.joints, self.poses, self.root = tuple(joints), poses, joints[0].parent
         self.n_frames = len(poses[self.root])
         self.whiten = {name: np.linalg.inv(np.linalg.cholesky(covariance)) for name, covariance in covariances.items()}
-        self.n_local = POSE_FREEDOMS + sum(N_ANGLES[joint.kind] for joint in joints)
+        self.n_local = N_POSE + sum(N_ANGLES[joint.kind] for joint in joints)
         self.n_constants = sum(N_CONSTANTS[joint.kind] for joint in joints)
 
     def start(self) -> _State:
@@ -115,12 +98,10 @@ class _Fit:
         children = tuple(np.array(joint.child_from_joint) for joint in self.joints)
         return _State(np.array(self.poses[self.root]), tuple(turns), parents, children)
 
-    def moved(self, state: _State, local: Floats, constant: Floats) -> _State:
-        """The state after a step of the frames, one row each, and of the constants."""
-        roots = state.roots.copy()
-        roots[:, :3, :3] = matrix_from_vector(local[:, :3]) @ roots[:, :3, :3]
-        roots[:, :3, 3] += local[:, 3:6]
-        turns, parents, children, at, of = [], [], [], POSE_FREEDOMS, 0
+    def moved(self, state: _State, constant: Floats, local: Floats) -> _State:
+        """The state after a step of the constants, and of the frames, one row each."""
+        roots = moved_pose(state.roots, local[:, :N_POSE])
+        turns, parents, children, at, of = [], [], [], N_POSE, 0
         for number, joint in enumerate(self.joints):
             own = local[:, at : at + N_ANGLES[joint.kind]]
             vector = own if joint.kind == "ball" else own * [0.0, 0.0, 1.0]
@@ -147,43 +128,31 @@ class _Fit:
             errors.append(np.einsum("fij,fj->fi", self.whiten[name], error))
         return np.concatenate(errors, axis=1)
 
-    def step(self, state: _State, error: Floats) -> tuple[Floats, Floats, Floats]:
-        """Information of the constants, and the Gauss-Newton steps of frames and constants."""
-        of_frames, of_constants = self._slopes(state)
-        normal = np.linalg.inv(of_frames.swapaxes(1, 2) @ of_frames)
-        mixed = of_frames.swapaxes(1, 2) @ of_constants
-        gradient = np.einsum("fml,fm->fl", of_frames, error)
-        eliminated = normal @ mixed
-        information = np.einsum("fmi,fmj->ij", of_constants, of_constants)
-        information -= np.einsum("fli,flj->ij", mixed, eliminated)
-        right = np.einsum("fmi,fm->i", of_constants, error) - np.einsum("fli,fl->i", eliminated, gradient)
-        constant = np.linalg.solve(information, right)
-        local = np.einsum("fkl,fl->fk", normal, gradient - mixed @ constant)
-        return information, local, constant
-
-    def _slopes(self, state: _State) -> tuple[Floats, Floats]:
-        """How the model follows the unknowns of the frames and the constants, by central differences."""
+    def linearised(self, state: _State) -> LinearisedProblem:
+        """Residuals, and how the model follows the constants and the unknowns of the frames, by central differences."""
         nothing, still = np.zeros((self.n_frames, self.n_local)), np.zeros(self.n_constants)
         of_frames, of_constants = [], []
         for column in range(self.n_local):
             step = nothing.copy()
             step[:, column] = SLOPE_STEP
-            of_frames.append(self._difference(self.moved(state, step, still), self.moved(state, -step, still)))
+            of_frames.append(self._difference(self.moved(state, still, step), self.moved(state, still, -step)))
         for column in range(self.n_constants):
             change = still.copy()
             change[column] = SLOPE_STEP
             of_constants.append(
-                self._difference(self.moved(state, nothing, change), self.moved(state, nothing, -change))
+                self._difference(self.moved(state, change, nothing), self.moved(state, -change, nothing))
             )
-        return np.stack(of_frames, axis=2), np.stack(of_constants, axis=2)
+        return LinearisedProblem(self.residuals(state), np.stack(of_constants, axis=2), np.stack(of_frames, axis=2))
 
     def _difference(self, ahead: _State, behind: _State) -> Floats:
         return (self.residuals(behind) - self.residuals(ahead)) / (2 * SLOPE_STEP)
 
-    def result(self, state: _State, error: Floats, information: Floats) -> WholeChain:
-        freedoms = error.size - self.n_frames * self.n_local - self.n_constants
-        noise = float(np.sqrt((error**2).sum() / max(freedoms, 1)))
-        covariance = np.asarray(max(noise, 1.0) ** 2 * np.linalg.inv(information), dtype=np.float64)
+    def result(self, found: Minimum[_State]) -> WholeChain:
+        """The joints with their deviations."""
+        state, solution = found.state, found.solution
+        freedoms = solution.residuals.size - self.n_frames * self.n_local - self.n_constants
+        noise = float(np.sqrt(found.squares / max(freedoms, 1)))
+        covariance = max(noise, 1.0) ** 2 * solution.covariance
         joints, of = [], 0
         for number, joint in enumerate(self.joints):
             own = slice(of, of + N_CONSTANTS[joint.kind])

@@ -12,15 +12,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import (
-    N_INTRINSIC,
-    N_POSE,
-    moved_pose,
-    pixels_and_slopes,
-    slope_by_pose,
-)
+from skelgen.capture.calibration.bundle_adjustment import N_INTRINSIC, pixels_and_slopes, slope_by_pose
 from skelgen.capture.room.bundles import RoomBundle
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import N_POSE, moved_pose
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera

@@ -9,8 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import moved_pose
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector, moved_points, moved_pose, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
@@ -115,13 +114,11 @@ class BoardBundle(RoomBundle):
     @property
     def places(self) -> Floats:
         """Places of all corners, shape (n_frames, n_points, 3), mm."""
-        return np.asarray(self._turned() + self.poses[:, np.newaxis, :3, 3])
+        return moved_points(self.poses, self.points)
 
     def slopes(self) -> Floats:
         """Return how corners change with a turn and a shift of the board."""
-        turned = self._turned()
-        shift = np.broadcast_to(np.eye(3), (*turned.shape, 3))
-        return np.concatenate([-cross_matrix(turned), shift], axis=-1)
+        return slopes_by_motion(self.points @ np.swapaxes(self.poses[:, :3, :3], 1, 2))
 
     def moved(self, steps: Floats) -> Self:
         """Return the bundle after a turn and a shift of each board."""
@@ -130,9 +127,6 @@ class BoardBundle(RoomBundle):
     def of(self, frames: Bools) -> Self:
         """Return the bundle of some frames."""
         return replace(self, poses=self.poses[frames], seen=self.seen[frames])
-
-    def _turned(self) -> Floats:
-        return np.asarray(self.points @ np.swapaxes(self.poses[:, :3, :3], 1, 2))
 
 
 def _tangents(direction: Floats) -> Floats:

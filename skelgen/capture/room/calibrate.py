@@ -18,7 +18,7 @@ from skelgen.capture.room.boards import AnyBoard, board_start
 from skelgen.capture.room.bundles import RoomBundle
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
 from skelgen.capture.room.values import Views
-from skelgen.capture.room.wand_and_ground import check_wand, wand_views
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, check_wand, wand_views
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Floats, Ints
@@ -78,10 +78,7 @@ class WandCalibration:
 
 
 def calibrate_wand(
-    frames: Sequence[Views],
-    distances: Sequence[float],
-    sizes: Sequence[tuple[int, int]],
-    names: Sequence[str] = (),
+    frames: Sequence[Views], distances: Sequence[float], sizes: Sequence[tuple[int, int]], names: Sequence[str] = ()
 ) -> WandCalibration:
     """Return the cameras that saw a wand that was waved through the room.
 
@@ -195,23 +192,16 @@ def _scale_std(rig: CameraRig, covariance: Floats) -> float:
 
 
 def _judge(
-    rig: CameraRig,
-    adjusted: AdjustedRoom[_B],
-    stated: tuple[float, float],
-    n_views: Ints,
-    balls: Floats,
-    words: _Words,
+    rig: CameraRig, adjusted: AdjustedRoom[_B], stated: tuple[float, float], n_views: Ints, balls: Floats, words: _Words
 ) -> Verdict:
     scale_std, point_std = stated
     is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= words.enough
     is_usable = adjusted.noise <= USABLE_NOISE and scale_std <= USABLE_SCALE
     grade = GOOD if is_good else USABLE if is_usable else REPEAT
-    extent = (np.quantile(balls, 0.98, axis=0) - np.quantile(balls, 0.02, axis=0)) / 1000
-    spread = " x ".join(f"{length:.1f}" for length in sorted(extent, reverse=True))
     sentences = [
         f"{grade.capitalize()}: {words.parts} lie {adjusted.noise:.2f} px from where they are expected along each "
         f"axis, in {int(n_views.min())} to {int(n_views.max())} views a camera; points are known to "
-        f"{point_std:.2g} mm, lengths to {100 * scale_std:.2g} %; the {words.thing} was in {spread} m."
+        f"{point_std:.2g} mm, lengths to {100 * scale_std:.2g} %; the {words.thing} was in {extent_of(balls)} m."
     ]
     if adjusted.noise > USABLE_NOISE:
         sentences.append(
@@ -234,6 +224,12 @@ def _judge(
     return Verdict(grade, tuple(sentences))
 
 
+def extent_of(room: Floats) -> str:
+    """Return how long the sides of the volume are in which points were, in words: ``4.1 x 3.0 x 1.9``, m."""
+    sides = np.ptp(np.quantile(room, (0.02, 0.98), axis=0), axis=0) / 1000
+    return " x ".join(f"{side:.1f}" for side in sorted(sides, reverse=True))
+
+
 def on_ground(calibration: WandCalibration, first_from_ground: Floats) -> WandCalibration:
     """Return a calibration whose world is the ground; deviations stay, as they are along the cameras' own axes.
 
@@ -248,10 +244,6 @@ def on_ground(calibration: WandCalibration, first_from_ground: Floats) -> WandCa
     cameras = [placed_in(eye, first_from_ground) for eye in rig.cameras]
     turn, shift = first_from_ground[:3, :3], first_from_ground[:3, 3]
     return replace(calibration, rig=replace(rig, cameras=cameras), room=(calibration.room - shift) @ turn)
-
-
-FEWEST = 2
-"""Cameras that a point needs."""
 
 
 def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tuple[Floats, Floats]:
@@ -288,7 +280,7 @@ def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tup
         normal += np.swapaxes(slope, 1, 2) @ slope
         change[..., index * N_CAMERA_STD : (index + 1) * N_CAMERA_STD] = np.swapaxes(slope, 1, 2) @ by_camera
         count += seen
-    usable = count >= FEWEST
+    usable = count >= FEWEST_CAMERAS
     inverse = np.linalg.inv(normal[usable])
     slopes = _without_motion((-inverse @ change[usable]).reshape(-1, change.shape[2]), points[usable])
     return slopes @ covariance @ slopes.T, np.asarray(rig.noise**2 * inverse, dtype=np.float64)

@@ -8,6 +8,7 @@ from skelgen._kernels.room_points import Room
 from skelgen.capture.optics import GATE, undistort, view_of
 from skelgen.capture.room.values import RoomPoints, Views
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 
@@ -39,8 +40,11 @@ class PointMatcher:
 
     def __init__(self, rig: CameraRig, gate: float = GATE) -> None:
         self.rig = rig
-        self._poses = np.ascontiguousarray([camera.camera_from_world[:3] for camera in rig.cameras])
-        self._sizes = np.array([_rays_of_border(camera) for camera in rig.cameras])
+        poses = np.ascontiguousarray([camera.camera_from_world[:3] for camera in rig.cameras])
+        sizes = np.array([_rays_of_border(camera) for camera in rig.cameras])
+        turns = poses[:, :, :3] @ poses[:, np.newaxis, :, :3].swapaxes(2, 3)  # by the first camera, then by the second
+        shifts = (poses[:, :, :3] @ rig.places[:, np.newaxis, :, np.newaxis])[..., 0] + poses[:, :, 3]
+        self._geometry = poses, rig.places, cross_matrix(shifts) @ turns, sizes
         self._rules = Rules(gate, EVIDENCE, UNSEEN, EXPECTED, REACH, MAX_STD)
         self._room: Room | None = None
 
@@ -79,7 +83,7 @@ class PointMatcher:
         ]
         starts = np.concatenate([[0], np.cumsum([len(balls) for balls in views])]).astype(np.intp)
         rays, spread = np.concatenate([one.rays for one in seen]), np.concatenate([one.spread for one in seen])
-        self._room = Room(self._poses, self._sizes, starts, rays, spread)
+        self._room = Room(*self._geometry, starts, rays, spread)
         found = match_room(self._room, np.array(expected, dtype=np.float64, order="C"), self._rules)
         freedom = 2 * (found.balls >= 0).sum(axis=1) - 3
         misfit = np.sqrt(found.squares / np.maximum(freedom, 1))

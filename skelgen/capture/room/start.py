@@ -11,6 +11,7 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
@@ -140,16 +141,11 @@ def check_overlap(shows: Bools, names: list[str]) -> None:
             "distances of the wand's balls, does it show other bright things?"
         )
     shared = shows.T.astype(np.intp) @ shows
-    reached = {0}
-    while True:
-        more = {other for one in reached for other in np.flatnonzero(shared[one] >= LEAST_SHARED).tolist()} - reached
-        if not more:
-            break
-        reached |= more
-    if len(reached) < len(names):
-        inside = [names[index] for index in sorted(reached)]
-        outside = next(index for index in range(len(names)) if index not in reached)
-        raise InputError(_alone(names[outside], inside, int(shared[outside, sorted(reached)].max())))
+    part = connected_components(shared >= LEAST_SHARED, directed=False)[1]
+    inside, outside = np.flatnonzero(part == part[0]), np.flatnonzero(part != part[0])
+    if len(outside):
+        connected = [names[index] for index in inside]
+        raise InputError(_alone(names[outside[0]], connected, int(shared[outside[0], inside].max())))
 
 
 def _alone(name: str, others: list[str], shared: int) -> str:
@@ -179,18 +175,16 @@ def _first_pair(
             "other times than the others', are the distances of the wand's balls right?"
         )
     _, one, two, bundle = best
-    _check_middle(bundle, seen[:, [one, two]])
+    _check_middle(bundle)
     bundle = _adjusted(bundle, seen[:, [one, two]])
     return one, two, bundle
 
 
-def _check_middle(bundle: WandBundle, seen: Floats) -> None:
+def _check_middle(bundle: WandBundle) -> None:
     """Refuse a wand whose middle ball is elsewhere."""
     if len(bundle.distances) == TWO:
         return
-    both = np.isfinite(seen[..., 0]).all(axis=(1, 2))
-    rays = [undistort(eye, seen[both, index].reshape(-1, 2)) for index, eye in enumerate(bundle.cameras)]
-    balls = _meeting(rays[0], rays[1], bundle.cameras[1].camera_from_world).reshape(int(both.sum()), -1, 3)
+    balls = _nearest_to_rays(bundle)
     gaps = np.linalg.norm(balls - balls[:, :1], axis=2)
     part, stated = float(np.nanmedian(gaps[:, 1] / gaps[:, 2])), float(bundle.distances[1] / bundle.distances[2])
     if abs(part - stated) > UNEVEN:
@@ -240,7 +234,8 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
         return None
     _, turn, shift, _ = cv2.recoverPose(essential, *rays, np.eye(3), distanceThresh=1e6)[:4]
     second = transform_from(nearest_rotation(turn), shift.ravel())
-    balls = _meeting(rays[0], rays[1], second).reshape(len(seen), -1, 3)
+    start = WandBundle((eyes[0], replace(eyes[1], camera_from_world=second)), seen, wand, *np.empty((2, 0, 3)))
+    balls = _nearest_to_rays(start)
     lengths = np.linalg.norm(balls[:, -1] - balls[:, 0], axis=1)
     usable = np.isfinite(lengths) & (balls[..., 2] > 0).all(axis=1)
     if usable.sum() < LEAST_SHARED:
@@ -248,48 +243,37 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
     typical = float(np.median(lengths[usable]))
     spread = float(SIGMA_OF_MEDIAN * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
     second[:3, 3] *= wand[-1] / typical
-    cameras = eyes[0], replace(eyes[1], camera_from_world=second)
-    return spread, WandBundle(cameras, seen, wand, np.empty((0, 3)), np.empty((0, 3)))
-
-
-def _meeting(one: Floats, two: Floats, second: Floats) -> Floats:
-    """The point nearest to both rays of each pair, in the first camera's frame, shape (n, 3)."""
-    a = np.column_stack([one, np.ones(len(one))])
-    b = np.column_stack([two, np.ones(len(two))]) @ second[:3, :3]
-    place = -second[:3, :3].T @ second[:3, 3]
-    aa, bb, ab = (a * a).sum(axis=1), (b * b).sum(axis=1), (a * b).sum(axis=1)
-    determinant = np.maximum(aa * bb - ab * ab, 1e-12)
-    s = (bb * (a @ place) - ab * (b @ place)) / determinant
-    t = (ab * (a @ place) - aa * (b @ place)) / determinant
-    return np.asarray((s[:, np.newaxis] * a + place + t[:, np.newaxis] * b) / 2)
+    return spread, replace(start, cameras=(eyes[0], replace(eyes[1], camera_from_world=second)))
 
 
 def _replaced(bundle: WandBundle) -> WandBundle:
     """The bundle with the wand placed in all frames in which two of its cameras show it; NaN elsewhere."""
-    n_frames, n_cameras = bundle.seen.shape[:2]
-    n_balls = len(bundle.distances)
+    balls = _nearest_to_rays(bundle)
+    along = balls[:, -1] - balls[:, 0]
+    direction = along / np.linalg.norm(along, axis=1, keepdims=True)
+    return replace(bundle, first=balls.mean(axis=1) - bundle.distances.mean() * direction, direction=direction)
+
+
+def _nearest_to_rays(bundle: WandBundle) -> Floats:
+    """The points nearest to the rays of all cameras, shape (n_frames, n_balls, 3), mm; NaN where less than two show it.
+
+    A camera alone places nothing, and two of one place only what they see from there.
+    """
+    n_frames, _, n_balls = bundle.seen.shape[:3]
     normal, pulled = np.zeros((n_frames, n_balls, 3, 3)), np.zeros((n_frames, n_balls, 3))
     count = np.zeros(n_frames, dtype=np.intp)
     for index, eye in enumerate(bundle.cameras):
-        shown = np.asarray(np.isfinite(bundle.seen[:, index, :, 0]).all(axis=1))
-        rays = undistort(eye, bundle.seen[shown, index])
-        shown[shown] = np.isfinite(rays).all(axis=(1, 2))
-        rays = rays[np.isfinite(rays).all(axis=(1, 2))]
+        rays = undistort(eye, bundle.seen[:, index])
+        shown = np.isfinite(rays).all(axis=(1, 2))
         turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
-        along = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=2) @ turn
+        along = np.concatenate([rays[shown], np.ones((int(shown.sum()), n_balls, 1))], axis=2) @ turn
         along /= np.linalg.norm(along, axis=2, keepdims=True)
         across = np.eye(3) - along[..., np.newaxis] * along[..., np.newaxis, :]
         normal[shown] += across
         pulled[shown] += across @ (-turn.T @ shift)
-        count[shown] += 1
-    first, direction = np.full((n_frames, 3), np.nan), np.full((n_frames, 3), np.nan)
-    both = count >= min(2, n_cameras)
-    balls = np.linalg.solve(normal[both] + 1e-9 * np.eye(3), pulled[both][..., np.newaxis])[..., 0]
-    along = balls[:, -1] - balls[:, 0]
-    direction[both] = along / np.linalg.norm(along, axis=1, keepdims=True)
-    middle = balls.mean(axis=1) - bundle.distances.mean() * direction[both]
-    first[both] = middle
-    return replace(bundle, first=first, direction=direction)
+        count += shown
+    normal[count < TWO] = np.nan
+    return np.asarray(np.linalg.solve(normal + 1e-9 * np.eye(3), pulled[..., np.newaxis])[..., 0])
 
 
 def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skelgen.capture.calibration.chessboard import PARTS, coverage, uncovered
-from skelgen.capture.room.calibrate import ENOUGH_VIEWS, WandCalibration, calibrate_wand
+from skelgen.capture.room.calibrate import ENOUGH_VIEWS, WandCalibration, calibrate_wand, extent_of
 from skelgen.capture.room.start import LEAST_SHARED
 from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import check_wand, find_wand
@@ -76,9 +76,8 @@ class WandProgress:
             elif views < ENOUGH_VIEWS:
                 out.append(f"{name} has {views} of {ENOUGH_VIEWS} views")
         if self.room is not None:
-            sides = np.quantile(self.room.room, 0.98, axis=0) - np.quantile(self.room.room, 0.02, axis=0)
-            extent = " x ".join(f"{side / 1000:.1f}" for side in sorted(sides, reverse=True))
-            out.append(f"the wand was in {extent} m, where points are known to {self.room.point_std:.2g} mm")
+            where = extent_of(self.room.room)
+            out.append(f"the wand was in {where} m, where points are known to {self.room.point_std:.2g} mm")
         return [*out, self.problem] if self.problem else out
 
     def __str__(self) -> str:

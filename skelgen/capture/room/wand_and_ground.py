@@ -214,6 +214,8 @@ ALIKE = 0.1
 """Relative difference of the arms below which they cannot be told apart."""
 
 FEWEST_CAMERAS = 2
+"""Cameras that a point needs."""
+
 N_ARMS = 2
 
 

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.values import RoomPoints, Views
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 
@@ -23,20 +24,13 @@ if more than the second fit then, as chance makes three in a hundred fit."""
 NEAR = 3.0
 """px; how near a ball must be to where a point is expected."""
 
-FEWEST_CAMERAS = 2
-"""Cameras without fault that a point needs to tell what is wrong with another."""
-
 MOST_LATE = 20
 """Frames that a camera is tried to be late or early."""
 
 FARTHEST, BIN, WIDTH = 120.0, 6.0, 1280.0
 """px; largest shift of a moved camera's images that is tried, its steps, and the width of images that both hold for."""
 
-_FLIPS = {
-    "mirrored left to right": (-1.0, 1.0),
-    "mirrored top to bottom": (1.0, -1.0),
-    "upside down": (-1.0, -1.0),
-}
+_FLIPS = {"mirrored left to right": (-1.0, 1.0), "mirrored top to bottom": (1.0, -1.0), "upside down": (-1.0, -1.0)}
 
 
 class FitCounter:

@@ -15,7 +15,7 @@ from skelgen.capture.simulated_rig.source import RenderedPairs
 from skelgen.capture.simulated_rig.view import corner_rays
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import matrix_from_vector, moved_points, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera, StereoRig
 
@@ -57,16 +57,12 @@ class BoardTruth:
 
 
 class SimulatedBoard(RenderedPairs):
-    """A chessboard before two simulated cameras; a `FrameSource` to try calibrations with.
+    """A chessboard before the cameras of `reference_rig`; a `FrameSource` to try calibrations with.
 
     The board goes from place to place, one a second, so that the places cover both images, and is held still at each.
 
     Parameters
     ----------
-    board : Board, optional
-        The chessboard; by default 9 x 6 corners with squares of 25 mm.
-    rig : StereoRig, optional
-        The cameras; by default those of `reference_rig`.
     n_frames : int
         Pairs until it ends.
     rate : float, Hz
@@ -77,18 +73,9 @@ class SimulatedBoard(RenderedPairs):
         Whether pairs come by the clock, as from cameras: who is slow loses pairs, which are counted.
     """
 
-    def __init__(
-        self,
-        board: Board | None = None,
-        rig: StereoRig | None = None,
-        *,
-        n_frames: int = 600,
-        rate: float = 60.0,
-        seed: int = 0,
-        paced: bool = False,
-    ) -> None:
-        super().__init__("simulated board", rig or reference_rig(), n_frames, rate, paced)
-        self.board, self._seed = board or Board(), seed
+    def __init__(self, *, n_frames: int = 600, rate: float = 60.0, seed: int = 0, paced: bool = False) -> None:
+        super().__init__("simulated board", reference_rig(), n_frames, rate, paced)
+        self.board, self._seed = Board(), seed
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, BoardTruth]:
         """Return any pair with its truth; the same index gives the same pair.
@@ -101,7 +88,7 @@ class SimulatedBoard(RenderedPairs):
             Number of pairs lost before it.
         """
         pose = self._pose(index / self.rate)
-        corners = self.board.points @ pose[:3, :3].T + pose[:3, 3]
+        corners = moved_points(pose, self.board.points)
         cameras = self.rig.left, self.rig.right
         images = [
             board_image(camera, self.board, pose, (self._seed, index, side)) for side, camera in enumerate(cameras)
@@ -161,7 +148,7 @@ def _draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> No
     pose : ndarray, shape (4, 4), mm
         Where the board is in the camera's world.
     """
-    outline = project(camera, _outline(board) @ pose[:3, :3].T + pose[:3, 3])
+    outline = project(camera, moved_points(pose, _outline(board)))
     if not np.isfinite(outline).all():
         return
     low = np.maximum(np.floor(outline.min(axis=0)).astype(int) - 1, 0)
@@ -247,7 +234,7 @@ def _candidates(board: Board, rig: StereoRig, rng: np.random.Generator) -> tuple
 
 
 def _is_whole(camera: Camera, board: Board, pose: Floats) -> bool:
-    outline = project(camera, _outline(board) @ pose[:3, :3].T + pose[:3, 3])
+    outline = project(camera, moved_points(pose, _outline(board)))
     return bool(((outline > 1) & (outline < np.array(camera.size) - 2)).all())
 
 

@@ -171,7 +171,7 @@ class LimbErrors:
         ends = [(unit - (unit @ axis) * axis) @ change for axis, change in zip(axes, changes, strict=True)]
         return np.asarray(ends[0] - ends[1])
 
-    def turns(self, poses: ChainPoses, positions: Floats, weights: Floats | None = None) -> Floats:
+    def turns(self, poses: ChainPoses, positions: Floats) -> Floats:
         """Return the mean covariance [rad^2] of each limb's rotation against its parent that these errors cause.
 
         Parameters
@@ -180,8 +180,6 @@ class LimbErrors:
             Some frames.
         positions : ndarray, shape (n_frames, n_markers, 3), mm
             Measured markers: how the poses follow the constants depends on which are seen.
-        weights : ndarray, shape (n_frames, n_markers), optional
-            Of the squared distances.
 
         Returns
         -------
@@ -189,7 +187,7 @@ class LimbErrors:
             In the parents' axes; 0 for the root.
         """
         chain = self.chain
-        frames = frame_blocks(observed(chain, self.articulation, poses, positions, weights), poses_only=True)
+        frames = frame_blocks(observed(chain, self.articulation, poses, positions), poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
         follow = np.linalg.solve(frames.own, frames.coupling)  # how poses follow the constants
         own = frames.tilts @ self.root[n_places:] - frames.turns @ (follow @ self.root)
@@ -235,7 +233,7 @@ class _Points:
     def of(cls, errors: LimbErrors, limb: int) -> _Points:
         chain, n = errors.chain, errors.root.shape[1]
         markers = np.flatnonzero(chain.limb_of_marker == limb)
-        joints = ([limb] if chain.parents[limb] >= 0 else []) + np.flatnonzero(chain.parents == limb).tolist()
+        joints = chain.joints_of(limb)
         places = [chain.offsets[markers]]
         changes = [errors.root[: 3 * chain.n_markers].reshape(chain.n_markers, 3, n)[markers]]
         for joint in joints:  # the joint to the parent is the origin of the frame

@@ -174,7 +174,7 @@ def twin_residuals(chain: Chain, twin: Ints) -> tuple[Floats, Floats]:
     rows, offs = [np.zeros((0, 3 * (chain.n_markers + chain.n_limbs - 1)))], [np.zeros(0)]
     for limb in range(chain.n_limbs):
         mirror = int(twin[limb]) if twin[limb] >= 0 else limb
-        joints = ([limb] if limb else []) + np.flatnonzero(chain.parents == limb).tolist()
+        joints = chain.joints_of(limb)
         image = {one: mirror if one == limb else int(twin[one]) for one in joints}
         if mirror == limb:  # between both halves: joints without a twin are their own images
             image = {one: one if other < 0 else other for one, other in image.items()}

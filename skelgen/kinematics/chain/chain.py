@@ -58,6 +58,11 @@ class Chain:
         """Number of markers."""
         return len(self.limb_of_marker)
 
+    def joints_of(self, limb: int) -> list[int]:
+        """Return the joints of a limb by the limbs below them: that to its parent, if it has one, then the others."""
+        inner = [limb] if self.parents[limb] >= 0 else []
+        return inner + np.flatnonzero(self.parents == limb).tolist()
+
     def moved(self, joints: Floats, offsets: Floats) -> Chain:
         """Return the chain with other joints and offsets.
 

@@ -193,11 +193,7 @@ def _fill_by_reference(work: _Work, gaps: _Gaps) -> None:
     work.store(surer, values[better], std[better], PositionSource.INTERPOLATED)
 
 
-_SOURCES = {
-    "rigid": PositionSource.LIMB,
-    "spline": PositionSource.INTERPOLATED,
-    "pattern": PositionSource.PATTERN,
-}
+_SOURCES = {"rigid": PositionSource.LIMB, "spline": PositionSource.INTERPOLATED, "pattern": PositionSource.PATTERN}
 
 
 def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:

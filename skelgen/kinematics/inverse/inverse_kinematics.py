@@ -21,6 +21,9 @@ from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 METHODS = ("whole-chain", "root-outward")
 
+LEAST_SPREAD = 50.0
+"""mm; points of a limb with fewer or nearer markers are that far apart."""
+
 
 @dataclass(frozen=True, eq=False)
 class Posture:
@@ -101,6 +104,38 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
             raise InputError(f"frame {frame} shows no marker of limb {tree.limbs[0]} and those beyond it: leave it out")
         found.append(_solve_tree(tree, positions[:, tree.markers], method))
     return posture(skeleton, trees, found)
+
+
+def hold_joints(skeleton: Skeleton, world_from_limb: Floats) -> Floats:
+    """Return the poses nearest to given ones in which joints turn only as their types allow, in the same shape.
+
+    Four points of each limb are fitted, as far apart as its markers are, so that all of its turns count.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With its types of joints and axes.
+    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+        Poses whose joints are closed but turn otherwise.
+    """
+    corners = []
+    for limb in range(skeleton.n_limbs):
+        markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
+        middle = markers.mean(axis=0) if len(markers) else np.zeros(3)
+        spread = float(np.linalg.norm(markers - middle, axis=1).max(initial=0.0))
+        corners.append(middle + max(spread, LEAST_SPREAD) * np.vstack([np.zeros(3), np.eye(3)]))
+    offsets = np.array(corners)
+    shown = world_from_limb[:, :, np.newaxis, :3, :3] @ offsets[..., np.newaxis]
+    points = (shown[..., 0] + world_from_limb[:, :, np.newaxis, :3, 3]).reshape(len(world_from_limb), -1, 3)
+    marked = replace(
+        skeleton,
+        limb_of_marker=np.repeat(np.arange(skeleton.n_limbs), len(offsets[0])),
+        marker_offsets=offsets.reshape(-1, 3),
+        marker_std=np.ones(offsets.size // 3),
+        offset_std=None,
+        marker_noise=None,
+    )
+    return solve(marked, points).world_from_limb
 
 
 def _check_method(method: str) -> None:

@@ -31,7 +31,8 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import SPHERE_RIDGE, fixed_point_sums, move_to_centre
 from skelgen._kernels.joint_models import UNIVERSAL_RIDGE, alternated
-from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation, frame_along
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.joints.rotations import ConstrainedRotation, frame_along
 from skelgen.model.arrays import Floats, Ints
 
 MIN_FRAMES = 3
@@ -187,7 +188,24 @@ def _near_zero(equations: Floats) -> Floats:
     return np.asarray(np.linalg.solve(products[:3, :3] + ridge * np.eye(3), products[:3, 3]))
 
 
-def nearest_hinge(rotations: Floats) -> HingeRotation:
+def nearest_constrained(kind: str, rotations: Floats) -> ConstrainedRotation:
+    """Return the joint of a type that comes nearest to some rotations.
+
+    Parameters
+    ----------
+    kind : str
+        ``rigid``, ``hinge`` or ``universal``.
+    rotations : ndarray, shape (n, 3, 3)
+        Parent from child.
+    """
+    if kind == "rigid":
+        return ConstrainedRotation(
+            nearest_rotation(rotations.mean(axis=0)), np.eye(3), 0.0, np.zeros((len(rotations), 0))
+        )
+    return nearest_hinge(rotations) if kind == "hinge" else nearest_universal(rotations)
+
+
+def nearest_hinge(rotations: Floats) -> ConstrainedRotation:
     """Return the hinge that comes nearest to some rotations.
 
     The halves of the last singular vector of the stacked equations are the leading singular vectors of the mean
@@ -200,7 +218,8 @@ def nearest_hinge(rotations: Floats) -> HingeRotation:
     """
     u, _, vt = np.linalg.svd(rotations.mean(axis=0))
     in_parent, in_child = frame_along(u[:, 0]), frame_along(vt[0])
-    return HingeRotation(in_parent, in_child, hinge_angles(rotations, in_parent, in_child))
+    angles = hinge_angles(rotations, in_parent, in_child)[:, np.newaxis]
+    return ConstrainedRotation(in_parent, in_child, 0.0, angles)
 
 
 def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floats:
@@ -219,7 +238,7 @@ def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floa
     return np.asarray(np.arctan2(sine, cosine))
 
 
-def nearest_universal(rotations: Floats) -> UniversalRotation:
+def nearest_universal(rotations: Floats) -> ConstrainedRotation:
     """Return the universal joint that comes nearest to some rotations.
 
     Parameters
@@ -241,7 +260,7 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     angles = np.stack(
         [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
     )
-    return UniversalRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
+    return ConstrainedRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
 
 
 def _best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:

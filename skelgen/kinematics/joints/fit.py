@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import transform_from, vector_from_matrix
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.kinematics.chain.schur_complement import effective_frames, solve_bordered
-from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.closed_form import nearest_constrained
 from skelgen.kinematics.joints.joint_model import (
     JointModel,
     conventional,
@@ -21,13 +21,7 @@ from skelgen.kinematics.joints.joint_model import (
 )
 from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES, ROUNDING, JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
-from skelgen.kinematics.joints.rotations import (
-    BallRotation,
-    HingeRotation,
-    RigidRotation,
-    UniversalRotation,
-    axis_covariance,
-)
+from skelgen.kinematics.joints.rotations import BallRotation, ConstrainedRotation, axis_covariance
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 
@@ -199,7 +193,7 @@ def fit_joint_type(kind: str, measured: RelativePoses, start: Floats | None = No
         child_from_joint=_frame(joint, "in_child"),
         angles=angles,
         angle_std=angle_std,
-        between=joint.rotation.between if isinstance(joint.rotation, UniversalRotation) else 0.0,
+        between=joint.rotation.between if isinstance(joint.rotation, ConstrainedRotation) else 0.0,
         covariance=free @ constants[:n_places, :n_places] @ free.T,
         axis_covariance=axis_covariance(joint.rotation, constants[n_places:, n_places:]),
         singular_values=singular,
@@ -236,14 +230,12 @@ def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats
 
 
 def _start(kind: str, measured: RelativePoses, place: Floats) -> JointModel:
-    rotations = measured.rotations
-    if kind == "rigid":
-        turn = nearest_rotation(rotations.mean(axis=0))
-        half = measured.shifts.mean(axis=0) / 2
-        return JointModel(RigidRotation(turn, len(rotations)), half, -turn.T @ half)
     if kind == "ball":
-        return JointModel(BallRotation(rotations), place[:3], place[3:])
-    rotation = nearest_hinge(rotations) if kind == "hinge" else nearest_universal(rotations)
+        return JointModel(BallRotation(measured.rotations), place[:3], place[3:])
+    rotation = nearest_constrained(kind, measured.rotations)
+    if kind == "rigid":
+        half = measured.shifts.mean(axis=0) / 2
+        return JointModel(rotation, half, -rotation.in_parent.T @ half)
     return JointModel(rotation, place[:3], place[3:])
 
 
@@ -254,15 +246,14 @@ def _spread_over_take(joint: JointModel, covariance: Floats, measured: RelativeP
     std = angles.copy()
     if isinstance(rotation, BallRotation):
         angles[measured.frames] = vector_from_matrix(rotation.free)
-    elif isinstance(rotation, HingeRotation | UniversalRotation):
-        angles[measured.frames] = rotation.angles.reshape(len(measured.frames), -1)
+    elif isinstance(rotation, ConstrainedRotation):
+        angles[measured.frames] = rotation.angles
     std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
     return angles, std
 
 
 def _frame(joint: JointModel, where: str) -> Floats:
-    rotation = joint.rotation
-    turn = getattr(rotation, where) if isinstance(rotation, HingeRotation | UniversalRotation) else np.eye(3)
+    turn = np.eye(3) if joint.rotation.axes() is None else getattr(joint.rotation, where)
     return transform_from(turn, getattr(joint, where))
 
 
@@ -335,10 +326,7 @@ def choose_joint_type(
 
 
 def choose_type(
-    measured: RelativePoses,
-    wanted: str | None = None,
-    limits: TypeLimits | None = None,
-    start: Floats | None = None,
+    measured: RelativePoses, wanted: str | None = None, limits: TypeLimits | None = None, start: Floats | None = None
 ) -> TypeChoice:
     """Find the type of the joint behind relative poses, and fit it.
 

@@ -31,7 +31,7 @@ from skelgen.kinematics.chain.schur_complement import (
     gauss_newton,
 )
 from skelgen.kinematics.joints.relative_poses import RelativePoses, whitener
-from skelgen.kinematics.joints.rotations import HingeRotation, JointRotation, UniversalRotation, frame_along
+from skelgen.kinematics.joints.rotations import ConstrainedRotation, JointRotation, frame_along
 from skelgen.model.arrays import Floats
 
 STEP = 1e-5
@@ -134,11 +134,12 @@ def conventional(joint: JointModel) -> JointModel:
     axis points from the body's origin to the joint's axis.
     """
     rotation = joint.rotation
-    if not isinstance(rotation, HingeRotation | UniversalRotation):
+    axes = rotation.axes()
+    if not isinstance(rotation, ConstrainedRotation) or axes is None:
         return joint
     in_parent, in_child = joint.in_parent, joint.in_child
-    if isinstance(rotation, HingeRotation):
-        first, second = rotation.axes()
+    if rotation.kind == "hinge":
+        first, second = axes
         along = (in_parent @ first + in_child @ second) / 2
         in_parent, in_child = in_parent - along * first, in_child - along * second
     rotation = _signed(rotation)
@@ -146,13 +147,12 @@ def conventional(joint: JointModel) -> JointModel:
     child = _conventional_frame(rotation.in_child[:, 2], in_child)
     # The joint's frames turn about their axes to the convention; the angles take up the difference.
     before, after = _turn_between(rotation.in_parent, parent), _turn_between(rotation.in_child, child)
-    if isinstance(rotation, HingeRotation):
-        return JointModel(HingeRotation(parent, child, _wrapped(rotation.angles - before + after)), in_parent, in_child)
-    angles = _wrapped(rotation.angles + np.array([-before, after]))
-    return JointModel(UniversalRotation(parent, child, rotation.between, angles), in_parent, in_child)
+    turns = np.array([after - before] if rotation.kind == "hinge" else [-before, after])
+    angles = _wrapped(rotation.angles + turns)
+    return JointModel(ConstrainedRotation(parent, child, rotation.between, angles), in_parent, in_child)
 
 
-def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | UniversalRotation:
+def _signed(rotation: ConstrainedRotation) -> ConstrainedRotation:
     """Give axes a sign: the largest component is positive, of a universal joint for both axes on their own.
 
     Both frames turn by half a turn about x: the rotations stay when the angles change their sign (a hinge), or when the
@@ -160,10 +160,10 @@ def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | Univ
     """
     half = np.diag([1.0, -1.0, -1.0])
     parent_flips, child_flips = _is_negative(rotation.in_parent[:, 2]), _is_negative(rotation.in_child[:, 2])
-    if isinstance(rotation, HingeRotation):
+    if rotation.kind == "hinge":
         if not parent_flips:
             return rotation
-        return HingeRotation(rotation.in_parent @ half, rotation.in_child @ half, -rotation.angles)
+        return ConstrainedRotation(rotation.in_parent @ half, rotation.in_child @ half, 0.0, -rotation.angles)
     between, angles = rotation.between, rotation.angles.copy()
     in_parent, in_child = rotation.in_parent, rotation.in_child
     if parent_flips:
@@ -173,7 +173,7 @@ def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | Univ
     between = float(np.angle(np.exp(1j * between)))
     if between < 0:  # Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign
         between, angles = -between, angles + np.array([np.pi, -np.pi])
-    return UniversalRotation(in_parent, in_child, between, angles)
+    return ConstrainedRotation(in_parent, in_child, between, angles)
 
 
 def _is_negative(axis: Floats) -> bool:

@@ -15,18 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen._kernels import contiguous
-from skelgen._kernels.joint_models import Parts, linearised
-from skelgen.geometry.rotations import nearest_rotation
+from skelgen._kernels.joint_models import linearised
 from skelgen.kinematics.chain.schur_complement import LinearisedProblem, effective_frames_of_both, gauss_newton
-from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.closed_form import nearest_constrained
 from skelgen.kinematics.joints.relative_poses import whitener
-from skelgen.kinematics.joints.rotations import (
-    ConstrainedRotation,
-    JointRotation,
-    RigidRotation,
-    UniversalRotation,
-    axis_covariance,
-)
+from skelgen.kinematics.joints.rotations import ConstrainedRotation, axis_covariance
 from skelgen.model.arrays import Floats
 
 AXIS_WAY = 10.0
@@ -66,7 +59,7 @@ class TypeFit:
 
     Attributes
     ----------
-    rotation : JointRotation
+    rotation : ConstrainedRotation
         The rotations that the type allows, fitted.
     ratio : float
         Variance of the residuals, in units of that of the noise: 1 for the true type.
@@ -84,7 +77,7 @@ class TypeFit:
         Of the axis in the parent, then of that in the child, unit vectors; 0 for a rigid joint.
     """
 
-    rotation: JointRotation
+    rotation: ConstrainedRotation
     ratio: float
     limit: float
     wobble: float
@@ -219,14 +212,10 @@ def _type_fit(
     name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: TypeLimits
 ) -> TypeFit:
     """Fit one type, and compare its residuals with the noise."""
-    start = _start(name, rotations)
+    start = nearest_constrained(name, rotations)
     rotations, weight = contiguous(rotations, weight)
     found = gauss_newton(
-        start,
-        lambda joint: _linearised(joint, rotations, weight),
-        lambda joint, constants, angles: joint.stepped(constants, angles),
-        MAX_ROUNDS,
-        LEAST_GAIN,
+        start, lambda joint: _linearised(joint, rotations, weight), ConstrainedRotation.stepped, MAX_ROUNDS, LEAST_GAIN
     )
     rotation, solution = found.state, found.solution
     n_frames, n_rows = len(rotations), 3 - start.n_angles
@@ -251,23 +240,12 @@ def _type_fit(
 
 def _is_determined(left: TypeFit) -> bool:
     """Whether a rotation that the type does not allow would have been seen."""
-    if isinstance(left.rotation, UniversalRotation) and np.sin(left.rotation.between) < np.sin(LEAST_BETWEEN):
+    if left.rotation.kind == "universal" and np.sin(left.rotation.between) < np.sin(LEAST_BETWEEN):
         return False
     return left.hidden <= (CLEARLY_LESS * left.allowed if left.rotation.n_angles else RIGID_TURN)
 
 
-def _start(name: str, rotations: Floats) -> ConstrainedRotation:
-    if name == "rigid":
-        return RigidRotation(nearest_rotation(rotations.mean(axis=0)), len(rotations))
-    return nearest_hinge(rotations) if name == "hinge" else nearest_universal(rotations)
-
-
 def _linearised(rotation: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
-    return LinearisedProblem(*linearised(_held(rotation), *contiguous(rotations, weight)))
-
-
-def _held(rotation: ConstrainedRotation) -> Parts:
-    """Parts of a joint as kernels want them."""
-    in_parent, in_child, between, angles = rotation.parts()
-    in_parent, in_child, angles = contiguous(in_parent, in_child, angles)
-    return in_parent, in_child, between, angles
+    in_parent, in_child, angles = contiguous(rotation.in_parent, rotation.in_child, rotation.angles)
+    parts = in_parent, in_child, rotation.between, angles
+    return LinearisedProblem(*linearised(parts, *contiguous(rotations, weight)))

@@ -282,12 +282,7 @@ def _way(skeleton: Skeleton, joint: Joint, direction: Floats) -> str:
 
 
 def _undetermined(
-    joint: Joint,
-    motion: RangeOfMotion,
-    relative: Floats,
-    direction: Floats,
-    deviation: tuple[float, float],
-    way: str,
+    joint: Joint, motion: RangeOfMotion, relative: Floats, direction: Floats, deviation: tuple[float, float], way: str
 ) -> str:
     """Say which direction of a joint's position is not determined, after the joint's name; empty if all are.
 

@@ -12,12 +12,11 @@ ball is free in every frame, and a rigid joint has one rotation for all frames. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from skelgen._kernels.joint_models import Parts
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Floats
 
@@ -27,9 +26,17 @@ X = np.eye(3)[0]
 class JointRotation(Protocol):
     """Rotations parent from child of all frames, as one type of joint allows them."""
 
-    kind: ClassVar[str]
-    n_constants: ClassVar[int]
-    n_angles: ClassVar[int]
+    @property
+    def kind(self) -> str:
+        """The type of the joint."""
+
+    @property
+    def n_constants(self) -> int:
+        """Constants of all frames."""
+
+    @property
+    def n_angles(self) -> int:
+        """Angles of each frame."""
 
     def rotations(self) -> Floats:
         """Return the rotations parent from child, shape (n_frames, 3, 3)."""
@@ -95,141 +102,72 @@ class BallRotation:
 
 
 @dataclass(frozen=True, eq=False)
-class RigidRotation:
-    """A rigid joint: one rotation, shape (3, 3), for `n_frames` frames."""
-
-    kind: ClassVar[str] = "rigid"
-    n_constants: ClassVar[int] = 3
-    n_angles: ClassVar[int] = 0
-    rotation: Floats
-    n_frames: int
-
-    def rotations(self) -> Floats:
-        """Return the rotation for every frame."""
-        return np.tile(self.rotation, (self.n_frames, 1, 1))
-
-    def axes(self) -> None:
-        """Return None: there are no axes."""
-
-    def parts(self) -> Parts:
-        """Return the parts of the rotations."""
-        return self.rotation, np.eye(3), 0.0, np.zeros((self.n_frames, 0))
-
-    def slopes(self) -> tuple[Floats, Floats]:
-        """Return three constant rotations, and no angles."""
-        return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
-
-    def stepped(self, constants: Floats, angles: Floats) -> RigidRotation:
-        """Rotate all frames together.
-
-        Parameters
-        ----------
-        constants : ndarray, shape (n_constants,)
-            Step of the constants.
-        angles : ndarray, shape (n_frames, n_angles), rad
-            Steps of the angles.
-        """
-        return RigidRotation(matrix_from_vector(constants) @ self.rotation, self.n_frames)
-
-
-@dataclass(frozen=True, eq=False)
-class HingeRotation:
-    """A hinge.
-
-    Attributes
-    ----------
-    in_parent, in_child : ndarray, shape (3, 3)
-        Rotations limb from joint: their last column is the axis.
-    angles : ndarray, shape (n_frames,), rad
-        Angle about the axis.
-    """
-
-    kind: ClassVar[str] = "hinge"
-    n_constants: ClassVar[int] = 4
-    n_angles: ClassVar[int] = 1
-    in_parent: Floats
-    in_child: Floats
-    angles: Floats
-
-    def rotations(self) -> Floats:
-        """Return the rotations."""
-        return np.asarray(self.in_parent @ about_z(self.angles) @ self.in_child.T)
-
-    def axes(self) -> tuple[Floats, Floats]:
-        """Return the axis in the parent and in the child."""
-        return self.in_parent[:, 2], self.in_child[:, 2]
-
-    def parts(self) -> Parts:
-        """Return the parts of the rotations."""
-        return self.in_parent, self.in_child, 0.0, self.angles[:, np.newaxis]
-
-    def slopes(self) -> tuple[Floats, Floats]:
-        """Return tilts of the axis in the parent and in the child (two each), and the rotation about it."""
-        n_frames = len(self.angles)
-        tilts = np.tile(self.in_parent[:, :2], (n_frames, 1, 1))
-        turned = -(self.in_parent @ about_z(self.angles))[:, :, :2]
-        return np.concatenate([tilts, turned], axis=2), np.tile(self.in_parent[:, 2:], (n_frames, 1, 1))
-
-    def stepped(self, constants: Floats, angles: Floats) -> HingeRotation:
-        """Tilt the axis and rotate about it.
-
-        Parameters
-        ----------
-        constants : ndarray, shape (n_constants,)
-            Step of the constants.
-        angles : ndarray, shape (n_frames, n_angles), rad
-            Steps of the angles.
-        """
-        in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:])
-        return HingeRotation(in_parent, in_child, self.angles + angles[:, 0])
-
-
-@dataclass(frozen=True, eq=False)
-class UniversalRotation:
-    """A universal joint.
+class ConstrainedRotation:
+    """A joint that is not free: rigid, a hinge, or a universal joint, by the number of its angles.
 
     Attributes
     ----------
     in_parent, in_child : ndarray, shape (3, 3)
         Rotations limb from joint: their last columns are the axis fixed in the parent and that fixed in the child.
     between : float, rad
-        Angle between the two axes.
-    angles : ndarray, shape (n_frames, 2), rad
-        Angles about both.
+        Angle between the two axes of a universal joint; 0 for others.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Angles about the axes.
     """
 
-    kind: ClassVar[str] = "universal"
-    n_constants: ClassVar[int] = 5
-    n_angles: ClassVar[int] = 2
     in_parent: Floats
     in_child: Floats
     between: float
     angles: Floats
 
+    @property
+    def n_angles(self) -> int:
+        """Number of angles in a frame."""
+        return int(self.angles.shape[1])
+
+    @property
+    def kind(self) -> str:
+        """The type of the joint."""
+        return ("rigid", "hinge", "universal")[self.n_angles]
+
+    @property
+    def n_constants(self) -> int:
+        """Rotations of a rigid joint, or two tilts of each axis, and the angle between those of a universal joint."""
+        return 3 + self.n_angles
+
+    def _turned(self) -> tuple[Floats, Floats]:
+        """The joint's frame in the parent after the turn about the first axis and after all, shape (n_frames, 3, 3)."""
+        if self.n_angles == 0:
+            rigid = np.tile(self.in_parent, (len(self.angles), 1, 1))
+            return rigid, rigid
+        first = self.in_parent @ about_z(self.angles[:, 0])
+        if self.n_angles == 1:
+            return first, first
+        return first, first @ matrix_from_vector(self.between * X) @ about_z(self.angles[:, 1])
+
     def rotations(self) -> Floats:
         """Return the rotations."""
-        first, second = about_z(self.angles[:, 0]), about_z(self.angles[:, 1])
-        return np.asarray(self.in_parent @ first @ matrix_from_vector(self.between * X) @ second @ self.in_child.T)
+        return np.asarray(self._turned()[1] @ self.in_child.T)
 
-    def axes(self) -> tuple[Floats, Floats]:
-        """Return the axis in the parent and in the child."""
-        return self.in_parent[:, 2], self.in_child[:, 2]
-
-    def parts(self) -> Parts:
-        """Return the parts of the rotations."""
-        return self.in_parent, self.in_child, self.between, self.angles
+    def axes(self) -> tuple[Floats, Floats] | None:
+        """Return the axis in the parent and in the child; None for a rigid joint."""
+        return (self.in_parent[:, 2], self.in_child[:, 2]) if self.n_angles else None
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return tilts of both axes (two each) and the angle between them, and the rotations about them."""
-        first = self.in_parent @ about_z(self.angles[:, 0])
-        both = first @ matrix_from_vector(self.between * X) @ about_z(self.angles[:, 1])
-        tilts = np.tile(self.in_parent[:, :2], (len(self.angles), 1, 1))
-        constants = np.concatenate([tilts, -both[:, :, :2], first[:, :, :1]], axis=2)
-        own = np.tile(self.in_parent[:, 2:], (len(self.angles), 1, 1))
-        return constants, np.concatenate([own, both[:, :, 2:]], axis=2)
+        """Return tilts of both axes (two each) and the angle between them, and the rotations about them.
 
-    def stepped(self, constants: Floats, angles: Floats) -> UniversalRotation:
-        """Tilt the axes and rotate about them.
+        A rigid joint has three rotations, and no angles.
+        """
+        first, both = self._turned()
+        own = np.tile(self.in_parent, (len(self.angles), 1, 1))
+        if self.n_angles == 0:
+            return np.tile(np.eye(3), (len(own), 1, 1)), np.zeros((len(own), 3, 0))
+        is_universal = self.n_angles == 2
+        constants = np.concatenate([own[:, :, :2], -both[:, :, :2], first[:, :, : int(is_universal)]], axis=2)
+        return constants, np.concatenate([own[:, :, 2:], both[:, :, 2 : 2 + is_universal]], axis=2)
+
+    def stepped(self, constants: Floats, angles: Floats) -> ConstrainedRotation:
+        """Tilt the axes and rotate about them, or rotate all frames of a rigid joint together.
 
         Parameters
         ----------
@@ -238,12 +176,10 @@ class UniversalRotation:
         angles : ndarray, shape (n_frames, n_angles), rad
             Steps of the angles.
         """
+        if self.n_angles == 0:
+            return replace(self, in_parent=matrix_from_vector(constants) @ self.in_parent)
         in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:4])
-        return UniversalRotation(in_parent, in_child, self.between + float(constants[4]), self.angles + angles)
-
-
-ConstrainedRotation = RigidRotation | HingeRotation | UniversalRotation
-"""Rotations of a joint that is not free."""
+        return ConstrainedRotation(in_parent, in_child, self.between + float(constants[4:].sum()), self.angles + angles)
 
 
 def about_z(angles: Floats) -> Floats:
@@ -270,7 +206,7 @@ def axis_covariance(rotation: JointRotation, covariance: Floats) -> Floats:
     -----
     A tilt by (a, b) about x and y of an axis' frame moves its z by (b, -a).
     """
-    if not isinstance(rotation, HingeRotation | UniversalRotation):
+    if not isinstance(rotation, ConstrainedRotation) or rotation.kind == "rigid":
         return np.zeros((6, 6))
     moves = np.zeros((6, 4))
     for row, frame in ((0, rotation.in_parent), (1, rotation.in_child)):

@@ -62,11 +62,7 @@ def loop_joints(parents: Ints, costs: JointCosts, n_markers: Sequence[int]) -> t
 
 
 def closing_loops(
-    pairs: Sequence[Pair],
-    parents: Ints,
-    segments: Sequence[Segment],
-    expected: Floats,
-    how: Guessing,
+    pairs: Sequence[Pair], parents: Ints, segments: Sequence[Segment], expected: Floats, how: Guessing
 ) -> tuple[Pair, ...]:
     """Return those pairs of limbs whose joint moves against some limb between them: only these close a loop.
 

@@ -153,12 +153,7 @@ def drawn_joint(first: Segment, second: Segment, how: Guessing, typical: float, 
 
 
 def classic_joint(
-    first: Segment,
-    second: Segment,
-    how: Guessing,
-    typical: float,
-    alpha: float,
-    radii: Floats | None = None,
+    first: Segment, second: Segment, how: Guessing, typical: float, alpha: float, radii: Floats | None = None
 ) -> JointGuess:
     """Find the joint between two segments by their markers alone, as the thesis does.
 

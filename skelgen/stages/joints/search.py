@@ -60,12 +60,7 @@ class PairSearch:
     """
 
     def __init__(
-        self,
-        segments: list[Segment],
-        frames: Ints,
-        how: Guessing,
-        monitor: Monitor,
-        odds: Floats | None = None,
+        self, segments: list[Segment], frames: Ints, how: Guessing, monitor: Monitor, odds: Floats | None = None
     ) -> None:
         self._segments, self._frames, self._odds = list(segments), frames, odds
         self._sampled = [segment.at(frames) for segment in segments]

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points
 from skelgen.kinematics.rigid_bodies import LimbShape, distinct_rows, fit_shape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
@@ -20,9 +20,6 @@ from skelgen.stages.joints.parameters import JointParameters
 
 LEAST_FREEDOMS = 30
 """Residual coordinates, beyond what the poses and the shape use up, from which a limb's noise is estimated."""
-
-FREE_OF_POSE = 6
-"""Coordinates that a pose explains."""
 
 POSE_POINTS = 3
 """Points that fix a pose, where a limb has as many."""
@@ -198,10 +195,10 @@ def _marker_variance(shape: LimbShape, points: Floats, frames: Ints) -> float:
     frames = frames[shape.posed[frames]]
     poses, sampled = shape.world_from_limb[frames], points[frames]
     seen = ~np.isnan(sampled[:, :, 0])
-    modelled = shape.points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
+    modelled = moved_points(poses, shape.points)
     squares = ((sampled - modelled)[seen] ** 2).sum()
     known_points = int(seen.any(axis=0).sum())
-    freedoms = 3 * int(seen.sum()) - FREE_OF_POSE * len(seen) - (3 * known_points - FREE_OF_POSE)
+    freedoms = 3 * int(seen.sum()) - N_POSE * len(seen) - (3 * known_points - N_POSE)
     return float(squares / freedoms) if freedoms >= LEAST_FREEDOMS else np.nan
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, transform_from
+from skelgen.geometry.rotations import matrix_from_vector, slopes_by_motion, transform_from
 from skelgen.kinematics.hierarchy import joint_gaps
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.model import Poses
@@ -236,10 +236,10 @@ def _small_motion(points: Floats, wanted: Floats) -> Floats:
     for _ in range(STEPS):
         arms = points @ motion[:3, :3].T
         centre = arms.mean(axis=0)
-        slopes = np.concatenate([-cross_matrix(arms - centre), np.broadcast_to(np.eye(3), (len(arms), 3, 3))], axis=2)
-        slopes, errors = slopes.reshape(-1, 6), (wanted - arms - motion[:3, 3]).ravel()
+        slopes = slopes_by_motion(arms - centre).reshape(-1, 6)
+        errors = (wanted - arms - motion[:3, 3]).ravel()
         normal = slopes.T @ slopes / PLACE_STD**2 + np.diag([TURN_STD**-2] * 3 + [0.0] * 3)
-        step = np.linalg.solve(normal, slopes.T @ errors / PLACE_STD**2)
+        step = np.asarray(np.linalg.solve(normal, slopes.T @ errors / PLACE_STD**2), dtype=np.float64)
         turn = matrix_from_vector(step[:3])
         shift = motion[:3, 3] + step[3:] + centre - turn @ centre
         motion = transform_from(turn @ motion[:3, :3], shift)

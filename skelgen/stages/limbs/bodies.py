@@ -15,6 +15,7 @@ import numpy as np
 
 from skelgen.geometry.statistics import LEAST_COMMON, pair_distances
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.progress import listed
 
 LOOKED_AT = 200
 """Frames: bodies move slowly against each other, more would repeat each other."""
@@ -187,6 +188,53 @@ def bodies_by_distances(
     order = np.argsort(first)
     sure = 1.0 / (1.0 + np.exp(-np.array(odds_of)))
     return np.argsort(order)[number], sure[order]
+
+
+def kept_bodies(body_of_marker: Ints, sure: Floats) -> tuple[Ints, Floats]:
+    """Return bodies numbered without holes after some became one, and how sure each is.
+
+    Parameters
+    ----------
+    body_of_marker : ndarray of intp, shape (n_markers,)
+        Numbers that are left.
+    sure : ndarray
+        Probability of each body before.
+    """
+    kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)
+    return body_of_marker, sure[kept] if len(kept) > 1 else np.ones(1)
+
+
+def bodies_of_limbs(limb_of_marker: Ints, body_of_marker: Ints) -> tuple[Ints, Ints]:
+    """Return the bodies that have limbs, and which of these each limb is on.
+
+    Parameters
+    ----------
+    limb_of_marker, body_of_marker : ndarray of intp, shape (n_markers,)
+        -1 for markers on no limb.
+    """
+    body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
+    on_limb = limb_of_marker >= 0
+    body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
+    kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
+    return kept, body_of_limb
+
+
+def body_notices(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
+    """Say that a take shows several bodies.
+
+    Parameters
+    ----------
+    body_of_marker : ndarray of intp, shape (n_markers,)
+        Body of each marker that is on one.
+    sure : ndarray, shape (n_bodies,)
+        Probability of each.
+    """
+    if len(sure) > 1:
+        sizes, percent = listed(map(str, np.bincount(body_of_marker).tolist())), 100 * sure.min()
+        yield (
+            f"the take shows {len(sure)} bodies, of {sizes} markers ({percent:.0f} % sure): nothing joins them, or "
+            "they are never seen together"
+        )
 
 
 def cuts(far: Floats, unsteady: Floats) -> Cuts:

@@ -5,7 +5,6 @@ over jittered sample frames and compared (`rigid_clusters`, `merging`), or the s
 clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
@@ -15,11 +14,19 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.progress import SILENT, Monitor, counted, listed
+from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
 from skelgen.stages.limbs import distances as pair_distances
-from skelgen.stages.limbs.bodies import find_bodies, seen_together, with_stated_bodies
+from skelgen.stages.limbs.bodies import (
+    bodies_of_limbs,
+    body_notices,
+    find_bodies,
+    kept_bodies,
+    seen_together,
+    with_stated_bodies,
+)
 from skelgen.stages.limbs.checks import limb_notices
+from skelgen.stages.limbs.held_bodies import with_held_bodies
 from skelgen.stages.limbs.membership import memberships
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
@@ -81,7 +88,7 @@ def find_limbs(
     found = _groups(trajectories, parameters, n_limbs, named, seed, monitor)
     limb_of_marker = found.limb_of_marker
     about = limb_notices(trajectories, limb_of_marker, found.frames)
-    notices = _about_bodies(found.body_of_marker[found.usable], found.sure), about
+    notices = body_notices(found.body_of_marker[found.usable], found.sure), about
     for notice in chain(*notices):
         monitor.notice(notice)
     limbs = found.limbs()
@@ -117,7 +124,7 @@ class _Groups(NamedTuple):
 
     def limbs(self) -> Limbs:
         """The limbs, without memberships."""
-        kept, body_of_limb = _bodies_of_limbs(self.limb_of_marker, self.body_of_marker)
+        kept, body_of_limb = bodies_of_limbs(self.limb_of_marker, self.body_of_marker)
         return Limbs(self.limb_of_marker, self.deviations.plain, (), None, body_of_limb, self.sure[kept])
 
 
@@ -138,12 +145,16 @@ def _groups(
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     body_of_marker, sure = _bodies(trajectories.positions, usable, every.steady, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    by_wear = np.zeros(trajectories.n_markers, dtype=np.bool_)
+    by_wear, held = np.zeros(trajectories.n_markers, dtype=np.bool_), list[Ints]()
     for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
         groups, by_wear[markers] = grouping.limbs(frames, every.of(markers))
         _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
+        kept, grouped = markers[groups >= 0], groups[groups >= 0]
+        held += [kept[plate] for plate in plates(grouped, every.of(kept), trajectories.positions[:, kept])]
+    if len(sure) > 1 and parameters.n_bodies == 0:
+        body_of_marker, sure = kept_bodies(with_held_bodies(trajectories.positions, body_of_marker, held), sure)
     limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
     return _Groups(limb_of_marker, frames, every, usable, body_of_marker, sure, by_wear)
 
@@ -200,26 +211,7 @@ def _bodies(
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]
     sure = np.minimum(sure, named.body_probability) if stated else sure
-    kept, body_of_marker = np.unique(body_of_marker, return_inverse=True)
-    return body_of_marker, sure[kept] if len(kept) > 1 else np.ones(1)
-
-
-def _bodies_of_limbs(limb_of_marker: Ints, body_of_marker: Ints) -> tuple[Ints, Ints]:
-    """Return the bodies that have limbs, and which of these each limb is on."""
-    body_of_limb = np.zeros(limb_of_marker.max() + 1, dtype=np.intp)
-    on_limb = limb_of_marker >= 0
-    body_of_limb[limb_of_marker[on_limb]] = body_of_marker[on_limb]
-    kept, body_of_limb = np.unique(body_of_limb, return_inverse=True)
-    return kept, body_of_limb
-
-
-def _about_bodies(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
-    if len(sure) > 1:
-        sizes, percent = listed(map(str, np.bincount(body_of_marker).tolist())), 100 * sure.min()
-        yield (
-            f"the take shows {len(sure)} bodies, of {sizes} markers ({percent:.0f} % sure): nothing joins them, or "
-            "they are never seen together"
-        )
+    return kept_bodies(body_of_marker, sure)
 
 
 class _Grouping:

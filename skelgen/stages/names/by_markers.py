@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import chain, count
+from itertools import chain, count, zip_longest
 from pathlib import Path
 
 from skelgen.geometry.keypoints import segment_of_name
@@ -64,7 +64,7 @@ def name_limbs(limbs: Limbs, markers: Sequence[str], worn: MarkerSet | None = No
             named[limb] = (float(len(on_limb)), stem)
         elif votes:
             named[limb] = max(((weight, name) for name, weight in votes.items()), key=_outermost)
-    return unique_names(named, limbs.bodies)
+    return unique_names(named, limbs.bodies, _subjects(limbs, markers))
 
 
 def name_bones(limbs: Limbs, points: Sequence[str]) -> tuple[str, ...]:
@@ -224,10 +224,24 @@ def _shared_stem(on_limb: Sequence[str]) -> str:
     return " ".join(words) if letters >= _LEAST_STEM else ""
 
 
-def unique_names(named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints]) -> tuple[str, ...]:
+def _subjects(limbs: Limbs, markers: Sequence[str]) -> list[str]:
+    """What each body is called by its markers, if all begin with its name, ``Anna:LKNE``; else nothing."""
+    begun = [
+        {markers[marker].rpartition(":")[0].strip() for limb in members.tolist() for marker in limbs.markers_of(limb)}
+        for members in limbs.bodies
+    ]
+    called = [one.pop() if len(one) == 1 else "" for one in begun]
+    words = [re.sub("[0-9]+", "", name) for name in called]  # subject 1, subject 2: no names, they count
+    return [name if words.count(word) == 1 else "" for name, word in zip(called, words, strict=True)]
+
+
+def unique_names(
+    named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints], subjects: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return a name for each limb; of limbs of one body that are called alike, all but the first get a number.
 
-    All named limbs of a body begin with its name, ``body2: pelvis``, if some are called as one of a body before it.
+    All named limbs of a body begin with its name, ``Anna: pelvis`` or ``body2: pelvis``, if some are called as one of
+    another body.
 
     Parameters
     ----------
@@ -235,20 +249,25 @@ def unique_names(named: Mapping[int, tuple[float, str]], bodies: Sequence[Ints])
         Weight and name of limbs; the heaviest comes first.
     bodies : sequence of ndarray of intp
         The limbs of each body, in the order in which bodies are numbered; limbs without a name are called ``limb7``.
+    subjects : sequence of str, optional
+        What each body is called; the number of one that has no name tells it apart.
     """
     names = [f"limb{limb}" for limb in range(sum(map(len, bodies)))]
-    numbers, earlier = set(names), set[str]()
-    for number, limbs in enumerate(bodies, start=1):
-        own, taken = {}, set(numbers)
+    numbers = set(names)
+    own: list[dict[int, str]] = []
+    for limbs in bodies:
+        called, taken = dict[int, str](), set(numbers)
         order = sorted((limb for limb in limbs.tolist() if limb in named), key=lambda limb: (-named[limb][0], limb))
         for limb in order:
             name = named[limb][1]
-            own[limb] = next(
+            called[limb] = next(
                 one for one in chain([name], (f"{name} {again}" for again in count(2))) if one not in taken
             )
-            taken.add(own[limb])
-        begin = f"body{number}{BODY_END}" if earlier & set(own.values()) else ""
-        earlier |= set(own.values())
-        for limb, name in own.items():
+            taken.add(called[limb])
+        own.append(called)
+    n_bodies = Counter(name for called in own for name in called.values())
+    for number, (called, subject) in enumerate(zip_longest(own, subjects), start=1):
+        begin = f"{subject or f'body{number}'}{BODY_END}" if any(n_bodies[name] > 1 for name in called.values()) else ""
+        for limb, name in called.items():
             names[limb] = begin + name
     return tuple(names)

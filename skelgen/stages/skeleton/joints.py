@@ -17,7 +17,6 @@ from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.observability import open_directions
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES
-from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -95,7 +94,7 @@ def articulation_of(types: list[JointType], stated: set[int]) -> Articulation:
         holds = left is not None and (limb in stated or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
         in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
-        if left is not None and isinstance(left.rotation, UniversalRotation):
+        if left is not None:
             between[limb] = left.rotation.between
     return Articulation(tuple(held), in_parent, in_child, between)
 
@@ -202,8 +201,7 @@ def _attachments(
 ) -> list[tuple[Floats, Floats]]:
     """For each joint of a limb, its place before any shift and the derivatives by the shifts, shape (3, n_hinges)."""
     places = []
-    children = [child for child in range(1, chain.n_limbs) if chain.parents[child] == limb]
-    for joint in ([limb] if limb else []) + children:
+    for joint in chain.joints_of(limb):
         follows = np.zeros((3, len(column)))
         if joint in column:
             kind = types[joint - 1]
@@ -234,11 +232,7 @@ def shifted(chain: Chain, types: list[JointType], shifts: dict[int, float]) -> C
 
 
 def errors_of_limbs(
-    last: Calibration,
-    types: list[JointType],
-    shifts: dict[int, float],
-    freedom: Floats,
-    correlation_time: float,
+    last: Calibration, types: list[JointType], shifts: dict[int, float], freedom: Floats, correlation_time: float
 ) -> LimbErrors:
     """Return the errors of a chain whose hinges were moved along their axes.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,6 +93,7 @@ def test_a_project_is_exported_as_the_page_says(page, click, tmp_path):
 def test_options_of_the_format_are_a_form_and_are_obeyed(page, click, tmp_path, session):
     page.choice.setCurrentText("Character Studio marker file")
     assert set(page.form.rows) == {"dropout", "axes", "unit", "rate", "filled"}
+    assert page.form.rows["rate"].label.text() == "Rate, 0 as recorded"
     page.form.rows["dropout"].editor.setCurrentText("zero")
     click(page.export)
     back = skelgen.read(tmp_path / "out" / "walk.csm")
@@ -183,7 +185,10 @@ def test_where_there_are_several_bodies_each_gets_a_file_if_ticked(open_page, cl
     session.open(two)
     page = open_page(session=session)
     page.target.name_line.setText("walk")
+    page.choice.setCurrentText("BVH")
+    assert page.target.name == "walk_{body}"
     page.choice.setCurrentText("Joint positions, CSV")
+    assert page.target.name == "walk"
     assert page.target.each_body.isVisible()
     page.target.each_body.click()
     click(page.export)
@@ -207,6 +212,12 @@ def test_another_recording_is_suggested_its_own_name(page, session, walked, tmp_
     take = skelgen.Trajectories(walked[0].trajectories.positions, walked[0].trajectories.names, 100.0, "jump.c3d")
     session.open(Project(take), tmp_path / "jumps" / "jump.skelgen")
     assert (page.target.folder, page.target.name) == (tmp_path / "jumps", "jump")
+
+
+def test_a_folder_is_suggested_with_its_whole_path(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page.target.suggest(Path("walk"), "walk")
+    assert page.target.folder_line.text() == str(tmp_path / "walk")
 
 
 def test_a_folder_can_be_chosen(page, click, monkeypatch, tmp_path):

@@ -121,3 +121,13 @@ def test_names_in_the_view_do_not_cover_each_other():
     assert 8 < len(placed) < 40
     apart = (np.abs(placed[:, np.newaxis] - placed) >= [40.0, 14.0]).any(axis=2)
     assert apart[~np.eye(len(placed), dtype=bool)].all()
+
+
+def test_names_need_no_scrolling_sideways_in_a_narrow_panel(qtbot, named, person):
+    names = ["the limb with a name as long as this", *named.session.project.limbs.names[1:]]
+    named.document.change("names", named.session.project.with_limb_names(names))
+    named.resize(1024, 700)
+    person.waits()
+    tree = named.outline.tree
+    assert tree.horizontalScrollBar().maximum() == 0
+    assert tree.visualItemRect(items(named, "limb")[names[0]]).right() >= tree.columnViewportPosition(2)

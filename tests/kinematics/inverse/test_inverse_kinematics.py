@@ -8,7 +8,7 @@ import pytest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, solve
+from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, hold_joints, solve
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.kinematics.inverse.root_outward import KnownJoints, pose_outward
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
@@ -58,6 +58,22 @@ def test_exact_markers_give_the_true_angles(arm, method):
     assert posture.limb_seen.all()
     np.testing.assert_allclose(posture.joint_positions, posture.world_from_limb[:, :, :3, 3][:, 1:], atol=0)
     np.testing.assert_allclose(posture.joint_positions[:, 0], np.tile([0.0, 0, 300], (N_FRAMES, 1)), atol=1e-3)
+
+
+def test_joints_that_are_held_to_their_types_share_what_that_costs(arm):
+    """What lies behind the hinge is turned across its axis by 0.03 rad, the last limb by 9 mm; half is left."""
+    skeleton, positions, _ = arm
+    true = solve(skeleton, positions).world_from_limb
+    wobbling = true.copy()
+    bent = true[:, 2, :3, :3] @ matrix_from_vector(0.03 * Y) @ true[:, 2, :3, :3].swapaxes(1, 2)
+    wobbling[:, 2:, :3, :3] = bent[:, np.newaxis] @ true[:, 2:, :3, :3]
+    away = true[:, 2:, :3, 3] - true[:, 2:3, :3, 3]
+    wobbling[:, 2:, :3, 3] = true[:, 2:3, :3, 3] + np.einsum("fij,flj->fli", bent, away)
+    held = hold_joints(skeleton, wobbling)
+    turn = held[:, 1, :3, :3].swapaxes(1, 2) @ held[:, 2, :3, :3]
+    np.testing.assert_allclose(turn @ X, np.tile(X, (N_FRAMES, 1)), atol=1e-9)
+    before, after = (np.linalg.norm((one - wobbling)[:, 3, :3, 3], axis=1).mean() for one in (true, held))
+    assert after < before / 2
 
 
 def test_one_frame_is_a_take_of_one_frame(arm):

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skelgen.errors import InputError
 from skelgen.model import Trajectories
@@ -11,6 +12,7 @@ from skelgen.simulation import simulate
 from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.bodies import find_bodies, seen_together
+from skelgen.stages.limbs.held_bodies import with_held_bodies
 from skelgen.stages.limbs.worn_places import with_whole_people
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
@@ -119,3 +121,51 @@ def test_piece_of_another_person_is_no_part_of_a_person(seed, distance):
     kept = np.array([one == 0 or name.endswith(BELOW_KNEE) for one, name in zip(subject, two.names, strict=True)])
     bodies = subject[kept]
     assert np.array_equal(with_whole_people(two.positions[:, kept], bodies), bodies)
+
+
+LINKS = (  # of an arm: pivot and axis of the joint to the link before, its turns [rad], where its markers are [mm]
+    ((0, 0, 0), (0, 0, 1), 0.0, (0, 0, 50)),
+    ((0, 0, 200), (0, 0, 1), 1.0, (0, 0, 250)),
+    ((0, 0, 400), (0, 1, 0), 0.6, (0, 0, 650)),
+    ((0, 0, 1100), (0, 1, 0), 0.7, (150, 0, 1150)),
+    ((300, 0, 1150), (1, 0, 0), 1.2, (450, 0, 1150)),
+)
+
+
+def arm(seed, place=0.0):
+    """An arm on a base that stands still, its markers far from long links' joints, shape (n_frames, 20, 3)."""
+    rng, seconds = np.random.default_rng(seed), np.arange(1000) / 100.0
+    turned, shifted, links = np.eye(3), np.array([place, 0.0, 0.0]), []
+    for number, (pivot, axis, amplitude, centre) in enumerate(LINKS):
+        angle = amplitude * np.sin((1.0 + 0.3 * number) * seconds + rng.uniform(0, 6))
+        turns = Rotation.from_rotvec(angle[:, np.newaxis] * np.array(axis)).as_matrix()
+        shifted = turned @ (np.array(pivot) - turns @ np.array(pivot))[..., np.newaxis] + shifted.reshape(-1, 3, 1)
+        turned = turned @ turns
+        points = centre + rng.uniform(-60, 60, (4, 3))
+        links.append(np.einsum("fij,mj->fmi", turned, points) + shifted[..., 0][:, np.newaxis])
+    positions = np.concatenate(links, axis=1)
+    return positions + rng.normal(0.0, 0.3, positions.shape)
+
+
+def bodies_of(positions):
+    take = Trajectories(positions, [f"M{marker}" for marker in range(positions.shape[1])], 100.0)
+    limbs = find_limbs(take)
+    return limbs.n_limbs, limbs.body_of_limb[limbs.limb_of_marker].tolist()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_long_links_of_a_machine_are_one_body_by_the_joint_between_them(seed):
+    positions = arm(seed)
+    assert len(find_bodies(positions)[1]) == 2  # by distances
+    assert bodies_of(positions) == (5, [0] * 20)
+
+
+def test_machines_beside_each_other_are_two_though_their_bases_are_still():
+    assert bodies_of(np.concatenate([arm(0), arm(1, place=1500.0)], axis=1)) == (10, [0] * 20 + [1] * 20)
+
+
+def test_plates_that_move_by_themselves_are_held_by_no_joint():
+    moving = [simulate("rods", n_frames=300, noise=0.3, seed=seed).take.positions[:, :3] for seed in (0, 1)]
+    positions = np.concatenate([moving[0], moving[1] + np.array([400.0, 0.0, 0.0])], axis=1)
+    body = np.repeat([0, 1], 3)
+    assert np.array_equal(with_held_bodies(positions, body, [np.arange(3), np.arange(3, 6)]), body)

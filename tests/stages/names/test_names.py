@@ -97,11 +97,22 @@ def test_two_limbs_never_have_one_name():
     assert name_limbs(limbs, names) == ("left thigh 2", "left thigh", "right thigh", "chest", "left shank")
 
 
-def test_a_body_whose_limbs_are_called_as_those_of_another_has_one_number():
-    limbs, names = limbs_of([["C7", "T10"], ["LTHI", "LTHI2"], ["LANK"], ["C7_b", "T10_b"], ["LTHI_b"]])
-    apart = dataclasses.replace(limbs, body_of_limb=np.array([0, 0, 0, 1, 1]), body_probability=np.ones(2))
-    assert name_limbs(apart, names)[:3] == ("chest", "left thigh", "left shank")
-    assert name_limbs(apart, names)[3:] == ("body2: chest", "body2: left thigh")
+def test_bodies_whose_limbs_are_called_alike_have_their_number_before_each_name():
+    limbs, names = limbs_of([["C7", "T10"], ["LTHI", "LTHI2"], ["LANK"], ["C7_b", "T10_b"], ["LTHI_b"], ["LFHD"]])
+    apart = dataclasses.replace(limbs, body_of_limb=np.array([0, 0, 0, 1, 1, 2]), body_probability=np.ones(3))
+    assert name_limbs(apart, names)[:3] == ("body1: chest", "body1: left thigh", "body1: left shank")
+    assert name_limbs(apart, names)[3:] == ("body2: chest", "body2: left thigh", "head")
+
+
+@pytest.mark.parametrize(
+    ("subjects", "begins"), [(("Ben", "Anna"), ("Ben", "Anna")), (("subject 2", "subject 1"), ("body1", "body2"))]
+)
+def test_bodies_whose_markers_begin_with_a_name_have_it_and_numbers_are_none(subjects, begins):
+    worn = (["C7", "T10"], ["LTHI"], ["LANK"])
+    limbs, names = limbs_of([[f"{subject}:{marker}" for marker in one] for subject in subjects for one in worn])
+    apart = dataclasses.replace(limbs, body_of_limb=np.repeat([0, 1], 3), body_probability=np.ones(2))
+    segments = ("chest", "left thigh", "left shank")
+    assert name_limbs(apart, names) == tuple(f"{begin}: {segment}" for begin in begins for segment in segments)
 
 
 @pytest.fixture(scope="module")

@@ -28,8 +28,9 @@ from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
-DOUBTFUL = 0.005
-"""Part of the positions that are expected to be another marker's, or lack one, from which labels are sought again."""
+DOUBTFUL = 0.01
+"""Part of the positions that are expected to be another marker's from which labels are sought again; what lacks a
+marker counts twice, as a doubt may be needless."""
 
 LEFT_SECONDS = 0.06
 """s; what is followed for longer without a marker lacks one: false points do not last that long."""
@@ -95,7 +96,7 @@ def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
     labelled = _trajectories(take, found)
     history = label_quality.history_of(label_quality.PointLabels(take.cloud, tracks, found), labelled.n_markers)
     confidence = label_quality.labelling_of_cloud(labelled, history).confidence
-    return bool(n_left / len(found) + np.nanmean(1.0 - confidence) > DOUBTFUL)
+    return bool(2.0 * n_left / len(found) + np.nanmean(1.0 - confidence) > DOUBTFUL)
 
 
 def _trajectories(take: FollowedCloud, found: Ints) -> Trajectories:
