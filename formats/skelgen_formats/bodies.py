@@ -20,6 +20,7 @@ from skelgen_formats.options import ANGLE_ORDER, AUTO, ROTATION_VECTOR, Options
 from skelgen_formats.turn_titles import AXES
 
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
+_POSE = 7  # numbers of a place and a quaternion
 _LARGEST_ANGLE = 1e6  # rad; nothing turns so often
 _LEAST_TURN = 1.0  # rad, of an angle from one frame to the next, beyond which orders differ in how bodies turn
 _SMOOTHER = 0.25  # of the turns of another order: poses that are smooth beside ones that jump
@@ -29,23 +30,46 @@ BY_ROWS = "matrices, whose nine cells are numbered, are taken row by row"
 _MATRIX_TOLERANCE = 0.01  # of R R^T = 1: matrices printed with three digits are off by less
 
 
-def transforms_of(path: Path, numbers: Floats, factor: float) -> Floats:
-    """Return the poses of bodies, shape (n_frames, n_bodies, 4, 4), translations in mm, NaN where unseen.
+def take_from_bodies(
+    path: Path, numbers: Floats, factor: float, names: Sequence[str], rate: float, notices: Sequence[str] = ()
+) -> Poses:
+    """Make the value that a file of bodies holds: bodies that are never seen are dropped with a notice.
 
     Parameters
     ----------
     path : Path
-        The file, for errors.
-    numbers : ndarray, shape (n_frames, n_bodies, 7)
-        Position in the file's unit and unit quaternion, scalar first; all NaN where a body is unseen.
+        The file.
+    numbers : ndarray, shape (n_frames, n_bodies, 7 or 12)
+        Places in the file's unit, and unit quaternions, scalar first, or the cells of matrices row by row, as files
+        print them; all NaN where a body is unseen, matrices also 0.
     factor : float
-        mm per unit of the file.
+        mm per unit.
+    names : sequence of str, length n_bodies
+        Of the bodies; those that stand twice get numbers.
+    rate : float, Hz
+        Frames a second.
+    notices : sequence of str
+        What the reader noticed.
 
     Raises
     ------
     FormatError
-        If a body is half seen, is too far away, or its quaternion is not one of a rotation.
+        If there is no frame, no body is ever seen, or one has no finite place or no rotation.
     """
+    if not len(numbers):
+        raise FormatError(path, "", "holds no frame: nothing can be read from it")
+    transforms = _transforms(path, _with_quaternions(path, numbers) if numbers.shape[2] > _POSE else numbers, factor)
+    ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
+    if not ever.any():
+        raise FormatError(path, "", "no body is seen in any frame: there is nothing to reconstruct from")
+    notes = list(notices)
+    noted(notes, names, ~ever, "dropped because never seen", ("body", "bodies"))
+    kept = distinct_names([name for name, seen in zip(names, ever, strict=True) if seen], "_", notes)
+    return Poses(transforms[:, ever], kept, rate, path.name, tuple(notes))
+
+
+def _transforms(path: Path, numbers: Floats, factor: float) -> Floats:
+    """Return poses, shape (n_frames, n_bodies, 4, 4), translations in mm, of places and unit quaternions."""
     empty = np.isnan(numbers)
     seen = ~empty.all(axis=2)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -62,25 +86,11 @@ def transforms_of(path: Path, numbers: Floats, factor: float) -> Floats:
     return transforms
 
 
-def quaternions_from_matrices(path: Path, matrices: Floats) -> Floats:
-    """Return unit quaternions, scalar first, of the rotations nearest to matrices as files print them.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for errors.
-    matrices : ndarray, shape (n_frames, n_bodies, 3, 3)
-        NaN where a body is unseen.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_bodies, 4)
-
-    Raises
-    ------
-    FormatError
-        If a matrix is far from a rotation.
-    """
+def _with_quaternions(path: Path, numbers: Floats) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of the rotations nearest to matrices."""
+    numbers = np.array(numbers)
+    numbers[(numbers[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
+    matrices = blank_unseen(numbers)[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
     seen: Bools = np.asarray(np.isfinite(matrices).all(axis=(2, 3)))
     with np.errstate(over="ignore", invalid="ignore"):
         products = matrices @ matrices.swapaxes(2, 3)
@@ -88,34 +98,9 @@ def quaternions_from_matrices(path: Path, matrices: Floats) -> Floats:
     if off.any():
         frame, body = np.argwhere(off)[0]
         raise FormatError(path, f"frame {frame + 1}", f"the matrix of body {body + 1} is not that of a rotation")
-    quaternions = np.full((*matrices.shape[:2], 4), np.nan)
+    quaternions = np.full((*numbers.shape[:2], 4), np.nan)
     quaternions[seen] = quaternion_from_matrix(nearest_rotation(matrices[seen]))
-    return quaternions
-
-
-def quaternions_from_angles(angles: Floats, order: str) -> Floats:
-    """Return unit quaternions, scalar first, of rotations that files give as three angles.
-
-    Parameters
-    ----------
-    angles : ndarray, shape (n_frames, n_bodies, 3), rad
-        About x, y and z, whatever the order; NaN where a body is unseen, as it is where they are no angles.
-    order : str
-        Such as ``zyx``, R = Rz Ry Rx: about the body's own axes, z first; or `ROTATION_VECTOR`.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_bodies, 4)
-    """
-    seen: Bools = np.asarray((np.abs(angles) < _LARGEST_ANGLE).all(axis=2))
-    quaternions = np.full((*angles.shape[:2], 4), np.nan)
-    turned = angles[seen]
-    if order == ROTATION_VECTOR:
-        matrices = matrix_from_vector(turned)
-    else:
-        matrices = matrix_from_euler(order.upper(), turned[:, [AXES.index(axis) for axis in order]])
-    quaternions[seen] = quaternion_from_matrix(matrices)
-    return quaternions
+    return np.concatenate([numbers[:, :, : len(AXES)], quaternions], axis=2)
 
 
 def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, notices: list[str]) -> Floats:
@@ -140,44 +125,46 @@ def with_quaternions(numbers: Floats, usual: str, unit: str, options: Options, n
         "" if options.angle_order != AUTO else "; `--angle-order` states another, `--points markers` leaves them out"
     )
     notices.append(f"angles of bodies are taken as {turned}{stated}")
-    angles = angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
-    if options.angle_order == AUTO:
-        notice_jumps(angles, order, notices)
-    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_angles(angles, order)], axis=2)
+    return turned_by_angles(numbers, order, unit, notices, is_sure=options.angle_order != AUTO)
 
 
-def with_quaternions_of_matrices(path: Path, numbers: Floats) -> Floats:
-    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with matrices.
+def turned_by_angles(numbers: Floats, order: str, unit: str, notices: list[str], *, is_sure: bool) -> Floats:
+    """Return places and unit quaternions, shape (n_frames, n_bodies, 7), of bodies with angles.
 
     Parameters
     ----------
-    path : Path
-        The file, for errors.
-    numbers : ndarray, shape (n_frames, n_bodies, 12)
-        Places, and world from body, row by row; a body is unseen where this is zero, or anything NaN.
-    """
-    numbers = np.array(numbers)
-    numbers[(numbers[:, :, len(AXES) :] == 0.0).all(axis=2)] = np.nan
-    blank_unseen(numbers)
-    turns = numbers[:, :, len(AXES) :].reshape(*numbers.shape[:2], 3, 3)
-    return np.concatenate([numbers[:, :, : len(AXES)], quaternions_from_matrices(path, turns)], axis=2)
-
-
-def notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:
-    """Say in which orders bodies go on smoothly where they jump in the assumed one.
-
-    Angles jump near gimbal lock though the body turns little: there, only in the right order, and in few others, poses
-    are near each other. The median angle between successive poses, where an angle changes by more than 1 rad, tells.
-
-    Parameters
-    ----------
-    angles : ndarray, shape (n_frames, n_bodies, 3), rad
-        About x, y and z; NaN where a body is unseen.
+    numbers : ndarray, shape (n_frames, n_bodies, 6)
+        Places and angles about x, y and z; NaN where a body is unseen.
     order : str
-        Assumed, as of `quaternions_from_angles`.
+        Axes about which one turns after the other, such as ``xyz``, or `ROTATION_VECTOR`.
+    unit : str
+        Of the angles, in small letters; empty if it is not named.
     notices : list of str
-        Gets a sentence if there are such orders.
+        Gets what is assumed.
+    is_sure : bool
+        Whether the order is stated; else poses that jump are told.
     """
+    angles = _angles_in_rad(numbers[:, :, len(AXES) :], unit, notices)
+    if not is_sure:
+        _notice_jumps(angles, order, notices)
+    return np.concatenate([numbers[:, :, : len(AXES)], _quaternions_from_angles(angles, order)], axis=2)
+
+
+def _quaternions_from_angles(angles: Floats, order: str) -> Floats:
+    """Return unit quaternions, scalar first, shape (n_frames, n_bodies, 4), of angles about x, y and z [rad]."""
+    seen: Bools = np.asarray((np.abs(angles) < _LARGEST_ANGLE).all(axis=2))
+    quaternions = np.full((*angles.shape[:2], 4), np.nan)
+    turned = angles[seen]
+    if order == ROTATION_VECTOR:
+        matrices = matrix_from_vector(turned)
+    else:
+        matrices = matrix_from_euler(order.upper(), turned[:, [AXES.index(axis) for axis in order]])
+    quaternions[seen] = quaternion_from_matrix(matrices)
+    return quaternions
+
+
+def _notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:
+    """Say in which orders bodies go on smoothly where they jump in the assumed one."""
     with np.errstate(invalid="ignore"):
         sound = np.where(np.abs(angles) < _LARGEST_ANGLE, angles, np.nan)
         changes = np.abs(np.remainder(np.diff(sound, axis=0) + np.pi, 2 * np.pi) - np.pi)
@@ -186,7 +173,7 @@ def notice_jumps(angles: Floats, order: str, notices: list[str]) -> None:
         return
     pairs = np.stack([sound[frames, bodies], sound[frames + 1, bodies]], axis=1)
     choices = [choice for choice in ANGLE_ORDER.choices if choice != AUTO]
-    turns = {choice: _median_turn(quaternions_from_angles(pairs, choice)) for choice in choices}
+    turns = {choice: _median_turn(_quaternions_from_angles(pairs, choice)) for choice in choices}
     smooth = [f"`--angle-order {choice}`" for choice, turn in turns.items() if turn < _SMOOTHER * turns[order]]
     if smooth:
         turned = f"{np.rad2deg(turns[order]):.0f} degrees"
@@ -199,18 +186,8 @@ def _median_turn(pairs: Floats) -> float:
     return float(np.median(2 * np.arccos(np.minimum(cosines, 1.0))))
 
 
-def angles_in_rad(angles: Floats, unit: str, notices: list[str]) -> Floats:
-    """Return angles in rad; where no unit is named, those beyond a full turn show that they are degrees.
-
-    Parameters
-    ----------
-    angles : ndarray
-        In the file's unit.
-    unit : str
-        Begins with ``deg`` or ``rad``, or is empty.
-    notices : list of str
-        Gets a sentence if no unit is named.
-    """
+def _angles_in_rad(angles: Floats, unit: str, notices: list[str]) -> Floats:
+    """Return angles in rad; where no unit is named, those beyond a full turn show that they are degrees."""
     if not unit:
         with np.errstate(invalid="ignore"):
             unit = "deg" if (np.abs(angles) > 2 * np.pi).any() else "rad"
@@ -223,37 +200,3 @@ def blank_unseen(numbers: Floats) -> Floats:
     unseen = (numbers == 0.0).all(axis=2) | np.isnan(numbers).any(axis=2)
     numbers[unseen] = np.nan
     return numbers
-
-
-def take_from_bodies(
-    path: Path, transforms: Floats, names: Sequence[str], rate: float, notices: Sequence[str] = ()
-) -> Poses:
-    """Make the value that a file of bodies holds: bodies that are never seen are dropped with a notice.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    transforms : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
-        NaN where a body is unseen.
-    names : sequence of str, length n_bodies
-        As in the file.
-    rate : float, Hz
-        Frame rate.
-    notices : sequence of str
-        Notices of the reader so far.
-
-    Raises
-    ------
-    FormatError
-        If there is no frame, or no body is ever seen.
-    """
-    if not len(transforms):
-        raise FormatError(path, "", "holds no frame: nothing can be read from it")
-    ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
-    if not ever.any():
-        raise FormatError(path, "", "no body is seen in any frame: there is nothing to reconstruct from")
-    notes = list(notices)
-    noted(notes, names, ~ever, "dropped because never seen", ("body", "bodies"))
-    kept = distinct_names([name for name, seen in zip(names, ever, strict=True) if seen], "_", notes)
-    return Poses(transforms[:, ever], kept, rate, path.name, tuple(notes))

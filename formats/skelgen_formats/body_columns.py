@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from skelgen_formats.turn_titles import AXES, COMPONENTS, cells_of, order_of
+from skelgen_formats.turn_titles import AXES, COMPONENTS
 
 
 @dataclass
@@ -39,7 +39,13 @@ class Body:
     @property
     def cells(self) -> list[int]:
         """The columns of the nine cells of its matrix, row by row, counted from 1 or 0; empty if one is missing."""
-        return cells_of(self.matrix)
+        for first in (0, 1):
+            flat = [str(key) for key in range(first, first + 9)]
+            pairs = [f"{row}{column}" for row in range(first, first + 3) for column in range(first, first + 3)]
+            for keys in (flat, pairs):
+                if self.matrix.keys() >= {*keys}:
+                    return [self.matrix[key] for key in keys]
+        return []
 
     @property
     def has_angles(self) -> bool:
@@ -49,7 +55,7 @@ class Body:
     @property
     def angle_order(self) -> str:
         """How the angles turn the body: as titles say, else about the axes in the order of their columns."""
-        return self.stated_order or order_of(self.angles)
+        return self.stated_order or "".join(sorted(self.angles, key=self.angles.__getitem__))
 
     @property
     def every_column(self) -> set[int]:

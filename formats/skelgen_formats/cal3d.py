@@ -71,8 +71,9 @@ def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
     skeleton_path, animation_path = files = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
+    comments = (f"<!--{comment_text(sentence)}-->\n" for sentence in choices_in(project))
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, chain(_skeleton(project.skeleton, unit), _comments(project)))
+        _write(skeleton_file, chain(_skeleton(project.skeleton, unit), comments))
         _write(animation_file, _animation(project, unit, monitor))
     return list(files)
 
@@ -102,10 +103,6 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
         yield "</BONE>\n"
     yield "</SKELETON>\n"
-
-
-def _comments(project: Project) -> Iterator[str]:
-    yield from (f"<!--{comment_text(sentence)}-->\n" for sentence in choices_in(project))
 
 
 def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:

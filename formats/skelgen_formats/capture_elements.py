@@ -58,14 +58,9 @@ _PLACED = Element(optional=("std", "axis_std"), numbers=16)
 OF_PAIR: Mapping[str, Element] = {
     ROOT: Element(
         required=("version", "unit"),
-        children={
-            "source": _AT_MOST_ONE,
-            "rig": _ONE,
-            "detection": _AT_MOST_ONE,
-            "search": _AT_MOST_ONE,
-            "body": _ANY,
-            "joint": _ANY,
-        },
+        children={"rig": _ONE}
+        | dict.fromkeys(("source", "detection", "search"), _AT_MOST_ONE)
+        | dict.fromkeys(("body", "joint"), _ANY),
     ),
     "source": Element(),
     "rig": Element(required=("noise",), children={LEFT: _ONE, RIGHT: _ONE, "covariance": _AT_MOST_ONE}),

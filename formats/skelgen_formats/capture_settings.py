@@ -73,11 +73,7 @@ from skelgen_formats.capture_elements import (
 )
 from skelgen_formats.xml_text import closest_first, number_text, read_root, write_lines
 
-__all__ = [
-    "read_any_settings",
-    "read_settings",
-    "write_settings",
-]
+__all__ = ["read_any_settings", "read_settings", "write_settings"]
 
 
 def read_settings(
@@ -105,11 +101,8 @@ def read_settings(
     """
     settings = read_any_settings(path, detection, search)
     if isinstance(settings, RoomSettings):
-        raise FormatError(
-            Path(path),
-            "",
-            f"holds {len(settings.rig.cameras)} cameras of a room; this needs a <left> and a <right> one",
-        )
+        what = f"holds {len(settings.rig.cameras)} cameras of a room; this needs a <left> and a <right> one"
+        raise FormatError(Path(path), "", what)
     return settings
 
 

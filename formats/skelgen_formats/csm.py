@@ -32,7 +32,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
-from skelgen_formats.text import count_in, parse_rows, rate_in
+from skelgen_formats.text import count_in, first_in, parse_rows, rate_in, stated_in
 from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
@@ -74,20 +74,17 @@ def read_csm(path: Path, sample: Sample | None = None) -> Trajectories | PointCl
     """
     lines = read_lines(path, sample)
     sections, first = _sections(path, lines)
-    _, names = _section(path, sections, "$order")
-    rate_line, rate = _section(path, sections, "$rate")
+    _, names = stated_in(path, sections, "$order")
     notices: list[str] = []
     rows, numbers = _frames(path, lines, first, len(names), notices)
-    first_line, first_words = _section(path, sections, "$firstframe")
-    last_line, last_words = _section(path, sections, "$lastframe")
-    begin = count_in(path, first_line, first_words[0], "$FirstFrame")
-    end = count_in(path, last_line, last_words[0], "$LastFrame")
+    begin = count_in(path, *first_in(path, sections, "$firstframe"), "$FirstFrame")
+    end = count_in(path, *first_in(path, sections, "$lastframe"), "$LastFrame")
     if numbers and numbers[0] != begin:
         raise FormatError(path, first + 1, f"the first frame has number {numbers[0]}; $FirstFrame says {begin}")
     rows = uncut(lines, rows, end - begin + 1, notices)
     positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
-    rate_value = rate_in(path, rate_line, rate[0], "$Rate")
-    return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
+    rate = rate_in(path, *first_in(path, sections, "$rate"), "$Rate")
+    return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
 
 
 def write_csm(
@@ -150,13 +147,6 @@ def _sections(path: Path, lines: Lines) -> tuple[_Sections, int]:
         else:
             words.extend(line.split())
     raise FormatError(path, len(lines), "there is no $Points: this is no CSM file or it is cut off")
-
-
-def _section(path: Path, sections: _Sections, keyword: str) -> tuple[int, list[str]]:
-    if keyword not in sections or not sections[keyword][1]:
-        place = sections[keyword][0] if keyword in sections else ""
-        raise FormatError(path, place, f"{keyword} is missing or empty; a CSM file needs it before $Points")
-    return sections[keyword]
 
 
 def _frames(path: Path, lines: Lines, first: int, n_markers: int, notices: list[str]) -> tuple[Floats, list[int]]:

@@ -22,10 +22,9 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.bodies import quaternions_from_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.markers import array_from_records
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, Format, Options
+from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
 
@@ -62,7 +61,7 @@ def read_dtrack(path: Path, options: Options) -> Trajectories | PointCloud | Pos
         numbers = sorted({number for frame in bodies for number in frame})
         found = array_from_records(path, bodies, numbers, _PLACE + _MATRIX)
         matrices = found[:, :, _PLACE:].reshape(*found.shape[:2], 3, 3).swapaxes(2, 3)
-        poses = np.concatenate([found[:, :, :_PLACE], quaternions_from_matrices(path, matrices)], axis=2)
+        poses = np.concatenate([found[:, :, :_PLACE], matrices.reshape(*found.shape[:2], _MATRIX)], axis=2)
         return take_from_table(path, poses, [f"body {number + 1}" for number in numbers], stamps, options, "mm")
     if not any(markers):
         raise FormatError(path, "", "lists no body (6d) and no single marker (3d); switch them on in DTrack's output")

@@ -24,13 +24,13 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
+from skelgen_formats.text import count_in, first_in, parse_rows, rate_in, whole_lines, without_trailing_empty
 
 _FIRST_LINE = "BTS ASCII"
 _KEY = re.compile(r"\w[\w ]*")
 _TITLE = re.compile(r"(.{1,200})[.]([XYZ])")
 
-_Header = dict[str, tuple[int, str]]  # key in small letters -> line number and value
+_Header = dict[str, tuple[int, list[str]]]  # key in small letters -> line number and value
 
 
 def read_emt(path: Path, sample: Sample | None = None) -> Trajectories | PointCloud:
@@ -58,12 +58,12 @@ def read_emt(path: Path, sample: Sample | None = None) -> Trajectories | PointCl
     titles = [title.strip() for title in without_trailing_empty(lines[number - 1].split("\t"))]
     names = {titles.index(f"{name}.X"): name for name in _points(titles)}
     if not names:
-        kind = header.get("type", (0, "data"))[1][:40]
+        kind = "".join(header.get("type", (0, ["data"]))[1])[:40]
         what = f"holds {kind}, no points; export the 3D tracks of points from SMART, or C3D"
         raise FormatError(path, number, what)
     columns = [titles.index(f"{name}.{axis}") for name in names.values() for axis in "XYZ"]
-    unit, rate, frames = (_value(path, header, key) for key in ("measure unit", "frequency", "frames"))
-    rate_hz = rate_in(path, rate[0], rate[1].removesuffix("Hz").strip(), "Frequency")
+    unit, (line, rate), frames = (first_in(path, header, key) for key in ("measure unit", "frequency", "frames"))
+    rate_hz = rate_in(path, line, rate.removesuffix("Hz").strip(), "Frequency")
     notices: list[str] = []
     rows = parse_rows(
         path, whole_lines(lines.rows(number), len(lines), len(titles), "\t", notices), len(titles), "\t", columns
@@ -80,7 +80,7 @@ def _header(path: Path, lines: Lines) -> tuple[_Header, int]:
         key, colon, value = line.strip().partition(":")
         if not colon or _KEY.fullmatch(key) is None:
             return header, number
-        header.setdefault(key.strip().lower(), (number, value.strip()))
+        header.setdefault(key.strip().lower(), (number, [*filter(None, [value.strip()])]))
     raise FormatError(path, len(lines), "the file ends within its header")
 
 
@@ -88,12 +88,6 @@ def _points(titles: list[str]) -> list[str]:
     """Return the names of tracks with all three coordinates."""
     found = [match[1] for title in titles if (match := _TITLE.fullmatch(title))]
     return [name for name in dict.fromkeys(found) if {f"{name}.{axis}" for axis in "XYZ"} <= {*titles}]
-
-
-def _value(path: Path, header: _Header, key: str) -> tuple[int, str]:
-    if key not in header or not header[key][1]:
-        raise FormatError(path, header.get(key, (1, ""))[0], f"the header states no {key}")
-    return header[key]
 
 
 FORMAT = Format(

@@ -41,17 +41,7 @@ from skelgen_formats.bones import (
     turned_bones,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import (
-    BONE_NAMES,
-    METRES,
-    RATE,
-    REST,
-    Format,
-    Options,
-    Writable,
-    moving_project,
-    per_mm,
-)
+from skelgen_formats.options import BONE_NAMES, METRES, RATE, REST, Format, Options, Writable, moving_project, per_mm
 from skelgen_formats.writing import UPRIGHT, place_remark, remark_on_up
 
 _TITLE = "glTF"

@@ -70,9 +70,8 @@ def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:
 def _entry(path: Path, number: int, line: str, columns: tuple[str, ...]) -> Identity:
     cells = split_cells(path, line, number, ",")
     if len(cells) != len(columns):
-        raise FormatError(
-            path, number, f"{counted(len(cells), 'cell')} where {len(columns)} belong: {', '.join(columns)}"
-        )
+        what = f"{counted(len(cells), 'cell')} where {len(columns)} belong: {', '.join(columns)}"
+        raise FormatError(path, number, what)
     row = dict(zip(columns, cells, strict=True))
     by_position = any(row.get(axis) for axis in _AXES)
     position = tuple(number_in(path, number, row[axis], axis) for axis in _AXES) if by_position else None

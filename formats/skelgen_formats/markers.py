@@ -3,7 +3,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,6 @@ COMPUTED = "left out because a model computed them (`--points all` takes them)"
 _OUTPUT = re.compile(r"\w*(Angles?|Forces?|Moments?|Powers?|Reactions?|GRF[OPM]?)")
 _CUT_UNIT = 3  # letters of a unit that a field was too short for: C3D files say "mete"
 _FEWEST_EQUAL = 2  # of positions with three coordinates that are the same number, for them to be gaps
-_MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that frames may have beside those that are listed
 _MOST_NUMBERS = 3  # that a program writes for gaps
 _NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
@@ -242,39 +241,6 @@ def cloud_from_markers(positions: Floats, rate: float, name: str, notices: Seque
     starts = np.concatenate(([0], np.cumsum(seen.sum(axis=1)))).astype(np.intp)
     times = np.arange(len(positions)) / rate
     return PointCloud(positions[seen], starts, times, name=name, notices=tuple(notices))
-
-
-def array_from_records(
-    path: Path, frames: Sequence[Mapping[Any, list[float]]], keys: Sequence[Hashable], width: int
-) -> Floats:
-    """Return what frames list, shape (n_frames, n_keys, width), NaN where they do not.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for errors.
-    frames : sequence of mapping to lists of float
-        The numbers of each frame by whose they are.
-    keys : sequence
-        Whose numbers are wanted.
-    width : int
-        Numbers of each.
-
-    Raises
-    ------
-    FormatError
-        If most of them are in hardly any frame.
-    """
-    n_listed = sum(map(len, frames))
-    if len(frames) * len(keys) > _MOST_TIMES * n_listed + _FREE_NUMBERS:
-        what = f"{len(keys)} markers or bodies in {len(frames)} frames, but only {n_listed} positions"
-        raise FormatError(path, "", what)
-    found = np.full((len(frames), len(keys), width), np.nan)
-    for row, frame in zip(found, frames, strict=True):
-        for at, key in enumerate(keys):
-            if key in frame:
-                row[at] = frame[key]
-    return found
 
 
 def check_frames(path: Path, place: str | int, announced: int, found: int, notices: list[str]) -> None:

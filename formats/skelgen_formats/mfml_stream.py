@@ -254,9 +254,8 @@ def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, in
         count, stamp = _HEADER.unpack_from(view, position)
         start = position + _HEADER.size
         if start + count * marker_size > size:
-            raise UnparsableError(
-                position, n_markers, f"frame {number} announces {counted(count, 'marker')} and is cut off"
-            )
+            problem = f"frame {number} announces {counted(count, 'marker')} and is cut off"
+            raise UnparsableError(position, n_markers, problem)
         if stamp < last_stamp:
             problem = f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}"
             raise UnparsableError(position, n_markers, problem)

@@ -32,7 +32,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.rates import rate_of
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, quaternions_from_angles, take_from_bodies, transforms_of
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, turned_by_angles
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
@@ -131,9 +131,8 @@ def read_motive(path: Path, bodies: bool = False, sample: Sample | None = None) 
         return take_from_markers(path, scaled(path, numbers, factor), names, rate, notices)
     numbers = blank_unseen(numbers)
     if turn == _ANGLES:
-        quaternions = quaternions_from_angles(np.deg2rad(numbers[:, :, 3:]), order.lower())
-        numbers = np.concatenate([numbers[:, :, :3], quaternions], axis=2)
-    return take_from_bodies(path, transforms_of(path, numbers, factor), names, rate, notices)
+        numbers = turned_by_angles(numbers, order.lower(), "deg", notices, is_sure=True)
+    return take_from_bodies(path, numbers, factor, names, rate, notices)
 
 
 def _delimiter(path: Path, line: str) -> str:
@@ -249,8 +248,9 @@ def _items(titles: _Titles, kinds: Sequence[str]) -> list[_Item]:
     return sorted((item for same in items.values() for item in same), key=lambda item: min(item.columns.values()))
 
 
-def _is_motive(head: str) -> bool:
-    return _has_header(head.lstrip()) or bool(_parting(head.splitlines()[:_MAX_TITLE_LINES]))
+def _is_motive(head: bytes, path: Path) -> bool:
+    text = decoded_head(head)
+    return _has_header(text.lstrip()) or bool(_parting(text.splitlines()[:_MAX_TITLE_LINES]))
 
 
 FORMAT = Format(
@@ -258,7 +258,7 @@ FORMAT = Format(
     title="OptiTrack Motive CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=lambda head, path: _is_motive(decoded_head(head)),
+    sniff=_is_motive,
     read=lambda path, options: read_motive(path, options.bodies, options.sample),
     options=(POINTS, BODIES),
     note="Versions 1.2 to 1.25, any length unit, y stays up; rigid bodies and bones where there are no markers.",

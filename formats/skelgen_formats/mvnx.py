@@ -23,7 +23,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.files import open_regular
 from skelgen.model import Poses
-from skelgen_formats.bodies import take_from_bodies, transforms_of
+from skelgen_formats.bodies import take_from_bodies
 from skelgen_formats.lines import decoded_head
 from skelgen_formats.options import Format
 from skelgen_formats.text import rate_in
@@ -57,7 +57,7 @@ def read_mvnx(path: Path) -> Poses:
     quaternions = np.frombuffer(frames.quaternions).reshape(*shape, _QUATERNION[1])
     places = np.frombuffer(frames.places).reshape(*shape, _PLACE[1])
     numbers = np.concatenate([places, quaternions], axis=2)
-    return take_from_bodies(path, transforms_of(path, numbers, _MM_PER_M), frames.names, frames.rate, notices)
+    return take_from_bodies(path, numbers, _MM_PER_M, frames.names, frames.rate, notices)
 
 
 def _read(path: Path, notices: list[str]) -> _Frames:

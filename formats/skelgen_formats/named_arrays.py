@@ -19,7 +19,6 @@ from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import with_quaternions_of_matrices
 from skelgen_formats.options import Options
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES
@@ -92,9 +91,8 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
         by_words = [key for key in fitting if {*key.lower().split("_")} & _POSITION_WORDS]
         named = by_words if len(by_words) == 1 else []
     if fitting and not named and len(fitting) > 1:
-        raise FormatError(
-            path, "", f"several arrays of points: {', '.join(fitting)[:100]}; call the right one positions"
-        )
+        several = f"several arrays of points: {', '.join(fitting)[:100]}"
+        raise FormatError(path, "", f"{several}; call the right one positions")
     if not fitting:
         return _joined(path, arrays, notices, otherwise)
     key = (named or [*fitting])[0]
@@ -105,10 +103,8 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
         what = f"{len(names)} names, and an array {key} of the shape {fitting[key].shape}; (frames, points, 3) belongs"
         raise FormatError(path, "", what)
     if positions.shape[:2] != fitting[key].shape[:2]:
-        n_frames, n_points = positions.shape[:2]
-        notices.append(
-            f"the array of the shape {fitting[key].shape} is taken as {n_frames} frames of {n_points} points"
-        )
+        taken = "{} frames of {} points".format(*positions.shape[:2])
+        notices.append(f"the array of the shape {fitting[key].shape} is taken as {taken}")
     return positions, _filled(names, positions.shape[1], "point")
 
 
@@ -197,7 +193,7 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
 
 
 def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
-    """Return places and quaternions of the only array of poses, shape (n_frames, n_bodies, 4, 4), and names, if any."""
+    """Return places and matrices of the only array of poses, shape (n_frames, n_bodies, 4, 4), and names, if any."""
     fitting = [
         one for one in arrays.values() if one.dtype.kind == "f" and one.ndim in (3, 4) and one.shape[-2:] == (4, 4)
     ]
@@ -208,7 +204,7 @@ def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
         return None
     poses = fitting[0].astype(np.float64).reshape(len(fitting[0]), -1, 4, 4)
     turns = poses[..., :3, :3].reshape(*poses.shape[:2], 9)
-    numbers = with_quaternions_of_matrices(path, np.concatenate([poses[..., :3, 3], turns], axis=2))
+    numbers = np.concatenate([poses[..., :3, 3], turns], axis=2)
     names = [key.removesuffix("_4X4") for key in apart]
     return numbers, names or _filled(_texts(arrays, ""), poses.shape[1], "body")
 

@@ -35,17 +35,11 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.bodies import (
-    angles_in_rad,
-    blank_unseen,
-    notice_jumps,
-    quaternions_from_angles,
-    take_from_bodies,
-    transforms_of,
-)
+from skelgen_formats.bodies import blank_unseen, take_from_bodies, turned_by_angles
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, ROTATION_VECTOR, Format
+from skelgen_formats.table_rows import padded_rows
 from skelgen_formats.text import parse_rows, rate_in, split_cells
 
 BLOCKS = (
@@ -111,7 +105,8 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
     notices = [f"blocks left out: {', '.join(others)}"] if others else []
     unit, behind = _unit(path, head, columns, delimiter, notices)
     wanted = [0, *(column for triple in columns.values() for column in triple)]
-    rows = parse_rows(path, _rows(lines, behind, len(titles), delimiter, notices), len(titles), delimiter, wanted)
+    whole = padded_rows(_rows(lines, behind), len(lines), len(titles), delimiter, notices)
+    rows = parse_rows(path, whole, len(titles), delimiter, wanted)
     if not len(rows):
         raise FormatError(path, len(lines), f"the block {title} holds no frame")
     with np.errstate(invalid="ignore"):  # of frames whose numbers are infinite
@@ -129,7 +124,7 @@ def read_nexus(path: Path, sample: Sample | None = None, angle_order: str = AUTO
         cells = head[3][1].split(delimiter) if behind == head[2][0] + 1 else []  # there is a line of units
         angle_unit = [*cells, *[""] * len(titles)][next(iter(columns.values()))[len(_PLACE)]].strip(' "').lower()
         numbers = _with_quaternions(numbers, names_in_file[0], angle_unit, angle_order, notices)
-    return take_from_bodies(path, transforms_of(path, numbers, unit), bodies, rate, notices)
+    return take_from_bodies(path, numbers, unit, bodies, rate, notices)
 
 
 def _chosen(path: Path, blocks: Sequence[_Block]) -> _Block:
@@ -148,13 +143,11 @@ def _with_quaternions(numbers: Floats, title: str, unit: str, angle_order: str, 
     stated = _REPRESENTATION.search(title)
     of_title = {"helical": ROTATION_VECTOR, "eulerxyz": "xyz"}.get(stated[1].lower().replace(" ", "") if stated else "")
     order = angle_order if angle_order != AUTO else of_title or ROTATION_VECTOR
-    if angle_order == AUTO and not of_title:
+    is_sure = bool(of_title) or angle_order != AUTO
+    if not is_sure:
         what = "rotations are taken as helical angles, as Vicon exports them by default"
         notices.append(f"{what}; `--angle-order xyz` takes them as Euler angles")
-    angles = angles_in_rad(numbers[:, :, len(_PLACE) :], unit, notices)
-    if angle_order == AUTO and not of_title:
-        notice_jumps(angles, order, notices)
-    return np.concatenate([numbers[:, :, : len(_PLACE)], quaternions_from_angles(angles, order)], axis=2)
+    return turned_by_angles(numbers, order, unit, notices, is_sure=is_sure)
 
 
 def _body_name(title: str) -> str:
@@ -204,11 +197,7 @@ def _columns(path: Path, number: int, names: Sequence[str], titles: Sequence[str
 
 
 def _unit(
-    path: Path,
-    head: Sequence[tuple[int, str]],
-    columns: dict[int, list[int]],
-    delimiter: str,
-    notices: list[str],
+    path: Path, head: Sequence[tuple[int, str]], columns: dict[int, list[int]], delimiter: str, notices: list[str]
 ) -> tuple[float, int]:
     """Return mm per unit, and the index of the first line with numbers; a line of units may be missing."""
     number, line = head[3] if len(head) > 3 else (head[2][0] + 1, "")
@@ -220,22 +209,12 @@ def _unit(
     return 1.0, number - 1
 
 
-def _rows(lines: Lines, first: int, n_cells: int, delimiter: str, notices: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield the rows of a block, up to the next empty line; what they lack at their end is unseen."""
-    padded = 0
+def _rows(lines: Lines, first: int) -> Iterator[tuple[int, str]]:
+    """Yield the rows of a block, up to the next empty line, without the quotes of a spreadsheet."""
     for number, line in lines.rows(first, block=True):
         if not line.strip(_DELIMITERS + " "):
-            break
-        plain = line.replace('"', "")  # a spreadsheet may quote every cell
-        missing = n_cells - 1 - plain.count(delimiter)
-        padded += missing > 0
-        if missing > 0 and number == len(lines):
-            notices.append(f"line {number}, the last, is cut off and left out")
-            break
-        yield number, plain + delimiter * missing
-    if padded:
-        rows = counted(padded, "row ends", "rows end")
-        notices.append(f"{rows} before the last column; markers without cells are unseen there")
+            return
+        yield number, line.replace('"', "")
 
 
 def _every_frame(rows: Floats, notices: list[str]) -> Floats:
@@ -246,9 +225,8 @@ def _every_frame(rows: Floats, notices: list[str]) -> Floats:
     n_frames = int(frames[-1] - frames[0]) + 1
     if n_frames == len(rows) or n_frames > _MOST_TIMES * len(rows):
         return rows
-    notices.append(
-        f"{counted(n_frames - len(rows), 'frame is', 'frames are')} left out in the file: nothing is seen then"
-    )
+    missing = counted(n_frames - len(rows), "frame is", "frames are")
+    notices.append(f"{missing} left out in the file: nothing is seen then")
     every = np.full((n_frames, rows.shape[1]), np.nan)
     every[(frames - frames[0]).astype(np.intp)] = rows
     return every

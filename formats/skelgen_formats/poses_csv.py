@@ -30,7 +30,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Poses, Project
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bodies import take_from_bodies, transforms_of
+from skelgen_formats.bodies import take_from_bodies
 from skelgen_formats.bones import never_seen_remarks
 from skelgen_formats.lines import Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit
@@ -74,7 +74,7 @@ def read_poses(path: Path, fixed_distance: float = 0.0, sample: Sample | None = 
     names, wanted = _names(path, header[3])
     rows = parse_rows(path, lines.rows(_HEADER_LINES), len(header[3]), ",", range(wanted), leading=_LEADING_CELLS)
     numbers = rows.reshape(len(rows), len(names), len(_COLUMNS))
-    take = take_from_bodies(path, transforms_of(path, numbers, factor), names, rate)
+    take = take_from_bodies(path, numbers, factor, names, rate)
     if not fixed_distance:
         return take
     from skelgen.kinematics.sensor_frames import scaled_by_fixed_sensors  # noqa: PLC0415 - few takes need it

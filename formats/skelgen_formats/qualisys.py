@@ -22,15 +22,15 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
+from skelgen_formats.bodies import blank_unseen, take_from_bodies
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
-from skelgen_formats.text import count_in, parse_rows, rate_in, whole_lines, without_trailing_empty
+from skelgen_formats.text import count_in, first_in, parse_rows, rate_in, stated_in, whole_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _DELIMITERS = "\t;,"
-_FIRST_KEY, _VERSION_KEY = "NO_OF_FRAMES", "FILE_VERSION"
+_FIRST_KEY, _VERSION_KEY, _COUNT_KEY = "NO_OF_FRAMES", "FILE_VERSION", "NO_OF_BODIES"
 _BODY_COLUMNS, _MATRIX_FROM = 16, 7  # of a body: x y z, three angles, residual, nine of the matrix
 _SKELETON_KEY, _REFERENCE_KEY = "SOLVER", "REFERENCE"  # of skeletons' segments; whose axes they are in
 _SEGMENT_TITLES = ("X", "Y", "Z", "QX", "QY", "QZ", "QW")
@@ -78,31 +78,27 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
         raise FormatError(path, 1, f"{what}, or write titles over the columns (of BIDS, the names of its channels.tsv)")
     notices: list[str] = []
     if of_bodies:
-        _, names = _entry(path, header, "BODY_NAMES")
-        _check_count(path, header, len(names), "BOD")
+        _, names = stated_in(path, header, "BODY_NAMES")
+        if _COUNT_KEY in header:
+            line, value = first_in(path, header, _COUNT_KEY)
+            if (announced := count_in(path, line, value, _COUNT_KEY)) != len(names):
+                raise FormatError(path, line, f"{_COUNT_KEY} says {announced} and the line of names lists {len(names)}")
     else:
         # the first line may hold titles
         names = _markers(path, lines[min(first + 1, len(lines) - 1)], header, delimiter, notices)
-    rate = _rate(path, header)
+    rate = rate_in(path, *first_in(path, header, "FREQUENCY"), "FREQUENCY")
     width = _BODY_COLUMNS if of_bodies else 3
     leading, first = _leading_cells(path, lines, first, width * len(names), delimiter)
     n_cells = leading + width * len(names)
     numbered = lines.rows(first, least=0 if leading else n_cells - 1)
     whole = whole_lines(numbered, len(lines), n_cells, delimiter, notices)
     rows = parse_rows(path, whole, n_cells, delimiter, leading=leading)
-    frames_line, frames = _entry(path, header, _FIRST_KEY)
-    rows = uncut(lines, rows, count_in(path, frames_line, frames[0], _FIRST_KEY), notices)
+    rows = uncut(lines, rows, count_in(path, *first_in(path, header, _FIRST_KEY), _FIRST_KEY), notices)
     numbers = rows.reshape(len(rows), len(names), width)
     if not of_bodies:
         return take_from_markers(path, scaled(path, zeros_unseen(numbers), _MM), names, rate, notices)
-    return take_from_bodies(
-        path, transforms_of_bodies(path, numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:]), names, rate
-    )
-
-
-def _rate(path: Path, header: _Header) -> float:
-    line, values = _entry(path, header, "FREQUENCY")
-    return rate_in(path, line, values[0], "FREQUENCY")
+    poses = row_by_row(numbers[:, :, :3], numbers[:, :, _MATRIX_FROM:])
+    return take_from_bodies(path, poses, _MM, names, rate, notices)
 
 
 def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: str) -> Poses:
@@ -121,29 +117,24 @@ def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: 
     whole = whole_lines(lines.rows(first + 1), len(lines), len(titles), delimiter, notices)
     columns = [at + step for at in found for step in (1, 2, 3, 7, 4, 5, 6)]
     rows = parse_rows(path, whole, len(titles), delimiter, columns)
-    line, values = _entry(path, header, _FIRST_KEY)
-    rows = uncut(lines, rows, count_in(path, line, values[0], _FIRST_KEY), notices)
+    rows = uncut(lines, rows, count_in(path, *first_in(path, header, _FIRST_KEY), _FIRST_KEY), notices)
     numbers = blank_unseen(rows.reshape(len(rows), len(found), len(_SEGMENT_TITLES)))
-    names = [titles[at] for at in found]
-    return take_from_bodies(path, transforms_of(path, numbers, _MM), names, _rate(path, header), notices)
+    names, rate = [titles[at] for at in found], rate_in(path, *first_in(path, header, "FREQUENCY"), "FREQUENCY")
+    return take_from_bodies(path, numbers, _MM, names, rate, notices)
 
 
-def transforms_of_bodies(path: Path, places: Floats, matrices: Floats) -> Floats:
-    """Return the poses of bodies as Track Manager exports them, shape (n_frames, n_bodies, 4, 4), translations in mm.
+def row_by_row(places: Floats, matrices: Floats) -> Floats:
+    """Return places and matrices row by row, shape (n_frames, n_bodies, 12); Track Manager has them column by column.
 
     Parameters
     ----------
-    path : Path
-        The file, for errors.
     places : ndarray, shape (n_frames, n_bodies, 3), mm
-        NaN, or zeros together with the matrix, where a body is unseen.
+        NaN where a body is unseen.
     matrices : ndarray, shape (n_frames, n_bodies, 9)
-        World from body, column by column.
+        Column by column.
     """
-    numbers = blank_unseen(np.concatenate([places, matrices], axis=2))
-    turns = numbers[:, :, 3:].reshape(*numbers.shape[:2], 3, 3).swapaxes(2, 3)
-    quaternions = quaternions_from_matrices(path, turns)
-    return transforms_of(path, np.concatenate([numbers[:, :, :3], quaternions], axis=2), _MM)
+    turns = matrices.reshape(*matrices.shape[:2], 3, 3).swapaxes(2, 3).reshape(matrices.shape)
+    return np.concatenate([places, turns], axis=2)
 
 
 def _delimiter(lines: Lines) -> str:
@@ -165,18 +156,12 @@ def _header(lines: Lines, delimiter: str) -> tuple[_Header, int]:
     return header, len(lines)
 
 
-def _entry(path: Path, header: _Header, key: str) -> tuple[int, list[str]]:
-    if key not in header or not header[key][1]:
-        raise FormatError(path, header.get(key, ("", []))[0], f"the header line {key} is missing or empty")
-    return header[key]
-
-
 def _markers(path: Path, row: str, header: _Header, delimiter: str, notices: list[str]) -> list[str]:
     """Return the names of markers; where NO_OF_MARKERS says another number, the columns of a row decide."""
     if "NO_OF_MARKERS" not in header or "MARKER_NAMES" not in header:
-        return _entry(path, header, "MARKER_NAMES")[1]
-    line, values = _entry(path, header, "NO_OF_MARKERS")
-    announced, names = count_in(path, line, values[0], "NO_OF_MARKERS"), header["MARKER_NAMES"][1]
+        return stated_in(path, header, "MARKER_NAMES")[1]
+    line, value = first_in(path, header, "NO_OF_MARKERS")
+    announced, names = count_in(path, line, value, "NO_OF_MARKERS"), header["MARKER_NAMES"][1]
     if announced == len(names):
         return names
     widths = {row.count(delimiter) + 1, row.count(delimiter) + 1 - row.endswith(delimiter)}
@@ -187,16 +172,6 @@ def _markers(path: Path, row: str, header: _Header, delimiter: str, notices: lis
         raise FormatError(path, line, f"NO_OF_MARKERS says {announced} and the line of names lists {len(names)}")
     notices.append(f"NO_OF_MARKERS says {announced}, {len(names)} are named, and {fitting[0]} have columns")
     return [*names, *(f"unlabelled {n + 1}" for n in range(len(names), fitting[0]))][: fitting[0]]
-
-
-def _check_count(path: Path, header: _Header, n_names: int, what: str) -> None:
-    keys = (f"NO_OF_{what}S", f"NO_OF_{what}IES")
-    for key in keys:
-        if key in header:
-            line, values = _entry(path, header, key)
-            announced = count_in(path, line, values[0], key)
-            if announced != n_names:
-                raise FormatError(path, line, f"{key} says {announced} and the line of names lists {n_names}")
 
 
 def _leading_cells(path: Path, lines: Sequence[str], first: int, n_cells: int, delimiter: str) -> tuple[int, int]:

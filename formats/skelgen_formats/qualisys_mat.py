@@ -25,30 +25,18 @@ from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, take_from_bodies, transforms_of
+from skelgen_formats.bodies import blank_unseen, take_from_bodies
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.qualisys import transforms_of_bodies
+from skelgen_formats.qualisys import row_by_row
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126
 _COMPRESSED, _MATRIX = 15, 14
 _CELL, _STRUCT, _CHARACTERS, _NUMBERS = 1, 2, 4, range(6, 16)  # classes of arrays
-_TYPES = {
-    1: "i1",
-    2: "u1",
-    3: "i2",
-    4: "u2",
-    5: "i4",
-    6: "u4",
-    7: "f4",
-    9: "f8",
-    12: "i8",
-    13: "u8",
-    16: "S1",
-    17: "u2",
-}
+_NUMPY_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8", "S1", "u2")
+_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17), _NUMPY_TYPES, strict=True))
 _MOST_TIMES, _FREE_BYTES, _DEEPEST = 100, 1 << 20, 16  # what may be packed in a file, in its size; structs in structs
 _NO_POINTS = (
     "a MATLAB file, but not of Qualisys: no struct with Trajectories, and no array (frames, points, 3) or struct with"
@@ -128,17 +116,17 @@ def _bodies(path: Path, held: Mapping[str, _Value]) -> Poses:
     if rate is None or not 0 < rate < np.inf:
         raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
     names: list[str] = []
-    transforms: list[NDArray[np.float64]] = []
+    blocks: list[NDArray[np.float64]] = []
     for one in skeletons:
         labels, places, turns = _checked(path, one, _SEGMENT_KEYS, (2, 1, 0))
         numbers = blank_unseen(np.concatenate([places, turns[..., [3, 0, 1, 2]]], axis=2))
-        names, transforms = [*names, *labels], [*transforms, transforms_of(path, numbers, _MM)]
+        names, blocks = [*names, *labels], [*blocks, numbers]
     if not skeletons:
         names, places, turns = _checked(path, rigid if isinstance(rigid, Mapping) else {}, _BODY_KEYS, (2, 0, 1))
-        transforms = [transforms_of_bodies(path, places, turns)]
-    if len({len(one) for one in transforms}) > 1:
+        blocks = [row_by_row(places, turns)]
+    if len({len(one) for one in blocks}) > 1:
         raise FormatError(path, "Skeletons", "skeletons of different numbers of frames; export each alone")
-    return take_from_bodies(path, np.concatenate(transforms, axis=1), names, rate)
+    return take_from_bodies(path, np.concatenate(blocks, axis=1), _MM, names, rate)
 
 
 def _labels(held: _Value) -> list[str]:

@@ -1,15 +1,19 @@
-"""Rows of several people, animals or bones that take turns in a wide table: a frame is what has one row of each."""
+"""Frames of which each has a row or record of several people, points or bones; in wide tables their rows take turns.
+
+Points are told apart by the names or numbers that rows and records have; where a frame has none of one, it is unseen.
+"""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelgen.errors import FormatError
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.body_columns import Body
 from skelgen_formats.table_heads import Head
@@ -17,7 +21,7 @@ from skelgen_formats.table_rows import notice_skipped
 from skelgen_formats.text import is_number
 from skelgen_formats.time_stamps import Stamps
 
-_MOST_TIMES, _FREE_ROWS = 16, 1 << 14  # rows that frames of all owners may have beside those of the file
+_MOST_TIMES, _FREE_NUMBERS = 16, 1 << 22  # numbers that frames may have beside those that are listed
 
 
 @dataclass
@@ -39,12 +43,11 @@ class Turns:
         head : Head
             Of the table; gets a notice.
         """
-        column = head.frames if head.frames is not None else head.clock.column if head.clock else None
         there: set[tuple[int, int]] = set()
         n_frames = 0
         for number, line in numbered:
             cells = line.split(head.delimiter)
-            moment = "" if column is None else cells[column].strip()
+            moment = "" if head.counts is None else cells[head.counts].strip()
             owner = self.names.setdefault(tuple(cells[at].strip() for at in head.owners), len(self.names))
             frame = self.moments.setdefault(moment, n_frames)
             if (frame, owner) in there:
@@ -75,12 +78,9 @@ class Turns:
         FormatError
             If most owners have no row in most frames.
         """
-        n_frames, n_owners = max(self.frames) + 1, len(self.names)
-        if n_frames * n_owners > _MOST_TIMES * len(rows) + _FREE_ROWS:
-            what = f"{n_owners} people or points take turns in {n_frames} frames and {len(rows)} rows"
-            raise FormatError(path, "", f"{what}; write a row for each point with the titles frame, name, x, y, z")
-        found = np.full((n_frames, n_owners, rows.shape[1]), np.nan)
-        found[self.frames, self.owners] = rows
+        n_frames = max(self.frames) + 1
+        places, what = np.array([self.frames, self.owners]).T, "people or points take turns"
+        found = spread(path, rows, places, (n_frames, len(self.names)), what)
         if times is not None:
             since = np.full(n_frames, np.nan)
             since[self.frames[::-1]] = times.since[::-1]
@@ -112,3 +112,62 @@ def without_copies(rows: Floats, bodies: Sequence[Body], notices: list[str]) -> 
     if copies := len(bodies) - len(kept):
         notices.append(f"{counted(copies, 'point lies', 'points lie')} where another one does in every frame: left out")
     return numbers[:, kept].reshape(len(rows), -1), [bodies[at] for at in kept]
+
+
+def array_from_records(
+    path: Path, frames: Sequence[Mapping[Any, list[float]]], keys: Sequence[Hashable], width: int
+) -> Floats:
+    """Return what frames list, shape (n_frames, n_keys, width), NaN where they do not.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    frames : sequence of mapping to lists of float
+        The numbers of each frame by whose they are.
+    keys : sequence
+        Whose numbers are wanted.
+    width : int
+        Numbers of each.
+
+    Raises
+    ------
+    FormatError
+        If most of them are in hardly any frame.
+    """
+    place_of = {key: place for place, key in enumerate(keys)}
+    places = [(number, place_of[key]) for number, frame in enumerate(frames) for key in frame]
+    numbers = np.array([one for frame in frames for one in frame.values()], dtype=np.float64).reshape(-1, width)
+    return spread(path, numbers, np.array(places, dtype=np.intp).reshape(-1, 2), (len(frames), len(keys)))
+
+
+def spread(
+    path: Path, numbers: Floats, places: Ints, shape: tuple[int, int], what: str = "points or bodies are listed"
+) -> Floats:
+    """Return rows of numbers by frame and point, shape (n_frames, n_points, width), NaN where none stand.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    numbers : ndarray, shape (n_rows, width)
+        Of a point in a frame; the last row counts where there are several.
+    places : ndarray, shape (n_rows, 2)
+        Frame and point of each row.
+    shape : (int, int)
+        How many frames and points there are.
+    what : str
+        What the points are, for errors.
+
+    Raises
+    ------
+    FormatError
+        If there are so few rows that the array would be far larger than the file.
+    """
+    n_frames, n_points = shape
+    if n_frames * n_points * numbers.shape[1] > _MOST_TIMES * numbers.size + _FREE_NUMBERS:
+        found_there = f"only {len(numbers)} rows or positions of them"
+        raise FormatError(path, "", f"{n_points} {what} in {n_frames} frames, but {found_there}")
+    found = np.full((n_frames, n_points, numbers.shape[1]), np.nan)
+    found[places[:, 0], places[:, 1]] = numbers
+    return found

@@ -158,11 +158,7 @@ def _marker(project: Project, marker: int) -> dict[str, object]:
 def _membership(limbs: Limbs, marker: int) -> dict[str, object]:
     """How likely the marker is on its limb, and on which other it is most likely otherwise, -1 for one of its own."""
     rivals, shares = limbs.rivals
-    return {
-        "probability": limbs.probability[marker],
-        "rival_limb": rivals[marker],
-        "rival_probability": shares[marker],
-    }
+    return {"probability": limbs.probability[marker], "rival_limb": rivals[marker], "rival_probability": shares[marker]}
 
 
 def _names(project: Project, markers: Any) -> list[str]:

@@ -28,7 +28,9 @@ HEAD_LINES = 24
 _PREAMBLE = 16  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
 _FEWEST = 2  # points of a table that no word says what it is
-_DELIMITERS = (",", ";", "\t", "|", None)
+DELIMITERS = (",", ";", "\t", "|", None)
+"""What may part cells, None for blanks."""
+
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
     r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
@@ -103,6 +105,11 @@ class Head:
     owners: list[int] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
+    @property
+    def counts(self) -> int | None:
+        """The column of frame numbers, else that of times."""
+        return self.frames if self.frames is not None else self.clock.column if self.clock else None
+
 
 def find_head(lines: Sequence[str]) -> Head | None:
     """Return what titles say, or None if there are none of points.
@@ -112,7 +119,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
     lines : sequence of str
         The first `HEAD_LINES` of a file that are not blank.
     """
-    for delimiter in _DELIMITERS:
+    for delimiter in DELIMITERS:
         every = [_cells(line, delimiter) for line in lines]
         if ["endheader"] in [row[:1] for row in every]:  # of OpenSim
             continue
@@ -126,9 +133,10 @@ def find_head(lines: Sequence[str]) -> Head | None:
                 _read_names(head, every)
                 _read_rows(head, every)
                 if _stand_over_rows(head, every):
-                    rows = every[head.n_lines :]
-                    placed = _without_directions(_without_axes(_without_quaternions(head, rows), rows), rows)
-                    return _without_no_places(placed)
+                    _drop_turns(head, every[head.n_lines :])
+                    _drop_directions(head, every[head.n_lines :])
+                    _drop_no_places(head)
+                    return head
     return None
 
 
@@ -166,12 +174,8 @@ def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
         words = [cell for cell in row if cell]
         if not words or any(is_number(cell) or not cell.strip("[]()").isalpha() for cell in words):
             return
-        units = {
-            row[column].strip("[]()").lower()
-            for body in head.bodies
-            for column in body.place.values()
-            if column < len(row)
-        } - {""}  # of rotations
+        columns = [column for body in head.bodies for column in body.place.values() if column < len(row)]
+        units = {row[column].strip("[]()").lower() for column in columns} - {""}  # of rotations
         if len(units) > 1 or not units <= {*MM_PER_UNIT}:
             return
         head.unit = head.unit or next(iter(units), "")
@@ -219,51 +223,32 @@ def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) ->
     return sorted((named & words if taking_turns & named else set()) or taking_turns)
 
 
-def _without_quaternions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
-    """Return it without points of four columns of unit length: quaternions, whose scalar the titles leave open."""
-    left_out = [body for body in head.bodies if body.fourth is not None and _is_unit(body, body.fourth, rows)]
-    if left_out:
-        names = ", ".join(body.name for body in left_out[:8])
-        head.notices.append(f"quaternions without positions, and left out: {names}")
-    head.bodies = [body for body in head.bodies if body not in left_out]
-    return head
+def _leave_out(head: Head, bodies: Sequence[Body], what: str) -> None:
+    """Drop bodies and say what they are."""
+    if bodies:
+        head.notices.append(f"{what}, and left out: {', '.join(body.name for body in bodies[:8])}")
+    head.bodies = [body for body in head.bodies if body not in bodies]
 
 
-def _without_axes(head: Head, rows: Sequence[Sequence[str]]) -> Head:
-    """Return it without three points that are the axes of one body: orthogonal, of unit length, in the first row."""
-    if len(head.bodies) != len(AXES):
-        return head
-    for row in rows[:1]:
+def _drop_turns(head: Head, rows: Sequence[Sequence[str]]) -> None:
+    """Drop points of four columns of unit length, quaternions whose scalar no title tells, and axes of a body."""
+    fourths = [(body, body.fourth) for body in head.bodies if body.fourth is not None]
+    lengths = [(body, _lengths([*body.place.values(), fourth], rows)[:1]) for body, fourth in fourths]
+    turns = [body for body, first in lengths if first and abs(first[0] - 1.0) < _UNIT_TOLERANCE]
+    _leave_out(head, turns, "quaternions without positions")
+    if len(head.bodies) == len(AXES) and rows:
         with contextlib.suppress(ValueError, IndexError):
-            axes = [[float(row[body.place[axis]].replace(",", ".")) for axis in AXES] for body in head.bodies]
+            axes = [[float(rows[0][body.place[axis]].replace(",", ".")) for axis in AXES] for body in head.bodies]
             products = [sum(map(mul, first, second)) for first, second in combinations_with_replacement(axes, 2)]
-            if all(
-                abs(one - wanted) < _UNIT_TOLERANCE for one, wanted in zip(products, (1, 0, 0, 1, 0, 1), strict=True)
-            ):
-                head.notices.append("axes of a body without its position, and left out")
-                head.bodies = []
-    return head
+            off = max(abs(one - wanted) for one, wanted in zip(products, (1, 0, 0, 1, 0, 1), strict=True))
+            _leave_out(head, head.bodies if off < _UNIT_TOLERANCE else [], "axes of a body without its position")
 
 
-def _without_directions(head: Head, rows: Sequence[Sequence[str]]) -> Head:
-    """Return it without points of unit length in every row, beside others: directions of gazes, noses or normals."""
-    found = [
-        body
-        for body in head.bodies
-        if not body.turn
-        and len(lengths := _lengths([*body.place.values()], rows)) > 2
-        and max(abs(length - 1.0) for length in lengths) < _UNIT_TOLERANCE
-    ]
-    if 0 < len(found) < len(head.bodies):
-        head.notices.append(f"directions, of the length 1, and left out: {', '.join(body.name for body in found[:8])}")
-        head.bodies = [body for body in head.bodies if body not in found]
-    return head
-
-
-def _is_unit(body: Body, fourth: int, rows: Sequence[Sequence[str]]) -> bool:
-    """Whether four columns have unit length in the first row in which they hold numbers."""
-    lengths = _lengths([*body.place.values(), fourth], rows)
-    return any(abs(length - 1.0) < _UNIT_TOLERANCE for length in lengths[:1])
+def _drop_directions(head: Head, rows: Sequence[Sequence[str]]) -> None:
+    """Drop points of unit length in every row, beside others: directions of gazes, noses or normals."""
+    lengths = [(body, _lengths([*body.place.values()], rows)) for body in head.bodies if not body.turn]
+    found = [body for body, own in lengths if len(own) > 2 and max(abs(x - 1.0) for x in own) < _UNIT_TOLERANCE]
+    _leave_out(head, found if len(found) < len(head.bodies) else [], "directions, of the length 1")
 
 
 def _lengths(columns: Sequence[int], rows: Sequence[Sequence[str]]) -> list[float]:
@@ -275,19 +260,15 @@ def _lengths(columns: Sequence[int], rows: Sequence[Sequence[str]]) -> list[floa
     return [length for length in lengths if math.isfinite(length)]
 
 
-def _without_no_places(head: Head) -> Head:
-    """Return it without what is no point: forces, accelerations, angles and the like."""
+def _drop_no_places(head: Head) -> None:
+    """Drop what is no point: forces, accelerations, angles and the like."""
     points = [body for body in head.bodies if not body.is_turned and not body.has_angles]
-    left_out = [body.name for body in points if _NO_PLACES.fullmatch(body.name) or _SENSED.fullmatch(body.name)]
-    if left_out and len(head.bodies) - len(left_out) < _FEWEST:  # a single point has no skeleton
-        left_out = [body.name for body in points]
-    if left_out:
-        head.notices.append(f"no points, and left out: {', '.join(left_out[:8])}")
-    head.bodies = [body for body in head.bodies if body.name not in left_out]
+    left_out = [body for body in points if _NO_PLACES.fullmatch(body.name) or _SENSED.fullmatch(body.name)]
+    is_single = len(head.bodies) - len(left_out) < _FEWEST  # it has no skeleton
+    _leave_out(head, points if left_out and is_single else left_out, "no points")
     angles = [body.name for body in head.bodies if body.turn and not body.is_turned]
     if angles:
         head.notices.append(f"rotations other than unit quaternions are left out: {', '.join(angles[:8])}")
-    return head
 
 
 def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:

@@ -34,7 +34,9 @@ def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterat
         yield number, line
 
 
-def padded_rows(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -> Iterator[tuple[int, str]]:
+def padded_rows(
+    numbered: Iterable[tuple[int, str]], n_lines: int, n_cells: int, delimiter: str | None, notices: list[str]
+) -> Iterator[tuple[int, str]]:
     """Yield lines with as many cells as titles, those that end earlier padded; the last, if it does, is left out.
 
     Parameters
@@ -43,20 +45,24 @@ def padded_rows(numbered: Iterable[tuple[int, str]], n_lines: int, head: Head) -
         From `Lines.numbered`.
     n_lines : int
         Of the file.
-    head : Head
-        Of the table; gets notices.
+    n_cells : int
+        Of the titles.
+    delimiter : str or None
+        What parts cells; where blanks do, none are padded.
+    notices : list of str
+        Gets sentences.
     """
-    padded = 0
+    padded, delimiter = 0, delimiter or ""
     for number, line in numbered:
-        missing = head.n_cells - 1 - line.count(head.delimiter) if head.delimiter else 0
-        if missing > 0 and number == n_lines and not line.endswith(str(head.delimiter)):
-            head.notices.append(f"line {number}, the last, is cut off and left out")
+        missing = n_cells - 1 - line.count(delimiter) if delimiter else 0
+        if missing > 0 and number == n_lines and not line.endswith(delimiter):
+            notices.append(f"line {number}, the last, is cut off and left out")
             break
         padded += missing > 0
-        yield number, line + str(head.delimiter) * missing
+        yield number, line + delimiter * missing
     if padded:
         rows = counted(padded, "row ends", "rows end")
-        head.notices.append(f"{rows} before the last column; what has no cells is unseen there")
+        notices.append(f"{rows} before the last column; what has no cells is unseen there")
 
 
 def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least: int) -> Iterator[tuple[int, str]]:

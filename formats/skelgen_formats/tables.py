@@ -5,6 +5,7 @@ same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -221,16 +222,13 @@ CSV = Format(
     marks_open="column `determined` of the joints, 1 or 0",
     options=(AXES, RATE, UNIT),
 )
-PARQUET = Format(
+PARQUET = replace(
+    CSV,
     name="table-parquet",
     title="Long tables, Parquet",
     suffixes=(PARQUET_SUFFIX,),
-    holds="skeleton",
     write=lambda value, path, options, monitor: write_parquet_tables(value, path, options.unit, monitor),
     check=lambda value, options: _check_parquet(value),
     files=lambda path, options: _files(path, PARQUET_SUFFIX),
     note=_NOTE + " Needs the extra `tables`.",
-    keeps=_KEPT,
-    marks_open="column `determined` of the joints, 1 or 0",
-    options=(AXES, RATE, UNIT),
 )

@@ -87,9 +87,8 @@ def _tracks(path: Path, content: bytes, at: int, n_frames: int, n_tracks: int) -
         at += segments.nbytes
         for first, count in zip(segments["first"].tolist(), segments["n_frames"].tolist(), strict=True):
             if first < 0 or count < 0 or first + count > n_frames:
-                raise FormatError(
-                    path, f"byte {at}", f"track {track + 1} lies in frames beyond the {n_frames} announced"
-                )
+                what = f"track {track + 1} lies in frames beyond the {n_frames} announced"
+                raise FormatError(path, f"byte {at}", what)
             seen = _records(path, content, at, np.dtype("<f4"), 3 * count)
             with np.errstate(invalid="ignore"):  # a NaN that signals is a NaN
                 positions[first : first + count, track] = seen.reshape(-1, 3)

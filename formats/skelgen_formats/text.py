@@ -5,7 +5,7 @@ import csv
 import math
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -23,6 +23,7 @@ _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what part
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -137,6 +138,50 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
     if not math.isfinite(value):
         raise FormatError(path, place, f"{what} is {_shown(text)}; a finite number belongs there")
     return value
+
+
+def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
+    """Return the number in a cell, NaN if it is empty or a word for none.
+
+    Parameters
+    ----------
+    path, place, text, what
+        See `number_in`, of which the errors are, too.
+    """
+    try:
+        return _parsed(text)
+    except ValueError:
+        return math.nan if is_unseen(text.strip()) else number_in(path, place, text, what)
+
+
+def stated_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, list[str]]:
+    """Return the line of a key of a header and what stands there, or raise `FormatError`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    header : mapping of str to (int, list of str)
+        Lines and words by key.
+    key : str
+        What is wanted.
+    """
+    line, words = header.get(key, (0, []))
+    if not words:
+        raise FormatError(path, line or "", f"the header states no {key}: the line is missing or empty")
+    return line, words
+
+
+def first_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, str]:
+    """Return the line of a key and the first word that stands there.
+
+    Parameters
+    ----------
+    path, header, key
+        See `stated_in`, of which the errors are, too.
+    """
+    line, words = stated_in(path, header, key)
+    return line, words[0]
 
 
 def count_in(path: Path, place: str | int, text: str, what: str) -> int:
@@ -291,4 +336,5 @@ def _parsed(text: str) -> float:
 
 
 def _shown(text: str) -> str:
-    return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...")
+    hint = " (export numbers without marks between thousands)" if _THOUSANDS.fullmatch(text.strip()) else ""
+    return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...") + hint

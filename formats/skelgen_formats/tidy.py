@@ -6,12 +6,12 @@ model, parts points of one name. Without a column of names the points are a clou
 they are bodies, also with ``roll``, ``pitch``, ``yaw`` or ``rx``, ``ry``, ``rz``. A row per coordinate has columns
 ``axis`` and ``value``, or names such as ``knee_x`` beside ``value``. Rate, unit and order of angles are those of a wide
 table. Cells are parted by commas, semicolons, tabs, strokes or blanks. Where frames are no numbers, as names of images,
-times tell them.
+times tell them; where nothing tells them, the rows of a name follow each other.
 """
 
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,30 +19,21 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Ints
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import notice_landmarks
-from skelgen_formats.bodies import BY_ROWS, with_quaternions, with_quaternions_of_matrices
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.row_owners import spread
 from skelgen_formats.table_heads import UNREAD_QUATERNION
 from skelgen_formats.table_rows import notice_skipped, without_remarks
-from skelgen_formats.text import is_number, is_unseen, number_in, seconds_of, unquoted
+from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
-from skelgen_formats.turn_titles import (
-    AXES,
-    COMPONENTS,
-    angle_alone,
-    cells_of,
-    numbered_quaternions,
-    order_of,
-)
-from skelgen_formats.wide import take_from_table
+from skelgen_formats.turn_titles import AXES, numbered_quaternions
+from skelgen_formats.wide import take_from_head
 
-_UNSEEN_FLAGS, _HIDDEN_FLAGS = ("0", "false", "0.0"), ("1", "true", "1.0")
+_UNSEEN = {"flag": ("0", "false", "0.0"), "hidden": ("1", "true", "1.0")}
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
-_MOST_TIMES, _FREE_NUMBERS = 16, 1 << 20  # positions that a table may have beside its rows: others are unseen
 
 
 @dataclass
@@ -78,128 +69,101 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     if head is None:
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
+    at, body = head.at, head.bodies[0]
     if options.points != AUTO:
-        head.at = {what: column for what, column in head.at.items() if what[0] != "r"}
-    rows, at = _rows(path, lines, head), head.at
+        body.angles.clear()
+    if body.turn and not body.is_turned and not body.has_angles:
+        head.notices.append("quaternions of which no title names one of w, x, y, z are left out")
+    head.notices += [UNREAD_QUATERNION] if numbered_quaternions(head.titles) else []
+    rows = _rows(path, lines, head)
     if "side" in at and "group" not in at and len(rows.frames) > len({*zip(rows.frames, rows.points, strict=True)}):
         at["group"] = at["side"]
         rows = _rows(path, lines, head)
+    head.notices += rows.notices
     every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
-    n_names = len(rows.names)
-    if np.isnan(every).any() or len(every) * n_names > _MOST_TIMES * len(rows.frames) + _FREE_NUMBERS:
-        what = (
-            f"{n_names} points in {len(every)} frames, but only {len(rows.frames)} positions, or some without a frame"
-        )
-        raise FormatError(path, "", what)
-    width = len(_numbered(at))
+    n_names, width = len(rows.names), len(head.columns)
+    if np.isnan(every).any():
+        raise FormatError(path, "", "holds rows without a frame")
     if "name" not in at and n_names == 1 and width == len(AXES):
-        unread = f"; {UNREAD_QUATERNION}" if numbered_quaternions(head.titles) else ""
         what = "one position per frame, and no column of names: a single point has no skeleton"
-        raise FormatError(path, 1, f"{what}{unread}")
-    notices = rows.notices + ([] if "axis" in at else _doubts(path, rows, places, "name" in at, width))
-    if "frame" in at:
-        notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), notices)
-    numbers = _spread(rows, places, (len(every), n_names, width), by_axis="axis" in at)
+        raise FormatError(path, 1, "; ".join([what, *head.notices]))
+    points = np.frombuffer(rows.points, dtype=np.int64)
+    _check_rows(path, head, places, points)
+    if head.frames is not None:
+        notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
+    cells = np.frombuffer(rows.numbers).reshape(-1, width)
+    shape = (len(every), n_names * _n_points_of_name(head))
+    numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if rows.times])
     stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
-    numbers = _turned(path, numbers, head, options, notices)
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
-    take = take_from_table(path, numbers, names, stamps, options, head.unit)
-    notices += take.notices
-    if not head.unit and options.recorded_unit == AUTO:
-        notice_landmarks(head.titles, numbers, notices)
-    return replace(take, notices=tuple(notices))
+    numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
+    return take_from_head(path, numbers, names, head, stamps, options)
 
 
-def _spread(rows: _Rows, places: Ints, shape: tuple[int, int, int], *, by_axis: bool) -> Floats:
-    """Return the numbers of all points in all frames, of this shape; of the last row where a point has several."""
-    numbers = np.full(shape, np.nan)
-    points, cells = np.frombuffer(rows.points, dtype=np.int64), np.frombuffer(rows.numbers).reshape(-1, shape[2])
-    if not by_axis:
-        numbers[places, points] = cells
-        return numbers
-    for axis in range(shape[2]):
-        has = ~np.isnan(cells[:, axis])
-        numbers[places[has], points[has], axis] = cells[has, axis]
-    return numbers
+def _n_points_of_name(head: TidyHead) -> int:
+    """Three where each coordinate has a row."""
+    return len(AXES) if "value" in head.at else 1
 
 
-def _turned(path: Path, numbers: Floats, head: TidyHead, options: Options, notices: list[str]) -> Floats:
-    """Return places alone, or with quaternions for angles and matrices."""
-    at = head.at
-    if numbers.shape[2] == len(AXES) * 2:
-        _, order, angle_unit = angle_alone(head.titles[at["rx"]]) or ("", "", "")
-        order = order or order_of({axis: at[f"r{axis}"] for axis in AXES})
-        return with_quaternions(numbers, order, angle_unit, options, notices)
-    if numbers.shape[2] == len(AXES) * 4:
-        notices += [BY_ROWS] if "m8" in at else []
-        return with_quaternions_of_matrices(path, numbers)
-    return numbers
-
-
-def _numbered(at: dict[str, int]) -> list[int]:
-    """Return the columns of x, y, z, and of the quaternion, the matrix or the three angles if these are whole."""
-    turn = [at[f"q{component}"] for component in COMPONENTS if f"q{component}" in at]
-    angles = [at[f"r{axis}"] for axis in AXES if f"r{axis}" in at]
-    matrix = cells_of({what[1:]: column for what, column in at.items() if what[0] == "m"})
-    whole = (part for part, n in ((turn, len(COMPONENTS)), (matrix, 9), (angles, len(AXES))) if len(part) == n)
-    return [*(at.get(axis, at.get("value", 0)) for axis in AXES), *next(whole, [])]
-
-
-def _doubts(path: Path, rows: _Rows, places: Ints, are_named: bool, width: int) -> list[str]:
+def _check_rows(path: Path, head: TidyHead, places: Ints, points: Ints) -> None:
     """Say which rows are of one point in one frame; refuse bodies that nothing tells apart where some are missing."""
     n_points = np.bincount(places)
-    if not are_named and width > len(AXES) and len(set(n_points.tolist())) > 1:
+    if "name" not in head.at and len(head.columns) > len(AXES) and len({*n_points.tolist()}) > 1:
         what = f"{n_points.min()} to {n_points.max()} bodies per frame, and no column says which; name them in one"
         raise FormatError(path, 1, what)
-    pairs = places * len(rows.names) + np.frombuffer(rows.points, dtype=np.int64)
-    twice = len(pairs) - len(np.unique(pairs))
-    repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
-    return [f"{repeated} (write a file for each trial, if there are several)"] if twice else []
+    if twice := len(points) - len(np.unique(places * (points.max(initial=0) + 1) + points)):
+        repeated = f"{counted(twice, 'row is', 'rows are')} of a point that its frame has already; the last counts"
+        head.notices.append(f"{repeated} (write a file for each trial, if there are several)")
 
 
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
-    rows, columns, count = _Rows(), _numbered(at), Counter[float]()
-    parts = [at[what] for what in ("name", "group") if what in at]
-    plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.first + 1))
-    counted_by = at.get("frame", clock.column if clock else None)
-    for number, line in without_remarks(plain, head.delimiter, counted_by, rows.notices):
-        cells = line.split(head.delimiter)
-        further = len(head.titles) if head.delimiter else len(cells)
-        if len(cells) <= max(at.values()) or any(map(str.strip, cells[further:])) or further < len(head.titles):
-            what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
-            raise FormatError(path, number, f"{what}, or have decimal commas: export with decimal points")
+    rows, columns, count, left_out = _Rows(), head.columns, Counter[tuple[object, ...]](), 0
+    parts = [at[what] for what in ("name", "group") if what in at and "name" in at]
+    for number, cells in _cells(path, lines, head, rows.notices):
         time = clock.moment(cells) if clock else ""
-        if clock and not rows.frames and "frame" in at and not is_number(cells[at["frame"]].strip()):
-            del at["frame"]  # names of images
-        if clock and not rows.frames and not is_number(cells[clock.column].strip()):
-            head.clock = replace(clock, second=1.0)
-        along = cells[at["axis"]].strip().lower()[-1:] if "axis" in at else ""
-        if along and at["axis"] == at["name"]:
+        if clock and not rows.frames:
+            if head.frames is not None and not is_number(cells[head.frames].strip()):
+                head.frames = None  # names of images
+            if not is_number(cells[clock.column].strip()):
+                head.clock = replace(clock, second=1.0)
+        along = AXES.find(cells[at["axis"]].strip().lower()[-1:] or " ") if "value" in at else 0
+        if "value" in at and at["axis"] == at["name"]:
             cells[at["name"]] = AXIS_IN_NAME.sub("", cells[at["name"]].strip())
-        frame = _number(path, number, seconds_of(cells[at["frame"]]) if "frame" in at else time, "the frame")
-        count[frame] += 1
-        name = tuple(cells[part].strip() for part in parts) if "name" in at else (f"*{count[frame]}",)
+        if along < 0:
+            left_out += 1
+            continue
+        moment = time if head.frames is None else seconds_of(cells[head.frames])
+        name = tuple(cells[part].strip() for part in parts)
+        # without frames and times, the rows of a name follow each other
+        frame = float(count[name, along]) if head.counts is None else number_or_nan(path, number, moment, "the frame")
+        count[(name, along) if name else (frame,)] += 1
+        name = name or (f"*{count[frame,]}",)
         rows.frames.append(frame)
-        rows.points.append(rows.names.setdefault(name, len(rows.names)))
+        rows.points.append(rows.names.setdefault(name, len(rows.names)) * _n_points_of_name(head) + along)
         if clock and frame not in rows.times:
-            rows.times[frame] = _number(path, number, time, "the time")
-        is_hidden = "flag" in at and cells[at["flag"]].strip().lower() in _UNSEEN_FLAGS
-        is_hidden |= "hidden" in at and cells[at["hidden"]].strip().lower() in _HIDDEN_FLAGS
-        seen = [_number(path, number, cells[column], "a coordinate") for column in columns]
-        if "axis" in at:
-            seen = [value if axis == along else np.nan for axis, value in zip(AXES, seen, strict=True)]
-        rows.numbers.extend([np.nan] * len(columns) if is_hidden else seen)
+            rows.times[frame] = number_or_nan(path, number, time, "the time")
+        is_hidden = any(what in at and cells[at[what]].strip().lower() in words for what, words in _UNSEEN.items())
+        numbers = [number_or_nan(path, number, cells[column], "a coordinate") for column in columns]
+        rows.numbers.extend([np.nan] * len(columns) if is_hidden else numbers)
+    if left_out:
+        rows.notices.append(f"{counted(left_out, 'row is', 'rows are')} of no x, y or z, and left out")
     return rows
 
 
-def _number(path: Path, number: int, cell: str, what: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan if is_unseen(cell.strip()) else number_in(path, number, cell, what)
+def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the cells of each row, and its number; all that are wanted are there."""
+    n_cells = max(*head.at.values(), *head.columns, head.frames or 0) + 1
+    plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.n_lines))
+    for number, line in without_remarks(plain, head.delimiter, head.counts, notices):
+        cells = line.split(head.delimiter)
+        further = len(head.titles) if head.delimiter else len(cells)
+        if len(cells) < n_cells or any(map(str.strip, cells[further:])) or further < len(head.titles):
+            what = f"{counted(len(cells), 'cell is', 'cells are')} too few or many; the file may be cut off"
+            raise FormatError(path, number, f"{what}, or have decimal commas: export with decimal points")
+        yield number, cells
 
 
 def _distinct(points: Sequence[tuple[str, ...]]) -> list[str]:

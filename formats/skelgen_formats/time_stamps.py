@@ -40,9 +40,8 @@ class Stamps:
         for unit, seconds in _OTHER_UNITS.items():
             rate = rate_of(times * seconds)
             if _SLOW <= rate <= _FAST and np.median(steps) != 1.0:  # else they count frames
-                notices.append(
-                    f"the times are taken as {unit}, which makes {rate:g} Hz; `--recorded-rate` states another"
-                )
+                taken = f"the times are taken as {unit}, which makes {rate:g} Hz"
+                notices.append(f"{taken}; `--recorded-rate` states another")
                 return rate
         return AS_RECORDED_RATE
 

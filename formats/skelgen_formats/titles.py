@@ -43,19 +43,17 @@ _NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
 _MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
+_TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 _FLAG = re.compile(
-    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))",
-    re.IGNORECASE,
+    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))", re.IGNORECASE
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
 _NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
-    (
-        re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"),
-        r"\1_\2",
-    ),  # p_RS_R_x [m], q_RS_w [] of EuRoC
+    # p_RS_R_x [m], q_RS_w [] of EuRoC
+    (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
     (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
     (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
@@ -216,16 +214,28 @@ def axis_alone(title: str) -> tuple[str, str] | None:
     return (match[1].lower(), unit) if match else None
 
 
-def translation_alone(title: str) -> str:
-    """Return the axis of a title such as ``tx`` or ``pz``, or an empty text.
+def nameless_body(titles: Sequence[str]) -> Body:
+    """Return the columns of a body whose titles have no name, ``x`` or ``tx``, ``qw``, ``roll``, ``r11``.
 
     Parameters
     ----------
-    title : str
-        Without quotes.
+    titles : sequence of str
+        Of the columns, without quotes.
     """
-    text, _ = _without_unit(title)
-    return text[1].lower() if re.fullmatch(r"[tp][xyz]", text, re.IGNORECASE) else ""
+    body = Body("")
+    for column, title in enumerate(titles):
+        if angle := angle_alone(title):
+            body.angles.setdefault(angle[0], column)
+            body.stated_order, body.angle_unit = body.stated_order or angle[1], body.angle_unit or angle[2]
+        if (cell := cell_of(title)) and not cell[0]:
+            body.matrix.setdefault(cell[1], column)
+        text, unit = _without_unit(title)
+        if component := component_alone(title):
+            body.turn.setdefault(component, column)
+        elif place := _ALONE.fullmatch(text) or _TRANSLATED_ALONE.fullmatch(text):
+            body.place.setdefault(place[1].lower(), column)
+            body.unit = body.unit or unit
+    return body
 
 
 _Parsed = Callable[[str], tuple[str, str, str] | None]  # name, axis and unit of a title

@@ -23,9 +23,9 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.lines import decoded_head, read_lines
-from skelgen_formats.markers import array_from_records
 from skelgen_formats.options import BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.text import count_in, is_number, number_in, split_cells
+from skelgen_formats.row_owners import array_from_records
+from skelgen_formats.text import count_in, is_number, number_in, number_or_nan, split_cells
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.wide import take_from_table
 
@@ -92,26 +92,21 @@ def _frame(path: Path, number: int, cells: list[str]) -> tuple[float, _Record, _
     if width not in _MARKER_CELLS or n_markers < 0:
         raise FormatError(path, number, f"{len(cells)} cells do not hold the bodies and markers that they announce")
     starts = range(_FIRST_BODY, at, _BODY_CELLS)
-    poses = {cells[one]: [_number(path, number, cells[one + cell]) for cell in _POSE] for one in starts}
+    poses = {
+        cells[one]: [number_or_nan(path, number, cells[one + cell], "a coordinate") for cell in _POSE] for one in starts
+    }
     found: _Record = {}
     for count, one in enumerate(range(at + 1, at + 1 + width * n_markers, width), start=1):
         name = "" if width < _MARKER_CELLS[-1] else cells[one + width - 1]
         key = name if name and name not in found else f"*{count}"
-        found[key] = [_number(path, number, cell) for cell in cells[one : one + 3]]
+        found[key] = [number_or_nan(path, number, cell, "a coordinate") for cell in cells[one : one + 3]]
     return time, poses, found
 
 
-def _number(path: Path, number: int, cell: str) -> float:
-    return number_in(path, number, cell, "a coordinate") if cell else np.nan
-
-
 def _is_tracking_tools(head: bytes, path: Path) -> bool:
-    lines = decoded_head(head).lstrip().splitlines()
-    return (
-        bool(lines)
-        and lines[0].lower().startswith(_FIRST_WORDS)
-        and any(line.lower().startswith((f"{_FRAME},", _FIRST_WORDS[1])) for line in lines)
-    )
+    lines = decoded_head(head).lstrip().lower().splitlines()
+    told = any(line.startswith((f"{_FRAME},", _FIRST_WORDS[1])) for line in lines)
+    return told and lines[0].startswith(_FIRST_WORDS)
 
 
 FORMAT = Format(

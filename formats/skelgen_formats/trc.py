@@ -23,7 +23,7 @@ none has one. Where the times make another rate than DataRate, they count.
 
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -212,7 +212,8 @@ def _table(path: Path, lines: Lines, start: int, delimiter: str, announced: int,
     _, first = next(_rows(lines, start, table), (0, ""))
     if len(first.partition(delimiter)[0].split()) == _LEADING_CELLS:
         table = replace(table, blank=True)
-    if len(leading) == 1 and _longest(islice(_rows(lines, start, table), _TIMES_READ), delimiter) == table.n_cells - 1:
+    widths = [_filled(line, delimiter) for _, line in islice(_rows(lines, start, table), _TIMES_READ)]
+    if len(leading) == 1 and max(widths, default=0) == table.n_cells - 1:
         table = replace(table, leading=1)
     if first.startswith(delimiter) and first.count(delimiter) == table.n_cells:
         table, first = replace(table, indented=True), first[1:]
@@ -252,11 +253,6 @@ def _count(path: Path, lines: Lines, start: int, table: _Table, announced: int) 
         what = f"{len(filled)} rows, most of them far shorter than the {count} markers of the longest or of the header"
         raise FormatError(path, start + 4, what)
     return count
-
-
-def _longest(rows: Iterable[tuple[int, str]], delimiter: str) -> int:
-    """Number of cells of the longest row, 0 without any."""
-    return max((_filled(line, delimiter) for _, line in rows), default=0)
 
 
 def _filled(line: str, delimiter: str) -> int:

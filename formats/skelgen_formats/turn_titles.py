@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from skelgen_formats.options import ROTATION_VECTOR
 
@@ -33,7 +33,7 @@ _MATRIX = re.compile(
     re.IGNORECASE,
 )
 _NUMBERED = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .]?[\[(]?([0-4])[\])]?",
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .-]?[\[(]?([0-4])[\])]?",
     re.IGNORECASE,
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
@@ -54,18 +54,6 @@ def component_alone(title: str) -> str:
     return "" if name else component
 
 
-def cell_alone(title: str) -> str:
-    """Return the cell of a matrix whose title has no name, such as ``12`` of ``r12`` or ``R[1][2]``, or an empty text.
-
-    Parameters
-    ----------
-    title : str
-        Without quotes.
-    """
-    name, cell = cell_of(title) or ("", "")
-    return "" if name else cell
-
-
 def angle_alone(title: str) -> tuple[str, str, str] | None:
     """Return axis, order and unit of a title of an angle without a name, such as ``roll`` or ``Rx [deg]``, or None.
 
@@ -79,35 +67,6 @@ def angle_alone(title: str) -> tuple[str, str, str] | None:
     match = _ABOUT_AXIS.fullmatch(title.strip())
     found = angle_of(title) or (("", match[2].lower(), "") if match and not match[1] else None)
     return (found[1], order_by_words(title), found[2]) if found and not found[0] else None
-
-
-def cells_of(matrix: Mapping[str, int]) -> list[int]:
-    """Return the columns of the nine cells of a matrix, row by row; empty if one is missing.
-
-    Parameters
-    ----------
-    matrix : mapping of str to int
-        Column of each cell, such as ``12``, its row and column, or ``7``, its number, counted from 1 or 0.
-    """
-    for first in (0, 1):
-        flat = [matrix[str(key)] for key in range(first, first + 9) if str(key) in matrix]
-        if len(flat) == 9:
-            return flat
-        keys = [f"{row}{column}" for row in range(first, first + 3) for column in range(first, first + 3)]
-        if matrix.keys() >= {*keys}:
-            return [matrix[key] for key in keys]
-    return []
-
-
-def order_of(angles: Mapping[str, int]) -> str:
-    """Return the axes of angles in the order of their columns, such as ``zyx``.
-
-    Parameters
-    ----------
-    angles : mapping of str to int
-        Column of each axis.
-    """
-    return "".join(sorted(angles, key=angles.__getitem__))
 
 
 def angle_of(title: str) -> tuple[str, str, str] | None:

@@ -15,7 +15,6 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.bodies import with_quaternions_of_matrices
 from skelgen_formats.lines import decoded_head, read_lines
 from skelgen_formats.options import RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.text import parse_rows
@@ -55,8 +54,6 @@ def read_untitled(path: Path, options: Options) -> Trajectories | PointCloud | P
     columns = [column + is_timed for column in _LAYOUTS[width - is_timed]]
     rows = parse_rows(path, _rows(lines.numbered()), width, None, [0, *columns])
     numbers = rows[:, np.newaxis, 1:]
-    if len(columns) > len(_QUATERNION):
-        numbers = with_quaternions_of_matrices(path, numbers)
     stamps = since_first(rows[:, 0], 0.0) if is_timed else None
     take = take_from_table(path, numbers, ["body"], stamps, options)
     layout = "x, y, z, qx, qy, qz, qw" if len(columns) == len(_QUATERNION) else "the rows of a matrix, place last"

@@ -26,25 +26,11 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
-from skelgen_formats.bodies import (
-    BY_ROWS,
-    blank_unseen,
-    take_from_bodies,
-    transforms_of,
-    with_quaternions,
-    with_quaternions_of_matrices,
-)
+from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
-from skelgen_formats.markers import (
-    are_outputs,
-    equal_unseen,
-    mm_per_unit,
-    scaled,
-    take_from_markers,
-    zeros_unseen,
-)
+from skelgen_formats.markers import are_outputs, equal_unseen, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import (
     ALL_POINTS,
     ANGLE_ORDER,
@@ -104,22 +90,21 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
-    chosen, are_bodies = _chosen(head, options)
-    wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
-    flags = [body.flag for body in chosen if body.flag is not None]
+    wanted = _choose(head, options)
+    flags = [body.flag for body in head.bodies if body.flag is not None]
     turns = Turns()
     rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
-    rows = _seen(rows, chosen, head.notices)
+    rows = _seen(rows, head.bodies, head.notices)
     if turns.frames:
         rows, stamps = turns.spread(path, rows, stamps)
-        rows, chosen = without_copies(rows, turns.named(chosen), head.notices)
+        rows, head.bodies = without_copies(rows, turns.named(head.bodies), head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
-    return _take(path, rows, chosen, head, stamps, options)
+    return _take(path, rows, head, stamps, options)
 
 
-def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
-    """Return the points, or the bodies where there is nothing else or they are asked for; and whether it is these."""
+def _choose(head: Head, options: Options) -> list[int]:
+    """Keep the points, or the bodies where there is nothing else or they are asked for, and return their columns."""
     turned = [body for body in head.bodies if body.is_turned]
     angled = [body for body in head.bodies if body.has_angles]
     if not turned and (options.bodies or (options.points == AUTO and len(angled) == len(head.bodies))):
@@ -136,7 +121,8 @@ def _chosen(head: Head, options: Options) -> tuple[list[Body], bool]:
         head.notices.append(counted(len(points), one, several))
     elif turned and points:
         head.notices.append("bodies with rotations are left out; `--bodies` reads them instead of the points")
-    return turned if are_bodies else points, are_bodies
+    head.bodies = turned if are_bodies else points
+    return [column for body in head.bodies for column in body.columns(turned=are_bodies)]
 
 
 def _numbers_of(
@@ -149,8 +135,8 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    count = head.frames if head.frames is not None else next(iter(times), None)
-    whole = padded_rows(without_remarks(numbers, head.delimiter, count, head.notices), len(lines), head)
+    numbers = without_remarks(numbers, head.delimiter, head.counts, head.notices)
+    whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
     elif head.frames is not None:
@@ -161,7 +147,7 @@ def _numbers_of(
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
         few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
-        some = with_seconds(padded_rows(few, len(lines), replace(head, notices=[])), head)
+        some = with_seconds(padded_rows(few, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.clock.second)
@@ -183,20 +169,42 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
 
 
 def _take(
-    path: Path, rows: Floats, chosen: Sequence[Body], head: Head, times: Stamps | None, options: Options
+    path: Path, rows: Floats, head: Head, times: Stamps | None, options: Options
 ) -> Trajectories | PointCloud | Poses:
-    names = [body.name for body in chosen]
-    numbers = rows.reshape(len(rows), len(chosen), rows.shape[1] // len(chosen))
-    for at, body in enumerate(chosen):
+    """Return the take of rows with the numbers of each body; those of other units are brought to that of the table."""
+    bodies = head.bodies
+    numbers = rows.reshape(len(rows), len(bodies), rows.shape[1] // len(bodies))
+    for at, body in enumerate(bodies):
         if body.unit and head.unit and body.unit != head.unit:
-            factors = [mm_per_unit(path, 1, unit) for unit in (body.unit, head.unit)]
-            numbers[:, at, : len(AXES)] *= factors[0] / factors[1]
+            numbers[:, at, : len(AXES)] *= mm_per_unit(path, 1, body.unit) / mm_per_unit(path, 1, head.unit)
+    return take_from_head(path, numbers, [body.name for body in bodies], head, times, options)
+
+
+def take_from_head(
+    path: Path, numbers: Floats, names: Sequence[str], head: Head, times: Stamps | None, options: Options
+) -> Trajectories | PointCloud | Poses:
+    """Return the take of points or bodies of a table, whose head says what their numbers are.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    numbers : ndarray, shape (n_frames, n_points, 3, 6, 7 or 12)
+        As `take_from_table` takes them, or places and three angles.
+    names : sequence of str, length n_points
+        Of the points.
+    head : Head
+        Whose first body tells how rotations are written.
+    times : Stamps or None
+        Of some frames at least.
+    options : Options
+        As `take_from_table` takes them, and `angle_order`.
+    """
+    first = head.bodies[0]
     if numbers.shape[2] == len(AXES) * 2:
-        first = chosen[0]
         numbers = with_quaternions(numbers, first.angle_order, first.angle_unit, options, head.notices)
-    elif numbers.shape[2] == len(AXES) * 4:
-        head.notices += [BY_ROWS] if "8" in chosen[0].matrix else []
-        numbers = with_quaternions_of_matrices(path, numbers)
+    elif numbers.shape[2] == len(AXES) * 4 and "8" in first.matrix:
+        head.notices.append(BY_ROWS)
     take = take_from_table(path, numbers, names, times, options, head.unit)
     notices = [*head.notices, *take.notices]
     if not head.unit and options.recorded_unit == AUTO:
@@ -213,9 +221,9 @@ def take_from_table(
     ----------
     path : Path
         The file.
-    numbers : ndarray, shape (n_frames, n_points, 3 or 7)
+    numbers : ndarray, shape (n_frames, n_points, 3, 7 or 12)
         Positions in the file's unit; NaN, three zeros or three times another number, such as -9999, where unseen. Of
-        bodies followed by the unit quaternion, scalar first.
+        bodies followed by the unit quaternion, scalar first, or by the matrix, row by row.
     names : sequence of str, length n_points
         Of the points.
     times : Stamps or None
@@ -231,7 +239,7 @@ def take_from_table(
     if numbers.shape[2] > len(AXES):
         bodies = _lost_unseen(blank_unseen(numbers))
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
-        return take_from_bodies(path, transforms_of(path, bodies, factor), names, rate, notices)
+        return take_from_bodies(path, bodies, factor, names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     if not unit and options.recorded_unit == AUTO:
@@ -312,8 +320,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
             titles = list(file.schema_arrow.names)
             if (head := in_one_line([titles])) is None:
                 raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
-            chosen, are_bodies = _chosen(head, options)
-            wanted = [column for body in chosen for column in body.columns(turned=are_bodies)]
+            wanted = _choose(head, options)
             clocks = [head.clock.column, head.clock.fraction] if head.clock else []
             names = [titles[column] for column in [*wanted, *clocks] if column is not None]
             twice = [name for name in names if titles.count(name) > 1]
@@ -329,7 +336,7 @@ def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
     times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None
-    return _take(path, numbers[sampled, : len(wanted)], chosen, head, times, options)
+    return _take(path, numbers[sampled, : len(wanted)], head, times, options)
 
 
 def _stamps(columns: Floats, clock: Clock) -> Stamps:

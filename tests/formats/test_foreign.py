@@ -29,6 +29,8 @@ import pytest
         ("points.tsv", b"0.0\t1.5\t2.5\n", "export TSV from Track Manager with its header"),
         ("skeleton.tsv", b"NO_OF_FRAMES\t1\nDATA_INCLUDED\tSKELETON\n", "holds SKELETON; export the 3D data"),
         ("bones.tsv", b"NO_OF_FRAMES\t1\nREFERENCE\tGLOBAL\nSOLVER\t1\n", "without the line of titles"),
+        ("track.gpx", b"<?xml version='1.0'?><gpx/>", "XML of another program; export the markers"),
+        ("track.xml", b"<?xml version='1.0'?><gpx/>", "of XML of another program, export the markers"),
         ("human.mjcf", b"<mujoco model='human'>", "a model of a robot"),
         ("ann.mkr", b"!MKR#2\n[Autolabel]\n", "a subject of Vicon"),
         (

@@ -62,6 +62,11 @@ def test_6d_export_is_read_as_bodies(put, text):
     assert np.isnan(take.world_from_body[1]).all()
 
 
+def test_6d_export_that_is_cut_off_says_so(edited):
+    take = read_take(edited("cut.tsv", BODIES, "FRAMES\t2", "FRAMES\t3"))
+    assert any("the file is cut off" in notice for notice in take.notices)
+
+
 def test_matrix_that_is_no_rotation_names_frame_and_body(refused, edited):
     assert "frame 1: the matrix of body 1" in refused(edited("odd.tsv", BODIES, "\t-1.0\t", "\t-0.5\t"))
 

@@ -230,3 +230,25 @@ def test_names_with_axes_beside_values_are_points(put, name):
     take = read_take(put("melted.csv", "\n".join(["frame,variable,value", *rows])), recorded_unit="mm")
     assert take.names == ("a", "b")
     np.testing.assert_array_equal(take.positions[2], [[2, 3, 4], [5, 6, 7]])
+
+
+def test_rows_of_a_name_follow_each_other_where_nothing_counts_frames(put):
+    rows = "".join(f"{name},{frame},2,{frame},0,0,0,1\n" for frame in (4, 5) for name in ("hip", "toe"))
+    take = read_take(put("poses.csv", f"body,x,y,z,qx,qy,qz,qw\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.n_frames) == (("hip", "toe"), 2)
+    np.testing.assert_array_equal(take.world_from_body[:, 1, 0, 3], [4.0, 5.0])
+
+
+def test_quaternion_that_lacks_a_component_is_told(put):
+    rows = "".join(f"{frame},{name},1,2,3,0,0,0,1\n" for frame in range(2) for name in "ab")
+    take = read_take(put("twice.csv", f"frame,name,x,y,z,qx,qy,qz,qz\n{rows}"))
+    assert any("no title names one of w, x, y, z" in notice for notice in take.notices)
+
+
+def test_marks_between_thousands_are_told(refused, put):
+    row = "0;a;1,234.5;2;3"
+    assert "without marks between thousands" in refused(put("marks.csv", f"frame;marker;x;y;z\n{row}\n"))
+
+
+def test_titles_without_rows_hold_no_frame(refused, put):
+    assert "holds no frame" in refused(put("none.csv", "frame,marker,x,y,z\n# no rows\n"))

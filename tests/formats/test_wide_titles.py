@@ -169,6 +169,7 @@ def test_quaternions_whose_scalar_nobody_names_are_told(refused, put):
     assert (take.names, "which number is w (qw, qx, qy, qz): a, b" in " ".join(take.notices)) == (("a", "b"), True)
     alone = "time,x,y,z,quat_1,quat_2,quat_3,quat_4\n" + "0,1,2,3,1,0,0,0\n0.1,1,2,3,1,0,0,0\n"
     assert "which number is w" in refused(put("body.csv", alone))
+    assert "which number is w" in refused(put("body.csv", alone.replace("quat_", "quat-")))
 
 
 @pytest.mark.parametrize("title", ["{n}.localPosition.{a}", "{n}_local_{a}", "{n} Local Position {a}"])

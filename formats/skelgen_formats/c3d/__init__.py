@@ -41,13 +41,7 @@ from skelgen_formats.writing import (
     write_table,
 )
 
-__all__ = [
-    "C3D",
-    "C3D_JOINTS",
-    "read_c3d",
-    "write_c3d",
-    "write_c3d_joints",
-]
+__all__ = ["C3D", "C3D_JOINTS", "read_c3d", "write_c3d", "write_c3d_joints"]
 
 PLAIN = Options()
 """Options of a file in mm with what was measured."""

@@ -11,14 +11,7 @@ from skelgen.errors import FormatError
 from skelgen.files import open_regular, read_content
 from skelgen.geometry.up_axis import TURNS
 from skelgen.model import Trajectories
-from skelgen_formats.c3d.layout import (
-    BLOCK,
-    MAGIC,
-    MOST_HEADER_FRAMES,
-    WORDS_PER_POINT,
-    C3dLayout,
-    read_layout,
-)
+from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT, C3dLayout, read_layout
 from skelgen_formats.c3d.parameters import Values, dec_floats
 from skelgen_formats.markers import mm_per_unit
 from skelgen_formats.options import per_mm

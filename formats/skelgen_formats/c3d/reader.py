@@ -24,7 +24,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.assumed_units import assumed_mm_per_unit
-from skelgen_formats.bodies import blank_unseen, quaternions_from_matrices, take_from_bodies, transforms_of
+from skelgen_formats.bodies import take_from_bodies
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
     WORDS_PER_POINT,
@@ -61,11 +61,7 @@ class _Points(NamedTuple):
 
 
 def read_c3d(
-    path: Path,
-    points: str = MARKERS,
-    bodies: bool = False,
-    sample: Sample | None = None,
-    recorded_unit: str = AUTO,
+    path: Path, points: str = MARKERS, bodies: bool = False, sample: Sample | None = None, recorded_unit: str = AUTO
 ) -> Trajectories | PointCloud | Poses:
     """Read the points of a C3D file.
 
@@ -247,8 +243,8 @@ def read_rotations(path: Path, layout: C3dLayout) -> Poses:
     frames = frames[: layout.n_frames * ratio] if layout.n_frames else frames
     matrices = frames[:, :, :16].reshape(len(frames), count, 4, 4).swapaxes(2, 3)
     matrices[frames[:, :, 16] < 0] = np.nan
-    numbers = blank_unseen(matrices[:, :, :3].reshape(len(frames), count, 12).copy()).reshape(len(frames), count, 3, 4)
-    quaternions = quaternions_from_matrices(path, numbers[..., :3])
+    turns = matrices[:, :, :3, :3].reshape(len(frames), count, 9)
+    poses = np.concatenate([matrices[:, :, :3, 3], turns], axis=2)
     names = [name.removesuffix(_SUFFIX) for name in layout.texts("ROTATION", "LABELS")[:count]]
     names += [f"segment {number}" for number in range(len(names) + 1, count + 1)]
     kept = [place for place, name in enumerate(names) if name != _LAB]
@@ -256,6 +252,6 @@ def read_rotations(path: Path, layout: C3dLayout) -> Poses:
     units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
     if not units:
         notices.append("the file names no length unit; mm are assumed")
-    poses = np.concatenate([numbers[..., 3], quaternions], axis=2)[:, kept]
-    transforms = transforms_of(path, poses, mm_per_unit(path, "POINT:UNITS", units[0]) if units else 1.0)
-    return take_from_bodies(path, transforms, [names[place] for place in kept], layout.rate * ratio, notices)
+    factor = mm_per_unit(path, "POINT:UNITS", units[0]) if units else 1.0
+    called = [names[place] for place in kept]
+    return take_from_bodies(path, poses[:, kept], factor, called, layout.rate * ratio, notices)

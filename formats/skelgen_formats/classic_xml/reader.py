@@ -87,7 +87,8 @@ class _Source:
 def _check_root(path: Path, root: Any) -> None:
     line = root.sourceline or 1
     if root.tag != ROOT:
-        raise FormatError(path, line, f"the root element is <{root.tag}> where <{ROOT}> belongs")
+        what = f"the root element is <{root.tag}> where <{ROOT}> belongs"
+        raise FormatError(path, line, f"{what}; of XML of another program, export the markers as C3D or TRC")
     if root.getroottree().docinfo.internalDTD is not None:
         raise FormatError(path, line, "a document type is declared; these files have none")
     if root.get("version") != VERSION:
