@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.marker_sets import EVERY_PLACE
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.place_matching import LEFT_OUT, costs_of_places, mirror_images, nearest_places
+from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
 from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
@@ -41,9 +41,9 @@ ENOUGH_MARKERS = 20
 """Places of fewer count only where they fit beyond doubt. Of people, real and simulated, of whose markers a third and
 more is left out, more of the tree is found with 20 or 22 than with 30; animals and trees of 20 to 29 lose nothing."""
 
-OF_PARTING = 1 / 3
-"""Part of what a set that is believed says, with which places part two markers at least: these are easily mistaken for
-neighbours beyond a joint."""
+PART_OF_PLACES, OF_PARTING = 2 / 3, 0.5
+"""What places that are believed say of a pair beside a set that is believed, and which part of it where they part two
+markers: these are easily mistaken for neighbours beyond a joint."""
 
 SURELY_PARTED = 2.0
 """Factor on log odds by which places part two markers that both fit well, as nearly all do: two markers on the wrist
@@ -192,7 +192,7 @@ def worn_odds(positions: Floats, by_motion: Floats) -> Floats:
     sure = float(part_of(worn.sets[0].match.misfit, BEYOND_DOUBT, DOUBTFUL)) * (1.0 - worn.doubt)
     odds *= (1.0 - worn.share) * (1.0 + (SURER - 1.0) * sure)
     if worn.places is not None:
-        odds += worn.of_places(len(by_motion)) * odds_of_places(shape_of(positions), worn.places, by_motion)
+        odds += worn.of_places(len(by_motion)) * _odds_of_places(shape_of(positions), worn.places, by_motion)
         odds += MIRRORED * worn.places.belief * (_of_mirror_images(worn.places.match, by_motion) - by_motion)
     return odds
 
@@ -318,28 +318,8 @@ def _are_of_one_person(positions: Floats, is_part: Bools) -> bool:
     return bool(np.isin(np.flatnonzero(is_part), at_place).all())
 
 
-def odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
-    """Return the log odds that two markers share a limb by all places that each may be at (n_markers, n_markers).
-
-    Those whose places are on two segments are parted by a third of what a set would say at least, and twice as surely
-    where both fit well.
-
-    Parameters
-    ----------
-    shape, places, by_motion
-        As for `segment_odds`.
-    """
-    odds, by_place = segment_odds(shape, places, by_motion), _pair_odds(places, len(by_motion))
-    parted = by_place < 0
-    odds[parted] = np.minimum(OF_PARTING * by_place, odds)[parted]
-    odds[parted] *= (1.0 + (SURELY_PARTED - 1.0) * _fit_well(places.match, len(odds)))[parted]
-    return odds
-
-
 def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     """Return the log odds that two markers share a segment, over all places that each may be at (n_markers, n_markers).
-
-    Nothing is known of markers that fit no place.
 
     Parameters
     ----------
@@ -350,12 +330,11 @@ def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
     by_motion : ndarray, shape (n_markers, n_markers)
         Log odds by what each pair does.
     """
-    costs = np.pad(costs_of_places(shape, places.match, by_motion), ((0, 0), (0, 1)), constant_values=LEFT_OUT)
+    costs = costs_of_places(shape, places.match, by_motion)
     likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
-    likely = likely[:, :-1] / likely.sum(axis=1, keepdims=True)
-    on_segment, at_place = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments], likely.sum(axis=1)
-    together = on_segment @ on_segment.T + (1.0 - np.outer(at_place, at_place)) / 2
-    together = np.clip(together, MISTAKEN, 1.0 - MISTAKEN)
+    likely /= likely.sum(axis=1, keepdims=True)
+    on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]
+    together = np.clip(on_segment @ on_segment.T, MISTAKEN, 1.0 - MISTAKEN)
     odds = np.log(together / (1.0 - together))
     np.fill_diagonal(odds, 0.0)
     return np.asarray(odds)
@@ -380,6 +359,19 @@ def _pair_odds(believed: Believed, n_markers: int) -> Floats:
     signs = np.where(segments[:, np.newaxis] == segments, STRENGTH, -STRENGTH)
     odds[np.ix_(match.markers, match.markers)] = signs * np.minimum(fits[:, np.newaxis], fits)
     np.fill_diagonal(odds, 0.0)
+    return odds
+
+
+def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
+    """The log odds that two markers share a limb by their places, (n_markers, n_markers).
+
+    Places that part two markers count half, more where the other places at which either may be part them, too, and
+    most where both fit well.
+    """
+    odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
+    parted = odds < 0
+    odds[parted] = np.minimum(OF_PARTING * odds, segment_odds(shape, places, by_motion))[parted]
+    odds[parted] *= (1.0 + (SURELY_PARTED - 1.0) * _fit_well(places.match, len(odds)))[parted]
     return odds
 
 

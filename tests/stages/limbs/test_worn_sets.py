@@ -24,7 +24,6 @@ from skelgen.stages.limbs.worn_places import (
     Wear,
     believed_places,
     believed_wear,
-    odds_of_places,
     segment_odds,
     worn_odds,
 )
@@ -156,28 +155,6 @@ def test_markers_share_segments_as_often_as_their_places_say() -> None:
     assert together[odds < -3].mean() < 0.01
     assert together[odds > 3].mean() > 0.95
     assert (odds > 3).sum() > together.sum() / 2
-
-
-def test_a_marker_that_is_at_no_place_shares_a_segment_as_likely_as_all_places_say() -> None:
-    shape, places, by_motion, limb = _at_places()
-    for marker in places.match.markers[::8].tolist():
-        others = replace(places, match=_without(places.match, marker))
-        markers = others.match.markers
-        odds = odds_of_places(shape, others, by_motion)[marker, markers]
-        assert (np.sign(odds) == np.where(limb[markers] == limb[marker], 1, -1)).mean() > 0.9
-
-
-def test_nothing_is_said_of_a_marker_that_fits_no_place() -> None:
-    shape, places, by_motion, _ = _at_places()
-    far = shape.distances.copy()
-    far[0, 1:] = far[1:, 0] = 3.0  # twenty times the usual distance
-    odds = segment_odds(Shape(far, shape.motions), replace(places, match=_without(places.match, 0)), by_motion)
-    assert np.abs(odds[0]).max() < 0.1 and np.abs(odds[1:, 1:]).max() > 3
-
-
-def _without(match: Match, marker: int) -> Match:
-    left = match.markers != marker
-    return replace(match, markers=match.markers[left], of_set=match.of_set[left], misfits=match.misfits[left])
 
 
 def _at_places() -> tuple[Shape, Believed, Floats, Ints]:
