@@ -24,6 +24,9 @@ EXPLAINED = 1.5
 CLEAR = 10.0
 """Times this that plates move in the room, and against each other: a joint is anywhere where little moves."""
 
+LEAST_NOISE = 1e-3
+"""mm: files round, and simulated takes may have no noise at all."""
+
 
 class _Plate(NamedTuple):
     """Markers of a plate, its poses, the markers in its frame, that of their centroid [mm], and their noise [mm]."""
@@ -73,7 +76,7 @@ def _plate(positions: Floats, markers: Ints) -> _Plate | None:
     poses = shape.world_from_limb[seen, np.newaxis]
     carried = (poses[..., :3, :3] @ shape.points[..., np.newaxis])[..., 0] + poses[..., :3, 3]
     n_free = (3 * len(markers) - 6) * seen.sum()
-    noise = float(np.sqrt(((own[seen] - carried) ** 2).sum() / n_free))
+    noise = max(float(np.sqrt(((own[seen] - carried) ** 2).sum() / n_free)), LEAST_NOISE)
     moved = float(own[seen].std(axis=0).max())
     return _Plate(markers, shape.world_from_limb, shape.points, noise) if moved > CLEAR * noise else None
 
