@@ -14,6 +14,8 @@ Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
+TINY = float(np.finfo(np.float64).tiny)
+
 
 @kernel_part
 def vector(table: Floats, row: int, first: int) -> Vector:
@@ -396,6 +398,3 @@ def inverse(matrix: Symmetric, level: float) -> Symmetric:
     xz, yz = corner * third, -last * third
     xy, yy = -low * second - last * xz, second - last * yz
     return first + low * low * second + corner * xz, xy, xz, yy, yz, third
-
-
-TINY = float(np.finfo(np.float64).tiny)

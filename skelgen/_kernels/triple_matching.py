@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import contiguous, kernel, kernel_part
-from skelgen._kernels.small_matrices import dot, minus, vector
+from skelgen._kernels.distance_statistics import squared_distance
 from skelgen.model.arrays import Floats, Ints
 
 
@@ -87,6 +87,5 @@ def _n_matches(pattern: MarkPattern, triple: int, places: Floats, parts: Ints, m
 @kernel_part
 def _fits(pattern: MarkPattern, mark: int, other: int, places: Floats, place: int, other_place: int) -> bool:
     """Whether two places are as far apart as two marks; two marks are never at one place."""
-    away = minus(vector(places, place, 0), vector(places, other_place, 0))
-    apart = math.sqrt(dot(away, away))
+    apart = math.sqrt(squared_distance(places, place, places, other_place))
     return abs(apart - pattern.distances[mark, other]) < pattern.limits[mark, other] and apart > 0.0

@@ -360,14 +360,13 @@ def _length_rows(project: Project) -> list[Row]:
     for index, ((first, second), length) in enumerate(skeleton.lengths.items()):
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
-        first_name, second_name = (skeleton.joint_names[index] for index in (first, second))
         limb = skeleton.limb_of_length((first, second))
         rows.append(
             {
                 "limb": limb,
                 "name": skeleton.limb_names[limb],
-                "from_joint": first_name,
-                "to_joint": second_name,
+                "from_joint": skeleton.joint_names[first],
+                "to_joint": skeleton.joint_names[second],
                 "length_mm": length,
                 "std_mm": None if skeleton.length_std is None else float(skeleton.length_std[index]),
                 "spread_mm": float(measured.std()) if len(measured) else None,
@@ -391,9 +390,8 @@ def _spread(residuals: Floats) -> Spread:
 def _positions(take: Take) -> Floats:
     if isinstance(take, PointCloud):
         return take.points
-    if isinstance(take, Poses):
-        return take.world_from_body[..., :3, 3].reshape(-1, 3)
-    return take.positions.reshape(-1, 3)
+    positions = take.world_from_body[..., :3, 3] if isinstance(take, Poses) else take.positions
+    return positions.reshape(-1, 3)
 
 
 def _count(take: Take, n_frames: int) -> int:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelgen.geometry.rotations import N_POSE, moved_points
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model.arrays import Floats, Ints, evenly_spread
@@ -74,10 +75,9 @@ def _plate(positions: Floats, markers: Ints) -> _Plate | None:
     seen = shape.posed & ~np.isnan(own).any(axis=(1, 2))
     if seen.sum() < len(own) / 4:
         return None
-    poses = shape.world_from_limb[seen, np.newaxis]
-    carried = (poses[..., :3, :3] @ shape.points[..., np.newaxis])[..., 0] + poses[..., :3, 3]
-    n_free = (3 * len(markers) - 6) * seen.sum()
-    noise = max(float(np.sqrt(((own[seen] - carried) ** 2).sum() / n_free)), LEAST_NOISE)
+    errors = own[seen] - moved_points(shape.world_from_limb[seen], shape.points)
+    n_free = (3 * len(markers) - N_POSE) * seen.sum()
+    noise = max(float(np.sqrt((errors**2).sum() / n_free)), LEAST_NOISE)
     moved = float(own[seen].std(axis=0).max())
     return _Plate(markers, shape.world_from_limb, shape.points, noise) if moved > CLEAR * noise else None
 

@@ -90,11 +90,11 @@ def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:
     """Whether many positions are expected to be another marker's, or were followed without a marker."""
     if (found < 0).all():
         return False
-    tracks = take.track_of_point
-    left = np.bincount(tracks[(found < 0) & (tracks >= 0)], minlength=1)
+    left = take.unlabelled_per_track(found)
     n_left = left[left >= LEFT_SECONDS * take.rate].sum()
     labelled = _trajectories(take, found)
-    history = label_quality.history_of(label_quality.PointLabels(take.cloud, tracks, found), labelled.n_markers)
+    points = label_quality.PointLabels(take.cloud, take.track_of_point, found)
+    history = label_quality.history_of(points, labelled.n_markers)
     confidence = label_quality.labelling_of_cloud(labelled, history).confidence
     return bool(2.0 * n_left / len(found) + np.nanmean(1.0 - confidence) > DOUBTFUL)
 

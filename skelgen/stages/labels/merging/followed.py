@@ -109,6 +109,17 @@ class FollowedCloud:
         """Return the frame of each point, shape (n_points,)."""
         return np.repeat(np.arange(self.cloud.n_frames, dtype=np.int32), self.cloud.points_per_frame)
 
+    def unlabelled_per_track(self, marker_of_point: Ints) -> Ints:
+        """Return how many points of each track have no marker, up to the last track with any.
+
+        Parameters
+        ----------
+        marker_of_point : ndarray of intp, shape (n_points,)
+            Marker of each point, -1 for none.
+        """
+        tracks = self.track_of_point
+        return np.bincount(tracks[(marker_of_point < 0) & (tracks >= 0)], minlength=1)
+
     def moments(self, n_markers: int) -> Ints:
         """Return the frames in which markers are compared, at most `MOST_DISTANCES` distances.
 

@@ -144,8 +144,7 @@ def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float
     seconds : float, s
         Tracks that last so long should have a marker.
     """
-    tracks = take.track_of_point
-    left = np.bincount(tracks[(marker_of_point < 0) & (tracks >= 0)], minlength=1)
+    left = take.unlabelled_per_track(marker_of_point)
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     return bool(left.max() >= seconds * take.rate) or not seen_at_once(take.cloud, marker_of_point, n_markers).all()
 
