@@ -172,7 +172,10 @@ def _plain_kernel(function: Callable[..., Any]) -> Any:
 
 
 def _array_kernel(function: Callable[..., Any]) -> Any:
-    return _kept_on_disk(function, _njit(remembering_compiler, no_cfunc_wrapper=True))
+    compiled = _kept_on_disk(function, _njit(remembering_compiler, no_cfunc_wrapper=True))
+    if compiled is not function:
+        _begin_counting_references()
+    return compiled
 
 
 def _kept_on_disk(function: Callable[..., Any], compile_with: Callable[[Callable[..., Any]], Any]) -> Any:
@@ -196,7 +199,19 @@ def _njit(compiler: Callable[[], Any], **options: bool) -> Any:
             f"numba, which compiles skelgen's kernels, cannot be imported ({error}); install the version asked for"
         ) from error
     _introduce()
-    return cast(Any, numba.njit)(nogil=True, error_model="numpy", pipeline_class=compiler(), **options)
+
+    def begin(*task: Any) -> Any:
+        return compiler()(*task)  # where all is on disk, no compiler is needed
+
+    return cast(Any, numba.njit)(nogil=True, error_model="numpy", pipeline_class=begin, **options)
+
+
+@cache
+def _begin_counting_references() -> None:
+    """Do what numba does before it compiles, and machine code from the disk needs as well, where it makes arrays."""
+    from numba.core import registry, runtime  # noqa: PLC0415 - half a second
+
+    cast(Any, runtime).rtsys.initialize(registry.cpu_target.target_context)  # which numba gives no types
 
 
 @cache

@@ -27,6 +27,14 @@ from skelgen._kernels.constants import SIZE
 def scaled(value):
     return value * SIZE
 """
+MAKES_ARRAYS = """
+import numpy as np
+from skelgen._kernels import array_kernel
+
+@array_kernel
+def scaled(value):
+    return np.full(2, value)
+"""
 RUN = """
 from skelgen._kernels import announce_compiling
 from skelgen._kernels.subject import scaled
@@ -98,6 +106,22 @@ def test_damaged_machine_code_is_compiled_anew(package):
     (kept,) = (package / "_kernels" / "__pycache__").glob("*.nbc")
     kept.write_bytes(kept.read_bytes()[:100])
     assert run(package) == "6.0 scaled"
+
+
+@needs_compiler
+def test_machine_code_is_used_without_reading_the_compilers_rules(package):
+    code = RUN + "import sys\nprint(*{'numba.np.arrayobj', 'skelgen._kernels.lowering'} & set(sys.modules))\n"
+    first, second = run(package, code), run(package, code)
+    assert first.startswith("6.0 scaled\n")
+    assert "arrayobj" in first
+    assert second == "6.0"
+
+
+@needs_compiler
+def test_machine_code_that_makes_arrays_is_used_where_nothing_is_compiled(package):
+    (package / "_kernels" / "subject.py").write_text(MAKES_ARRAYS)
+    assert run(package) == "[3. 3.] scaled"
+    assert run(package) == "[3. 3.]"
 
 
 @needs_compiler
