@@ -1,8 +1,8 @@
-"""Learn the weights of skelgen/stages/limbs/bodies.py: ``python tests/benchmarks/learn_bodies.py``.
+"""Learn the weight of skelgen/stages/limbs/bodies.py: ``python tests/benchmarks/learn_bodies.py``.
 
 Takes of learn_pairs.py, every `EVERY`th of the simulated ones, alone and in pairs beside each other at `APART`. Cuts of
-one body are wrong, the cut between two bodies is right. Printed: the weights, and how many takes of each kind those of
-the program tell rightly; its `BIAS` is lower by `CAREFUL`, as a body torn apart is worse than two that are joined.
+one body are wrong, the cut between two bodies is right. Printed: the weight, and how many takes of each kind that of
+the program tells rightly; its `BIAS` is lower by `CAREFUL`, as a body torn apart is worse than two that are joined.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from learn_pairs import Subject, subjects
 from shown import show
 from sklearn.linear_model import LogisticRegression
 
+from skelgen.geometry.statistics import LEAST_COMMON
 from skelgen.model.arrays import Bools, Floats, evenly_spread
 from skelgen.stages.limbs import bodies
 
 EVERY = 4
 APART = (500.0, 700.0, 1000.0, 1500.0, 3000.0)  # mm
 PAIRS = 3  # for each take
-CAREFUL = 2.0
+CAREFUL = 1.0
 WRONG_SHARE = 4.0  # takes of one body are so many times more frequent than those of two
 
 
@@ -29,12 +30,12 @@ class Case(NamedTuple):
     """A take of one body or two: what its cuts are like, and which is between bodies."""
 
     kind: str
-    features: Floats
+    cuts: bodies.Cuts
     is_between: Bools
 
 
 def main() -> None:
-    """Print the weights, and how many takes they tell rightly."""
+    """Print the weight, and how many takes it tells rightly."""
     taken = list(chosen())
     rng = np.random.default_rng(0)
     cases = [case(one.kind, one.positions, one.positions.shape[1]) for one in taken]
@@ -43,20 +44,20 @@ def main() -> None:
             other = taken[int(rng.integers(len(taken)))] if one.kind != "structure" else taken[index - 1]
             both, n_first = together(one.positions, other.positions, rng.choice(APART), rng)
             cases.append(case(f"two: {one.kind}", both, n_first))
-    cases = [one for one in cases if len(one.features)]
+    cases = [one for one in cases if len(one.is_between)]
     fit = LogisticRegression(C=100.0, max_iter=10_000, tol=1e-8)
     weights = np.concatenate([weights_of(one) for one in cases])
     fit.fit(
-        np.concatenate([one.features for one in cases]),
+        np.concatenate([one.cuts.least for one in cases])[:, np.newaxis],
         np.concatenate([one.is_between for one in cases]),
         sample_weight=weights * len(weights) / weights.sum(),
     )
     print(f"BIAS = {fit.intercept_[0] - CAREFUL:.3f}")
-    print(f"WEIGHTS = ({', '.join(f'{value:.3f}' for value in fit.coef_[0])})")
+    print(f"WEIGHT = {fit.coef_[0, 0]:.3f}")
     rows = []
     for kind in sorted({one.kind for one in cases}):
         of_kind = [one for one in cases if one.kind == kind]
-        odds = [bodies.BIAS + one.features @ np.array(bodies.WEIGHTS) for one in of_kind]
+        odds = [one.cuts.odds for one in of_kind]
         right = [
             bool(one.is_between[value.argmax()]) if value.max() > 0 else not one.kind.startswith("two")
             for one, value in zip(of_kind, odds, strict=True)
@@ -87,10 +88,11 @@ def together(one: Floats, other: Floats, apart: float, rng: np.random.Generator)
 
 def case(kind: str, positions: Floats, n_first: int) -> Case:
     """The cuts of a take."""
-    found = bodies.cuts(*bodies.marker_distances(positions))
-    second = np.arange(positions.shape[1]) >= n_first
+    is_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0) >= LEAST_COMMON
+    found = bodies.cuts(bodies.marker_distances(positions[:, is_seen]))
+    second = np.flatnonzero(is_seen) >= n_first
     between = (found.is_second == second).all(axis=1) | (found.is_second != second).all(axis=1)
-    return Case(kind, found.features, between & (n_first < positions.shape[1]))
+    return Case(kind, found, between & (n_first < positions.shape[1]))
 
 
 def weights_of(one: Case) -> Floats:

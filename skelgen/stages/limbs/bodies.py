@@ -1,15 +1,18 @@
 """Which markers belong to one body, where a take shows several: people, animals, a person and a chair.
 
-Joined limbs have a place where they stay together, and some marker of one stays near some marker of the other, at a
-distance that hardly changes. Two bodies have no such place. Markers are joined to a tree, each step as short and as
-steady as it can be; every step parts the markers in two, and how likely these are two bodies depends on the pair of
-markers across that stays nearest, and the pair that stays near and steady, beside the other steps of the tree. How
-much each of this says is learned. Markers of two people who come one after the other are never seen together: they are
-parted before, by the frames that they share.
+Joined limbs have a place where they stay together: some marker of one stays near some marker of the other, at a
+distance that varies less than it would if both moved by themselves. Two bodies have no such place; feet that stand
+beside those of another person keep their distance, but so they would by themselves. Markers are joined to a tree, each
+step as short and as steady as it can be; every step parts the markers in two, and how likely these are two bodies
+depends on the pair of markers across that says most for one, beside the other steps of the tree. How much it says is
+learned. Markers of two people who come one after the other are never seen together: they are parted before, by the
+frames that they share.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +23,20 @@ from skelgen.progress import listed
 LOOKED_AT = 200
 """Frames: bodies move slowly against each other, more would repeat each other."""
 
+LEAST_LOOKED_AT = 2 * LEAST_COMMON
+"""Frames of each marker, if it is seen in so many: one that is rare must not hide what all others show."""
+
 LEAST_MARKERS = 5
 """Markers of a body that is parted here; smaller things are found from joints, which the next stage looks for."""
 
 STEADY = 0.1
 """Part of the usual step that is added to deviations when the tree is made, so that very steady pairs are alike."""
 
-RIGID = 0.02
-"""Part of a long step: deviations below it count as this much when cuts are compared."""
+RIGID = 0.05
+"""Part of a long step that is added to deviations when cuts are compared: what moves less says little."""
+
+NEAR = 3.0
+"""Power of the distance that counts with its deviation: the nearer markers are, the likelier a joint is the reason."""
 
 TINY = 1e-6
 """mm; keeps logarithms finite for markers in one place."""
@@ -35,33 +44,54 @@ TINY = 1e-6
 LONG = 0.9
 """Quantile of the other steps of the tree that is taken as a long step; distances across a cut are compared with it."""
 
-FEATURES = ("how far and unsteady / long step squared", "how far / long step")
-"""What the columns of `Cuts.features` hold: logarithms of the least value over all pairs of markers across the cut."""
-
 # Learned by tests/benchmarks/learn_bodies.py
-BIAS = -2.9
-WEIGHTS = (1.289, 5.972)
+BIAS = -2.09
+WEIGHT = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Cuts:
+class Distances(NamedTuple):
+    """How far markers are from each other, and how steadily; infinite where they are not seen together.
+
+    Attributes
+    ----------
+    far : ndarray, shape (n_markers, n_markers), mm
+        Distance below which two markers usually stay.
+    unsteady : ndarray, shape (n_markers, n_markers), mm
+        Deviation of their distance.
+    spread : ndarray, shape (n_markers,), mm^2
+        Variance of each marker's place in the room, in the mean of the coordinates: the distance of two markers that
+        move by themselves has the variance of both together.
+    """
+
+    far: Floats
+    unsteady: Floats
+    spread: Floats
+
+    def of(self, markers: Ints) -> Distances:
+        """Return those of some markers."""
+        block = np.ix_(markers, markers)
+        return Distances(self.far[block], self.unsteady[block], self.spread[markers])
+
+
+class Cuts(NamedTuple):
     """Ways to part markers in two.
 
     Attributes
     ----------
     is_second : ndarray of bool, shape (n_cuts, n_markers)
         Which markers are in the second part.
-    features : ndarray, shape (n_cuts, n_features)
-        Numbers that describe the pairs of markers across each cut, see `FEATURES`.
+    least : ndarray, shape (n_cuts,)
+        Of the pair of markers across each cut that says most for one body: logarithm of its distance in long steps, to
+        the power `NEAR`, times its deviation as a part of that of markers that move by themselves.
     """
 
     is_second: Bools
-    features: Floats
+    least: Floats
 
     @property
     def odds(self) -> Floats:
         """Log odds that the two parts are two bodies, shape (n_cuts,)."""
-        return np.asarray(BIAS + self.features @ np.array(WEIGHTS))
+        return BIAS + WEIGHT * self.least
 
 
 def seen_together(positions: Floats, n_bodies: int = 0) -> Ints:
@@ -153,18 +183,16 @@ def find_bodies(positions: Floats, n_bodies: int = 0, parts: Ints | None = None)
     probability : ndarray, shape (n_bodies,)
         That each is a body of its own and no part of another one.
     """
-    return bodies_by_distances(*marker_distances(positions), n_bodies, parts)
+    return bodies_by_distances(marker_distances(positions), n_bodies, parts)
 
 
-def bodies_by_distances(
-    far: Floats, unsteady: Floats, n_bodies: int = 0, parts: Ints | None = None
-) -> tuple[Ints, Floats]:
+def bodies_by_distances(distances: Distances, n_bodies: int = 0, parts: Ints | None = None) -> tuple[Ints, Floats]:
     """Find the body that each marker is on from how far markers are from each other, and how steadily.
 
     Parameters
     ----------
-    far, unsteady
-        As for `cuts`.
+    distances : Distances
+        Of all markers.
     n_bodies, parts
         As for `find_bodies`.
 
@@ -173,10 +201,10 @@ def bodies_by_distances(
     body_of_marker, probability
         As of `find_bodies`.
     """
-    body = np.zeros(len(far), dtype=np.intp) if parts is None else parts.copy()
+    body = np.zeros(len(distances.spread), dtype=np.intp) if parts is None else parts.copy()
     odds_of = [np.inf] * (int(body.max(initial=0)) + 1)
     while len(odds_of) != n_bodies:
-        found = [_best_cut(np.flatnonzero(body == one), far, unsteady) for one in range(len(odds_of))]
+        found = [_best_cut(np.flatnonzero(body == one), distances) for one in range(len(odds_of))]
         best = max(range(len(found)), key=lambda one: found[one][0])
         odds, second = found[best]
         if not np.isfinite(odds) or (odds <= 0.0 and not n_bodies):
@@ -237,68 +265,73 @@ def body_notices(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         )
 
 
-def cuts(far: Floats, unsteady: Floats) -> Cuts:
+def cuts(distances: Distances) -> Cuts:
     """Return the ways to part markers in two along a tree of short and steady steps.
 
     Parameters
     ----------
-    far : ndarray, shape (n_markers, n_markers), mm
-        Distance below which two markers usually stay; infinite where they are not seen together.
-    unsteady : ndarray, shape (n_markers, n_markers), mm
-        Deviation of their distance; infinite likewise.
+    distances : Distances
+        Of all markers.
     """
-    n_markers, known = len(far), np.isfinite(far) & ~np.eye(len(far), dtype=np.bool_)
-    empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros((0, len(FEATURES))))
+    n_markers, unsteady = len(distances.spread), distances.unsteady
+    known = np.isfinite(distances.far) & ~np.eye(n_markers, dtype=np.bool_)
+    empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros(0))
     if n_markers < 2 * LEAST_MARKERS or not known.any(axis=1).all():
         return empty
-    far = np.maximum(far, TINY)
+    far = np.maximum(distances.far, TINY)
+    alone = np.sqrt(distances.spread[:, np.newaxis] + distances.spread)
     usual = float(np.median(np.where(known, far, np.inf).min(axis=1)))
     tree = _tree(np.where(known, far * np.hypot(unsteady, STEADY * usual), 0.0))
+    if len(tree) < n_markers - 1:
+        return empty
     steps = np.array([far[one, other] for one, other in tree])
-    parts, features = [], []
+    parts, least = [], []
     for index, second in enumerate(_branches(tree, n_markers)):
-        n_smaller = min(int(second.sum()), n_markers - int(second.sum()))
-        across = np.ix_(~second, second)
-        if n_smaller < LEAST_MARKERS or len(tree) < n_markers - 1:
+        if min(np.bincount(second, minlength=2)) < LEAST_MARKERS:
             continue
+        across = np.ix_(~second, second)
         long = float(np.quantile(np.delete(steps, index), LONG))
-        apart, wobble = far[across] / long, np.maximum(unsteady[across] / long, RIGID)
+        shown = np.hypot(unsteady[across], RIGID * long) / np.hypot(alone[across], RIGID * long)
         parts.append(second)
-        features.append(np.log([(apart * wobble).min(), apart.min()]))
-    return Cuts(np.array(parts), np.array(features)) if parts else empty
+        least.append(np.log(((far[across] / long) ** NEAR * shown).min()))
+    return Cuts(np.array(parts), np.array(least)) if parts else empty
 
 
-def _best_cut(markers: Ints, far: Floats, unsteady: Floats) -> tuple[float, Ints]:
+def _best_cut(markers: Ints, distances: Distances) -> tuple[float, Ints]:
     """Log odds of the cut that most likely parts two bodies, and the markers of its second part."""
-    block = np.ix_(markers, markers)
-    found = cuts(far[block], unsteady[block])
-    if not len(found.features):
+    found = cuts(distances.of(markers))
+    if not len(found.least):
         return -np.inf, markers[:0]
     best = int(found.odds.argmax())
     return float(found.odds[best]), markers[found.is_second[best]]
 
 
-def marker_distances(positions: Floats) -> tuple[Floats, Floats]:
-    """Distance below which two markers usually stay, and its deviation [mm]; infinite where not seen together.
+def marker_distances(positions: Floats) -> Distances:
+    """Return how far markers are from each other, and how steadily.
 
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen; frames evenly over the take count.
-
-    Returns
-    -------
-    far, unsteady : ndarray, shape (n_markers, n_markers), mm
-        As for `cuts`.
     """
-    positions = positions[evenly_spread(np.arange(len(positions)), LOOKED_AT)]
+    positions = positions[_looked_at(~np.isnan(positions[:, :, 0]))]
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers)
     pairs = pair_distances(positions, first, second)
     far, unsteady = np.full((2, n_markers, n_markers), np.inf)
     for table, values in ((far, pairs.largest), (unsteady, pairs.deviation)):
         table[first, second] = table[second, first] = np.where(pairs.is_known, values, np.inf)
-    return far, unsteady
+    n_seen = np.maximum((~np.isnan(positions)).sum(axis=0), 1)
+    squares = np.nansum((positions - np.nansum(positions, axis=0) / n_seen) ** 2, axis=0) / n_seen
+    return Distances(far, unsteady, squares.mean(axis=1))
+
+
+def _looked_at(is_seen: Bools) -> Ints:
+    """Frames evenly over the take, and those of markers that hardly any of these show."""
+    frames = evenly_spread(np.arange(len(is_seen)), LOOKED_AT)
+    rare = np.flatnonzero(is_seen[frames].sum(axis=0) < LEAST_LOOKED_AT).tolist()
+    more = [evenly_spread(np.flatnonzero(is_seen[:, marker]), LEAST_LOOKED_AT) for marker in rare]
+    return np.unique(np.concatenate([frames, *more]))
 
 
 def _tree(weights: Floats) -> list[tuple[int, int]]:

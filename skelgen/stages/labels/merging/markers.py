@@ -30,7 +30,7 @@ from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.judging import existence
 from skelgen.stages.labels.merging.likelihood import EVIDENCE, SEEN_ENOUGH, DistanceRecord, merge_likely
-from skelgen.stages.limbs import bodies_by_distances
+from skelgen.stages.limbs import Distances, bodies_by_distances
 
 LEAST_POINTS = 8
 """Frames that a track must last: false points hardly ever do."""
@@ -86,7 +86,8 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         apart |= meeting
     gaps = take.continuity(extended) if take.has_few_moments else None
     prior = gaps.between(apart) if gaps else None
-    merged = _merge_across_pauses(DistanceRecord(sums, apart, take.spacing, prior, decides=False))
+    spread = point_labels.spread_in_room(take.cloud, extended, n_extended)
+    merged = _merge_across_pauses(DistanceRecord(sums, apart, take.spacing, prior, decides=False), spread)
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
@@ -149,13 +150,15 @@ def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float
     return bool(left.max() >= seconds * take.rate) or not seen_at_once(take.cloud, marker_of_point, n_markers).all()
 
 
-def _merge_across_pauses(record: DistanceRecord) -> Ints:
+def _merge_across_pauses(record: DistanceRecord, spread: Floats) -> Ints:
     """Merge what is likely one marker, also across pauses in which nothing was seen.
 
     Parameters
     ----------
     record : DistanceRecord
         Distances between tracklets.
+    spread : ndarray, shape (n,), mm^2
+        Variance of each one's place in the room.
 
     Returns
     -------
@@ -164,7 +167,7 @@ def _merge_across_pauses(record: DistanceRecord) -> Ints:
     """
     group = merge_likely(record)
     while True:
-        for first, second in itertools.combinations(_sessions(record), 2):
+        for first, second in itertools.combinations(_sessions(record, spread), 2):
             if (record.count[np.ix_(first, second)] > 0).any():
                 continue
             trial = _matched(record, first, second)
@@ -176,18 +179,18 @@ def _merge_across_pauses(record: DistanceRecord) -> Ints:
             return group
 
 
-def _sessions(record: DistanceRecord) -> list[Ints]:
+def _sessions(record: DistanceRecord, spread: Floats) -> list[Ints]:
     """Tracklets that are linked by being seen together, body by body, the largest group first."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
 
     alive = np.flatnonzero(np.diag(record.count) > 0)
     _, label = connected_components(record.count[np.ix_(alive, alive)] > 0, directed=False)
     groups = [alive[label == number] for number in range(int(label.max(initial=-1)) + 1)]
-    groups = [body for group in groups for body in _bodies(record, group)]
+    groups = [body for group in groups for body in _bodies(record, group, spread)]
     return sorted((group for group in groups if len(group) >= LEAST_MARKERS), key=len, reverse=True)
 
 
-def _bodies(record: DistanceRecord, members: Ints) -> list[Ints]:
+def _bodies(record: DistanceRecord, members: Ints, spread: Floats) -> list[Ints]:
     """The bodies that tracklets seen together are on: of one that left and came back there are two."""
     counts = record.count[np.ix_(members, members)]
     often = members[(counts >= SEEN_ENOUGH).sum(axis=1) > LEAST_MARKERS]
@@ -195,7 +198,7 @@ def _bodies(record: DistanceRecord, members: Ints) -> list[Ints]:
     count, known = record.count[block], record.count[block] >= SEEN_ENOUGH
     deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
     far = np.where(known, record.mean[block] + NORMAL_FARTHEST * deviation, np.inf)
-    body, sure = bodies_by_distances(far, np.where(known, deviation, np.inf))
+    body, sure = bodies_by_distances(Distances(far, np.where(known, deviation, np.inf), spread[often]))
     return [members] if len(sure) == 1 else [often[body == number] for number in range(len(sure))]
 
 
