@@ -205,7 +205,7 @@ def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
 
 
 def spread_in_room(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
-    """Return the variance of each marker's place in the room [mm^2], in the mean of the coordinates, shape (n_markers,).
+    """Variance of each marker's place in the room [mm^2], in the mean of the coordinates, shape (n_markers,).
 
     Parameters
     ----------
@@ -216,14 +216,13 @@ def spread_in_room(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> 
     n_markers : int
         Number of markers.
     """
-    count, *sums = np.zeros((5, n_markers))
+    sums = np.zeros((5, n_markers))
     for start in range(0, len(marker_of_point), BLOCK_POINTS):
         owned = np.flatnonzero(marker_of_point[start : start + BLOCK_POINTS] >= 0) + start
         marker, points = marker_of_point[owned], cloud.points[owned]
-        count += np.bincount(marker, minlength=n_markers)
-        for total, values in zip(sums, (*points.T, (points**2).sum(axis=1)), strict=True):
-            total += np.bincount(marker, values, n_markers)
-    means = np.array(sums) / np.maximum(count, 1.0)
+        values = (*points.T, (points**2).sum(axis=1), np.ones(len(points)))
+        sums += [np.bincount(marker, value, n_markers) for value in values]
+    means = sums[:4] / np.maximum(sums[4], 1.0)
     return np.maximum(means[3] - (means[:3] ** 2).sum(axis=0), 0.0) / 3.0
 
 

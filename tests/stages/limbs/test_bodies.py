@@ -36,6 +36,19 @@ def test_two_people_side_by_side_are_two_bodies_and_two_trees(two_people, notice
     assert [np.unique(limbs.body_of_limb[limbs_of_tree]).tolist() for limbs_of_tree in trees] == [[0], [1]]
 
 
+def test_two_who_stand_side_by_side_are_two_bodies_though_their_feet_keep_their_distance():
+    standing = OPTIONS | {"motion": "squat", "n_frames": 300}
+    first, second = (simulate("human", seed=seed, **standing).take.positions for seed in (0, 1))
+    beside = second + np.array([800.0, 0.0, 0.0])
+    assert find_bodies(np.concatenate([first, beside], axis=1))[0].tolist() == [0] * 41 + [1] * 41
+
+
+def test_marker_that_is_rarely_seen_does_not_hide_that_there_are_two_bodies():
+    positions = simulate("human", subjects=2, apart=1000.0, **OPTIONS | {"n_frames": 2000}).take.positions.copy()
+    positions[:900, 3] = positions[912:, 3] = np.nan
+    assert find_bodies(positions)[0].tolist() == [0] * 41 + [1] * 41
+
+
 def test_limbs_of_one_body_are_those_that_it_has_alone(two_people):
     first = np.arange(41)
     alone = dataclasses.replace(
