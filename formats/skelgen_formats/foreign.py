@@ -26,8 +26,8 @@ _INSTEAD = (
     (b"<html", "a web page, not the file; download the file itself"),
 )
 _UNTITLED = (
-    "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z, or of a single body"
-    " x, y, z, qx, qy, qz, qw"
+    "numbers without titles; write over the columns which point's they are: name_x, name_y, name_z, or frame, name, x,"
+    " y, z where each point has a row, or of a single body x, y, z, qx, qy, qz, qw"
 )
 
 
@@ -56,11 +56,12 @@ def table_hint(head: bytes) -> str:
     if not any(len(row) > 1 for row in rows):
         return ""
     for row in rows:
-        along = [{title[:-1] for title in row if title.lower().endswith(axis)} for axis in "xyz"]
+        plain = [title.lower().rstrip("0123456789_") for title in row]  # x1, y1
+        along = [{title[:-1] for title in plain if title.endswith(axis)} for axis in "xyz"]
         if turned := turned_without_place(row):
             names = ", ".join(turned[:8])
             return f"the titles name rotations of {names}, and no positions: name_x, name_y, name_z; export both"
-        if along[0] & along[1] - along[2] - {""}:
+        if along[0] & along[1] - along[2]:
             return "the titles name x and y alone: points in images; triangulate them first, e.g. with anipose"
     return "a table needs titles: name_x, name_y, name_z of each point, or frame, name, x, y, z with a row per point"
 

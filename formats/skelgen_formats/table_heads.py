@@ -204,8 +204,8 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
     for body in head.bodies:
-        if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
-            body.flag = None
+        is_flag = body.flag is None or all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1])
+        body.flag = body.flag if is_flag or body.is_graded else None
     head.owners = _owners(head, every[head.n_lines - 1], rows)
 
 

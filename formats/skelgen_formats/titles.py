@@ -46,7 +46,9 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 _FLAG = re.compile(
-    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))", re.IGNORECASE
+    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost))"
+    r"|(conf|confidence|likelihood|score))",
+    re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
@@ -165,7 +167,8 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
         body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
-        body.flag_of_unseen = 1.0 if body.flag in marks and marks[body.flag][2] else 0.0
+        if mark := marks.get(-1 if body.flag is None else body.flag):
+            body.flag_of_unseen, body.is_graded = float(mark[2] is not None), mark[3] is not None
     return bodies
 
 
@@ -177,8 +180,8 @@ def turned_without_place(titles: Sequence[str]) -> list[str]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    bodies = _gathered(titles, _axis_last)
-    return [body.name or "body" for body in bodies if (body.is_turned or body.has_angles) and not body.place]
+    turned = [body for body in _gathered(titles, _axis_last) if (body.is_turned or body.has_angles) and not body.place]
+    return [body.name or "body" for body in turned if body.name or not nameless_body(titles).is_placed]
 
 
 def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:

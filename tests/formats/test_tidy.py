@@ -239,6 +239,28 @@ def test_rows_of_a_name_follow_each_other_where_nothing_counts_frames(put):
     np.testing.assert_array_equal(take.world_from_body[:, 1, 0, 3], [4.0, 5.0])
 
 
+@pytest.mark.parametrize("titles", ["id,x,y,z", "marker,x,y,z,qx,qy,qz,qw", "rigid_body_id,pos_x,pos_y,pos_z,rx,ry,rz"])
+def test_numbers_of_points_that_recur_are_their_names(put, titles):
+    turn = {4: "", 8: ",0,0,0,1", 7: ",0.1,0.2,0.3"}[titles.count(",") + 1]
+    rows = "".join(f"{name},{frame},2,{name}{turn}\n" for frame in (4, 5, 6) for name in (7, 8))
+    take = read_take(put("ids.csv", f"{titles}\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.n_frames) == (("7", "8"), 3)
+    places = take.world_from_body[..., :3, 3] if turn else take.positions
+    np.testing.assert_array_equal(places[:, 1], [[4, 2, 8], [5, 2, 8], [6, 2, 8]])
+
+
+@pytest.mark.parametrize("names", ["1234", "1122", "1111"])
+def test_numbers_that_count_rows_or_classes_are_no_names(refused, put, names):
+    rows = "".join(f"{name},1,2,3\n" for name in names)
+    assert "frame, name, x, y, z with a row per point" in refused(put("classes.csv", f"label,x,y,z\n{rows}"))
+
+
+def test_rows_of_one_body_are_frames(put):
+    rows = "".join(f"{frame},2,3,0,0,0,1\n" for frame in (4, 5, 6))
+    take = read_take(put("body.csv", f"x,y,z,qx,qy,qz,qw\n{rows}"), recorded_unit="mm")
+    np.testing.assert_array_equal(take.world_from_body[:, 0, 0, 3], [4, 5, 6])
+
+
 def test_quaternion_that_lacks_a_component_is_told(put):
     rows = "".join(f"{frame},{name},1,2,3,0,0,0,1\n" for frame in range(2) for name in "ab")
     take = read_take(put("twice.csv", f"frame,name,x,y,z,qx,qy,qz,qz\n{rows}"))
