@@ -160,12 +160,12 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
     numbers, flags = np.split(rows, [rows.shape[1] - len(marks)], axis=1)
     graded = np.array([body.is_graded for body in marks], dtype=np.bool_)
     told = flags == [body.flag_of_unseen for body in marks]
-    told[:, ~graded] &= (np.isin(flags[:, ~graded], (0.0, 1.0)) | np.isnan(flags[:, ~graded])).all()
+    told[:, ~graded] &= np.isin(np.nan_to_num(flags[:, ~graded]), (0.0, 1.0)).all()
     told[:, graded] &= not told[:, graded].all()  # of nothing that the program tracked was it sure: it does not tell
-    if not told.any():
-        return numbers
     unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
     unseen[:, flagged] = told
+    if not told.any():
+        return numbers
     points = numbers.reshape(len(rows), len(chosen), -1).copy()
     points[unseen] = np.nan
     positions = counted(int(unseen.sum()), "position is", "positions are")

@@ -43,6 +43,17 @@ def test_vector_that_is_unseen_in_the_first_row_is_a_point(put):
     assert read_take(put("late.csv", content)).names == ("knee", "toe")
 
 
+@pytest.mark.parametrize("n_empty", [0, 60])
+def test_lists_of_vectors_in_a_cell_are_points(put, n_empty):
+    """As Python writes what it has of each frame, empty lists where that is nothing."""
+    rows = [f"{frame / 50},[]" for frame in range(n_empty)]
+    rows += [f'{(n_empty + frame) / 50},"[[{frame}, 2.0, 3.0], [4.0, 5.0, 6.0]]"' for frame in range(3)]
+    take = read_take(put("lists.csv", "\n".join(["Timestamp,Pose", *rows])), recorded_unit="mm")
+    assert (take.names, take.rate, take.n_frames) == (("Pose_1", "Pose_2"), 50.0, n_empty + 3)
+    np.testing.assert_array_equal(take.positions[-1], [[2, 2, 3], [4, 5, 6]])
+    assert int(take.seen.sum()) == 6
+
+
 def test_row_that_is_too_short_is_refused_with_its_line(refused, put):
     message = refused(put("short.csv", "time;knee;toe\n0;(1, 2, 3);(4, 5, 6)\n0.02;(1, 2, 3)\n"))
     assert message.startswith(":3: 2 cells where 3 belong")

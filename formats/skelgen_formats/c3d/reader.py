@@ -24,7 +24,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.assumed_units import mm_per_recorded_unit
-from skelgen_formats.bodies import take_from_bodies
+from skelgen_formats.bodies import row_by_row, take_from_bodies
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
     WORDS_PER_POINT,
@@ -246,10 +246,8 @@ def read_rotations(path: Path, layout: C3dLayout, recorded_unit: str) -> Poses:
     floats = dec_floats(words) if layout.dec else np.frombuffer(words, f"{layout.order}f4")
     frames = floats.reshape(whole, count, _WORDS).astype(np.float64)
     frames = frames[: layout.n_frames * ratio] if layout.n_frames else frames
-    matrices = frames[:, :, :16].reshape(len(frames), count, 4, 4).swapaxes(2, 3)
-    matrices[frames[:, :, 16] < 0] = np.nan
-    turns = matrices[:, :, :3, :3].reshape(len(frames), count, 9)
-    poses = np.concatenate([matrices[:, :, :3, 3], turns], axis=2)
+    frames[frames[:, :, 16] < 0] = np.nan
+    poses = row_by_row(frames[:, :, 12:15], frames[:, :, [0, 1, 2, 4, 5, 6, 8, 9, 10]])
     names = [name.removesuffix(_SUFFIX) for name in layout.texts("ROTATION", "LABELS")[:count]]
     names += [f"segment {number}" for number in range(len(names) + 1, count + 1)]
     kept = [place for place, name in enumerate(names) if name != _LAB]
