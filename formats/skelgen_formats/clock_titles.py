@@ -13,14 +13,14 @@ from skelgen_formats.text import is_number, seconds_of
 
 _FRAME = re.compile(
     r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?"
-    r"|bild(?:_?(?:nummer|nr))?|trame|fotogramas?|кадр|帧|フレーム|프레임"
+    r"|bild(?:_?(?:nummer|nr)|ruta)?|beeld|trame|fotogram(?:as?|ma)|[cq]uadro|klatka|kare|кадр|帧|フレーム|프레임"
 )
 _UNIT = (
     r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?|local|utc) ?[\])]?)?"
 )
 _TIME = re.compile(
     r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo"
-    r"|время|时间|時間|시간|seconds)" + _UNIT,
+    r"|tijd|tid|czas|zaman|время|时间|時間|시간|seconds)" + _UNIT,
     re.IGNORECASE,
 )
 _NAMED_TIME = re.compile(r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)

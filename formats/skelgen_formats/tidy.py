@@ -32,7 +32,7 @@ from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
-_UNSEEN = {"flag": ("0", "false", "0.0"), "hidden": ("1", "true", "1.0")}
+_UNSEEN = {"flag": ("0", "false", "0.0", "nottracked", "not_tracked"), "hidden": ("1", "true", "1.0")}
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
 

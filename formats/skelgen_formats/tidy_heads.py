@@ -67,7 +67,7 @@ def _known() -> dict[str, list[str]]:
     named = [f"{thing}{end}" for thing in things for end in words]
     columns["name"] = [*named, *(f"{thing}{end}" for end in numbers for thing in things), *columns["name"]]
     for what, starts in (("flag", ("", "is_", "tracking_")), ("hidden", ("", "is_"))):
-        columns[what] = [f"{start}{word}" for start in starts for word in columns[what]]
+        columns[what] = [f"{start}{word}" for start in starts for word in columns[what]] + table.get(what, [])
     return columns
 
 

@@ -47,7 +47,9 @@ def test_times_since_1970_tell_their_unit_by_their_size(put, unit):
     assert read_take(put("slow.csv", f"Time Stamp,{POINTS}\n{rows}")).rate == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("titles", ["帧,时间", "フレーム,時間", "Bild,Zeit", "Trame,Temps"])
+@pytest.mark.parametrize(
+    "titles", ["帧,时间", "フレーム,時間", "Bild,Zeit", "Trame,Temps", "Klatka,Czas", "Beeld,Tijd"]
+)
 def test_titles_of_times_and_frames_may_be_in_other_languages(put, titles):
     rows = "".join(f"{frame},{frame / 50},1,2,3,4,5,6\n" for frame in range(3))
     assert read_take(put("times.csv", f"{titles},{POINTS}\n{rows}")).rate == pytest.approx(50.0)

@@ -193,9 +193,13 @@ def test_words_of_a_title_may_meet_at_a_capital(put):
     assert read_take(put("segments.csv", f"{titles}\n{rows}")).names == ("Hip", "Knee")
 
 
-@pytest.mark.parametrize(("title", "word"), [("Occluded", "True"), ("isOccluded", "1"), ("lost", "true")])
-def test_point_that_a_flag_calls_hidden_is_unseen(put, title, word):
-    rows = "".join(f"{frame},{name},1,2,3,{word if name == 'b' else 0}\n" for frame in range(2) for name in "abc")
+@pytest.mark.parametrize(
+    ("title", "words"),
+    [("Occluded", "True 0"), ("isOccluded", "1 0"), ("lost", "true 0"), ("TrackingState", "NotTracked Inferred")],
+)
+def test_point_that_a_flag_calls_hidden_is_unseen(put, title, words):
+    hidden, seen = words.split()
+    rows = "".join(f"{frame},{name},1,2,3,{hidden if name == 'b' else seen}\n" for frame in range(2) for name in "abc")
     assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")
 
 
