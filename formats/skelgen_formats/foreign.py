@@ -6,7 +6,7 @@ from pathlib import Path
 
 from skelgen_formats.lines import decoded_head
 from skelgen_formats.text import words_of
-from skelgen_formats.titles import turned_without_place
+from skelgen_formats.titles import bodies_of, turned_without_place
 
 _NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
 _CELLS, _TITLE_LINES = re.compile(r"[,;\t]"), 24
@@ -45,8 +45,8 @@ def table_hint(head: bytes) -> str:
         if turned := turned_without_place(row):
             names = ", ".join(turned[:8])
             return f"the titles name rotations of {names}, and no positions: name_x, name_y, name_z; export both"
-        if along[0] & along[1] - along[2]:
-            return str(_known()["sentences"]["two_axes"])
+        if (is_flat := bool(along[0] & along[1] - along[2])) or len(bodies_of(row)) == 1:
+            return str(_known()["sentences"]["two_axes" if is_flat else "single"])
     return str(_known()["sentences"]["table"])
 
 

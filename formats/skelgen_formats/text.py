@@ -308,7 +308,8 @@ def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: 
         return cells[:n_cells]
     hint = ""
     if delimiter == "," and len(cells) > n_cells:
-        hint = "; if numbers have decimal commas, export with decimal points"
+        fix = "if numbers have decimal commas, export with decimal points"
+        hint = f"; {'write a title over each column' if any('.' in cell for cell in cells) else fix}"
     elif len(cells) < n_cells:
         hint = "; the file may be cut off"
     found, wanted = (

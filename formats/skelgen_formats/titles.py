@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.text import is_number
+from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
     AXES,
     BETWEEN,
@@ -60,6 +60,8 @@ _SPELT = (
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
     (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
     (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
+    (re.compile(r"(t[xyz])_([a-z]\w{2,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
+    (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
 )
 """What stands around an axis in other spellings, and how such titles are read."""
 
@@ -121,7 +123,8 @@ def with_axes(titles: Sequence[str]) -> list[str]:
     found, at, n_points = [*titles, "", ""], 0, 0
     while at < len(titles):
         name, *others = found[at : at + 3]
-        if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_number(name):
+        is_blank = is_number(name) or is_unseen(name.strip(",;[]"))
+        if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_blank:
             found[at : at + 3] = [f"{name}_{axis}" for axis in AXES]
             at, n_points = at + 2, n_points + 1
         at += 1

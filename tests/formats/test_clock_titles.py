@@ -35,6 +35,12 @@ def test_plain_title_of_times_counts_before_others(put):
     assert read_take(put("both.csv", f"receive_time,time,{POINTS}\n{rows}")).rate == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize(("every_row", "rate"), [(0, 50.0), (20, 100.0)])
+def test_times_since_the_first_row_tell_the_rate_and_steps_of_time_do_not(put, every_row, rate):
+    rows = "".join(f"{every_row or 3076 + 20 * frame},1,2,3,4,5,6\n" for frame in range(5))
+    assert read_take(put("delta.csv", f"delta_time_ms,{POINTS}\n{rows}")).rate == pytest.approx(rate)
+
+
 def test_frames_that_are_names_of_images_give_way_to_times(put):
     rows = "".join(f"{frame / 50},{frame:03}.jpg,{name},1,2,3\n" for frame in range(3) for name in "ab")
     take = read_take(put("images.csv", f"time,frame,name,x,y,z\n{rows}"))

@@ -224,6 +224,8 @@ def test_coordinates_may_have_a_word_before_them(put):
 
 def test_decimal_commas_beside_commas_are_told(refused, put):
     assert "export with decimal points" in refused(put("commas.csv", "frame,marker,x,y,z\n0,a,1,5,2,5,3,5\n"))
+    wide = "a_x,a_y,a_z,b_x,b_y,b_z"
+    assert "write a title over each column" in refused(put("more.csv", f"{wide}\n1.5,2,3,4,5,6,7\n"))
 
 
 @pytest.mark.parametrize("name", ["{0}_{1}", "{0}.{1}", "{0}{2}"])

@@ -69,3 +69,10 @@ def test_vectors_of_four_are_the_quaternions_of_bodies(put, title):
     np.testing.assert_allclose(take.world_from_body[0, 1, :2, [0, 3]], [[0.28, 0.96], [400, 1000]])
     left_out = read_take(put("colours.csv", f"{titles}\n{rows}".replace("(0, 0, 0.6, 0.8)", "(1, 1, 0.6, 0.8)")))
     assert any(f"left out: {titles.rsplit(';', maxsplit=1)[-1]}" in notice for notice in left_out.notices)
+
+
+def test_rows_of_nothing_are_no_titles(put):
+    text = 'frame,a,b,turn\n0,"[null, null, null]","[1, 2, 3]","[null, null, null, null]"\n'
+    text += "".join(f'{frame},"[1, 2, {frame}]","[4, 5, 6]","[1, 0, 0, 0]"\n' for frame in range(1, 4))
+    take = read_take(put("lists.csv", text))
+    assert take.seen[:, 0].tolist() == [False, True, True, True]
