@@ -15,7 +15,10 @@ from skelgen_formats.table_heads import CAMEL, DELIMITERS, Head
 from skelgen_formats.text import is_number, unquoted, words_of
 from skelgen_formats.titles import bodies_of, nameless_body, spelt
 
-_ENDS = (("_name", "_label", ""), ("_id", "_index", "id"))  # of titles of names; those of the first stand for words
+_ENDS = (
+    ("_name", "_label", ""),
+    ("_id", "_index", "id", "_idx", "_number", "_no"),
+)  # of titles of names; those of the first stand for words
 _COMMENTS = ("#", "%")
 _VALUE = re.compile(r"(?:value|position|pos|coordinate)s?(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?", re.IGNORECASE)
 AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")

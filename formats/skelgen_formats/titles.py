@@ -104,11 +104,11 @@ def spelt(titles: Sequence[str]) -> list[str]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    plain = []
+    plain, lower = [], [*map(str.lower, titles)]
     for title in map(str.strip, titles):
-        found = (match.expand(usual) for spelling, usual in _SPELT if (match := spelling.fullmatch(title)))
-        other = next(found, title)
-        plain.append(title if other in titles else other)
+        other = next((match.expand(usual) for one, usual in _SPELT if (match := one.fullmatch(title))), title)
+        beside = other in titles or f"f{title[1:]}".lower() in lower  # or a torque, tx_plate beside fx_plate
+        plain.append(title if beside else other)
     return plain
 
 

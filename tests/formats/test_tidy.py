@@ -44,6 +44,12 @@ def test_times_tell_the_rate(put):
     assert read_take(put("points.csv", FREEMOCAP)).rate == 100.0
 
 
+@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number"])
+def test_points_may_be_numbered(put, title):
+    text = f"frame,{title},x,y,z\n" + "".join(f"{frame},{n},{n},2,3\n" for frame in range(3) for n in range(4))
+    assert read_take(put("numbered.csv", text)).names == ("0", "1", "2", "3")
+
+
 def test_point_without_a_row_or_a_number_is_unseen(put):
     content = table("frame,keypoint,x,y,z", "{0},{1},{2},{3},{4}", ROWS[:-1]).replace("100.0,0.0,-5.5", ",,nan")
     assert read_take(put("gaps.csv", content)).seen.tolist() == [[False, True], [True, True], [True, False]]

@@ -19,6 +19,12 @@ def test_signals_of_inertial_sensors_and_force_plates_are_no_points(refused, put
     assert "a table needs titles" in refused(put("imu.csv", "t,ax,ay,az,gx,gy,gz\n" + rows("{1},")))
 
 
+def test_torques_beside_their_forces_are_no_points(put):
+    plate = ",".join(f"{what}{axis}_plate" for what in "FT" for axis in "xyz")
+    take = read_take(put("plate.csv", f"a_x,a_y,a_z,b_x,b_y,b_z,{plate}\n{rows(after=',1,2,3,4,5,6')}"))
+    assert take.names == ("a", "b")
+
+
 @pytest.mark.parametrize("word", ["conf", "likelihood", "Score"])
 def test_points_of_which_a_tracker_is_not_sure_at_all_are_unseen(put, word):
     """It writes 0 beside a place that stands for none."""
