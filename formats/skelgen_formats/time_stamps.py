@@ -54,7 +54,7 @@ def since_first(times: Floats, second: float) -> Stamps:
     ----------
     times : ndarray, shape (n,)
         As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, or in ticks since the year 1
-        or 1601, they are in that unit.
+        or 1601, they are in that unit, unless it makes their steps long.
     second : float
         Seconds per unit; 0 if unknown.
     """
