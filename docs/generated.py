@@ -134,7 +134,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | CODA text, loggers of Kinect, NatNet, ArUco | flags of visibility, times of a clock, people by number | layout |
 | Leap Motion, Blender scripts, SLEAP | a row for each bone or animal of a frame | layout |
 | EuRoC, TUM, ROS 2, D-Flow, JARVIS | seconds and nanoseconds, names in cells, force plates, blanks | layout |
-| TUM, KITTI | poses as numbers without titles, also 4 x 4 matrices, with a time or without | layout of recordings |
+| TUM, KITTI, Redwood | numbers without titles, also 4 x 4 matrices on one line or four | layout of recordings |
+| Aria, PhaseSpace, Quest | axes before names, people by id, times since the first row | layout of recordings |
 | OpenFace, Unreal, The Captury, scripts of Vicon's DataStream | X_0 to X_67, Loc and Rot, units of places | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
 | NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |

@@ -7,11 +7,12 @@ positions look as if they were made of images.
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen_formats.markers import frames_in_blocks
+from skelgen_formats.markers import frames_in_blocks, mm_per_unit
 from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -25,6 +26,35 @@ _FRACTIONS = (
     " in metres"
 )
 _FEWEST_PIXELS, _LEAST_SPAN = 50.0, 0.1  # the largest coordinate in an image; span of what fills a part of it
+
+
+def mm_per_recorded_unit(
+    path: Path, place: str | int, unit: str, positions: Floats, stated: str, notices: list[str]
+) -> float:
+    """Return how many mm the unit of positions has: as the file names it, else as the user states, else by size.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    unit : str
+        What the file says, or empty.
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        In the file's unit; NaN where unseen.
+    stated : str
+        By the user: one of `RECORDED_UNIT`.
+    notices : list of str
+        Gets sentences if it is assumed, or the user states another than the file.
+    """
+    if not unit:
+        return assumed_mm_per_unit(positions, notices, stated)
+    factor = mm_per_unit(path, place, unit)
+    if stated != AUTO and MM_PER_UNIT[stated] != factor:
+        named = f"the file names its length unit, {unit.strip()}, which is taken"
+        notices.append(f"{named}; `--recorded-unit {stated}` is for files that name none")
+    return factor
 
 
 def assumed_mm_per_unit(positions: Floats, notices: list[str], stated: str = AUTO) -> float:

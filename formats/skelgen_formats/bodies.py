@@ -195,6 +195,20 @@ def _angles_in_rad(angles: Floats, unit: str, notices: list[str]) -> Floats:
     return np.deg2rad(angles) if unit.startswith("deg") else angles
 
 
+def row_by_row(places: Floats, matrices: Floats) -> Floats:
+    """Return places and matrices row by row, shape (n_frames, n_bodies, 12), of matrices printed column by column.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n_frames, n_bodies, 3)
+        In the file's unit; NaN where a body is unseen.
+    matrices : ndarray, shape (n_frames, n_bodies, 9)
+        As ART and Qualisys write them.
+    """
+    turns = matrices.reshape(*matrices.shape[:2], 3, 3).swapaxes(2, 3).reshape(matrices.shape)
+    return np.concatenate([places, turns], axis=2)
+
+
 def blank_unseen(numbers: Floats) -> Floats:
     """Make a body NaN where all its numbers are 0, or any is NaN; shape (n_frames, n_bodies, n); the same array."""
     unseen = (numbers == 0.0).all(axis=2) | np.isnan(numbers).any(axis=2)

@@ -11,7 +11,7 @@ class Body:
 
     Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
     their unit, if titles say it; or the cells of a matrix. A fourth column beside x, y and z may show that these are a
-    quaternion, a flag whether the point is seen.
+    quaternion, a flag whether the point is seen; a graded one says how surely, and 0 of a point that is not.
     """
 
     name: str
@@ -23,6 +23,7 @@ class Body:
     fourth: int | None = None
     flag: int | None = None
     flag_of_unseen: float = 0.0
+    is_graded: bool = False
     stated_order: str = ""
     angle_unit: str = ""
 

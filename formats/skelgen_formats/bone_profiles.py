@@ -5,13 +5,10 @@ The skeleton may be hung on another of its limbs: motion stays, joints on the wa
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import partial
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +18,11 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.limbs import BODY_END, body_and_limb
 from skelgen.model.topology import joint_children
 from skelgen_formats.options import OWN_NAMES, Writable
+from skelgen_formats.text import words_of
 
 _SIDES = ("left", "right")
 _HIPS = "pelvis"  # the root of every profile
+_profiles = partial(words_of, "bone_names")
 
 
 def with_bone_names(value: Writable, profile: str) -> Writable:
@@ -107,12 +106,6 @@ def _hung(project: Project) -> Project:
         hips = next((limb for limb in limbs.tolist() if body_and_limb(names[limb])[1] == _HIPS), None)
         project = project if hips is None else rooted_at(project, hips)
     return project
-
-
-@cache
-def _profiles() -> Mapping[str, Any]:
-    text = Path(__file__).with_name("tables").joinpath("bone_names.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
 
 
 def _profile_names(skeleton: Skeleton, profile: str) -> dict[int, str]:

@@ -9,22 +9,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skelgen_formats.text import is_number, seconds_of
+from skelgen_formats.text import is_number, seconds_of, words_of
 
-_FRAME = re.compile(
-    r"(?:[a-z]{1,20}_)?frames?(?:_?(?:number|no|nr|num|id|idx|index|count|#))?|fnum|ticks?"
-    r"|bild(?:_?(?:nummer|nr))?|trame|fotogramas?|кадр|帧|フレーム|프레임"
-)
-_UNIT = (
-    r"(?:[ _]?[\[(/]? ?([mnuµ]?s|[mnuµ]?secs?|seconds?|milliseconds?|microseconds?|nanoseconds?|local|utc) ?[\])]?)?"
-)
-_TIME = re.compile(
-    r"(?:%|_{1,2}|elapsed[ _])?(?:time|times|time[ _]?stamp|time[ _]?stamps|t|elapsed|zeit|temps|tempo|tiempo"
-    r"|время|时间|時間|시간|seconds)" + _UNIT,
-    re.IGNORECASE,
-)
-_NAMED_TIME = re.compile(r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)
-_NO_MOMENT = re.compile(r"(?:delta|diff|start|end|begin|stop|reaction|response|duration|exposure|last)", re.IGNORECASE)
+_FRAME = re.compile("|".join(words_of("times")["frame"]))
+_UNIT = r"(?:[ _]?[\[(/]? ?([mnuµ]?s(?:ecs?)?|(?:milli|micro|nano)?seconds?|local|utc) ?[\])]?)?"
+_TIME = re.compile(rf"(?:%|_{{1,2}}|elapsed[ _])?(?:{'|'.join(words_of('times')['time'])}){_UNIT}", re.IGNORECASE)
+_NO_MOMENT = r"(?i:(?!delta|diff|start|end|begin|stop|reaction|response|duration|exposure|last))"
+_NAMED_TIME = re.compile(_NO_MOMENT + r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)
+_SINCE_FIRST = re.compile("delta[ _]?time" + _UNIT, re.IGNORECASE)  # else steps, which do not rise
 _SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
 _WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
 _PARTS = {"nanosec": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "usecs": 1e-6}
@@ -69,9 +61,9 @@ def clock_of(titles: Sequence[str]) -> Clock | None:
         for part, seconds in _PARTS.items() if whole else ():
             if whole and whole[1] + part in lower:
                 return Clock(column, 1.0, lower.index(whole[1] + part), seconds)
-    for pattern in (_TIME, _NAMED_TIME):
+    for pattern in (_TIME, _NAMED_TIME, _SINCE_FIRST):
         for column, title in enumerate(titles):
-            if (match := pattern.fullmatch(title)) and not _NO_MOMENT.match(title):
+            if match := pattern.fullmatch(title):
                 return Clock(column, _unit(match[1] or ("s" if title.lower() == "seconds" else "")))
     return None
 

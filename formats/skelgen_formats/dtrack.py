@@ -22,6 +22,7 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.bodies import row_by_row
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import AUTO, POINTS, RECORDED_RATE, Format, Options
 from skelgen_formats.row_owners import array_from_records
@@ -60,8 +61,7 @@ def read_dtrack(path: Path, options: Options) -> Trajectories | PointCloud | Pos
     if any(bodies) and options.points == AUTO:
         numbers = sorted({number for frame in bodies for number in frame})
         found = array_from_records(path, bodies, numbers, _PLACE + _MATRIX)
-        matrices = found[:, :, _PLACE:].reshape(*found.shape[:2], 3, 3).swapaxes(2, 3)
-        poses = np.concatenate([found[:, :, :_PLACE], matrices.reshape(*found.shape[:2], _MATRIX)], axis=2)
+        poses = row_by_row(found[:, :, :_PLACE], found[:, :, _PLACE:])
         return take_from_table(path, poses, [f"body {number + 1}" for number in numbers], stamps, options, "mm")
     if not any(markers):
         raise FormatError(path, "", "lists no body (6d) and no single marker (3d); switch them on in DTrack's output")

@@ -16,17 +16,10 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen_formats.text import words_of
 
 _UTF8_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
-_TIMES = {
-    "gb18030": ("时间", "帧数", "帧号"),
-    "cp932": ("時間", "フレーム"),
-    "cp949": ("시간", "프레임"),
-    "cp1251": ("Время", "время", "Кадр", "кадр"),
-}
-"""Words of titles that tell in which encoding of older programs a text is."""
-
 _TITLES = 1 << 14  # bytes in which they are sought
 _PAIRS = 16  # bytes that tell UTF-16 without a mark
 _LOOKED_AT = 1 << 20  # bytes looked at at once: what stays in the processor's cache
@@ -266,7 +259,11 @@ def read_lines(path: Path, sample: Sample | None = None) -> Lines:
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     titles = content[:_TITLES]
-    told = (kind for kind, words in _TIMES.items() if any(word.encode(kind) in titles for word in words))
+    told = (
+        kind
+        for kind, words in words_of("times")["encodings"].items()
+        if any(word.encode(kind) in titles for word in words)
+    )
     encoding = next((kind for kind in ("utf-8", *told) if _is_text(content, kind)), "latin-1")
     return Lines(path, content.removeprefix(_UTF8_MARK), encoding, sample)
 

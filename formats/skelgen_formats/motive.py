@@ -30,13 +30,13 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.rates import rate_of
 from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, take_from_bodies, turned_by_angles
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import mm_per_unit, scaled, take_from_markers, uncut
 from skelgen_formats.options import BODIES, POINTS, Format
 from skelgen_formats.text import count_in, parse_rows, rate_in, split_cells, whole_lines
+from skelgen_formats.time_stamps import since_first
 
 _FIRST_CELL = "Format Version"
 _MARKER_TYPES = ("Marker", "Rigid Body Marker", "Bone Marker")  # in the order of preference: measured before modelled
@@ -161,9 +161,9 @@ def _rate_of_times(path: Path, lines: Lines, titles: _Titles, delimiter: str) ->
     first = islice(lines.numbered(titles.first), _TIMES_READ)
     has_times = titles.axes[1:2] == ["TIME (SECONDS)"]
     times = parse_rows(path, first, len(titles.axes), delimiter, [1])[:, 0] if has_times else np.zeros(0)
-    if len(times) < 2 or not (np.diff(times) > 0).all():
-        raise FormatError(path, 1, f"the line that begins with {_FIRST_CELL!r} is missing, and no times tell the rate")
-    return rate_of(times)
+    if rate := since_first(times, 1.0).rate([]):
+        return rate
+    raise FormatError(path, 1, f"the line that begins with {_FIRST_CELL!r} is missing, and no times tell the rate")
 
 
 def _rate(path: Path, header: Mapping[str, str]) -> float:

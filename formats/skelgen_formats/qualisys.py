@@ -17,12 +17,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Floats
-from skelgen_formats.bodies import blank_unseen, take_from_bodies
+from skelgen_formats.bodies import blank_unseen, row_by_row, take_from_bodies
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import POINTS, Format
@@ -121,20 +118,6 @@ def _skeleton(path: Path, lines: Lines, header: _Header, first: int, delimiter: 
     numbers = blank_unseen(rows.reshape(len(rows), len(found), len(_SEGMENT_TITLES)))
     names, rate = [titles[at] for at in found], rate_in(path, *first_in(path, header, "FREQUENCY"), "FREQUENCY")
     return take_from_bodies(path, numbers, _MM, names, rate, notices)
-
-
-def row_by_row(places: Floats, matrices: Floats) -> Floats:
-    """Return places and matrices row by row, shape (n_frames, n_bodies, 12); Track Manager has them column by column.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n_frames, n_bodies, 3), mm
-        NaN where a body is unseen.
-    matrices : ndarray, shape (n_frames, n_bodies, 9)
-        Column by column.
-    """
-    turns = matrices.reshape(*matrices.shape[:2], 3, 3).swapaxes(2, 3).reshape(matrices.shape)
-    return np.concatenate([places, turns], axis=2)
 
 
 def _delimiter(lines: Lines) -> str:

@@ -25,11 +25,10 @@ from skelgen.errors import FormatError
 from skelgen.files import read_content
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
-from skelgen_formats.bodies import blank_unseen, take_from_bodies
+from skelgen_formats.bodies import blank_unseen, row_by_row, take_from_bodies
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.qualisys import row_by_row
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126

@@ -46,8 +46,8 @@ CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
 
 _OWNER = re.compile(
-    r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track)"
-    r"[ _]?(?:id|index|no|number|name)?",
+    r"id|(?:body|person|people|subject|individual|user|player|actor|skeleton|track(?:ing)?)(?:[ _]?track(?:ing)?)?"
+    r"[ _]?(?:id|idx|index|no|number|name)?",
     re.IGNORECASE,
 )
 _NAMING = re.compile(r"(.+?)[._](?:(?:marker|rigid_?body|body|subject)_?)?(?:name|child_frame_id)")
@@ -204,8 +204,10 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
     for body in head.bodies:
-        if body.flag is not None and not all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1]):
-            body.flag = None
+        is_flag = body.flag is None or all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1])
+        body.flag = body.flag if is_flag or body.is_graded else None
+    if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
+        head.frames = None  # ROS has frame_id, of coordinates
     head.owners = _owners(head, every[head.n_lines - 1], rows)
 
 

@@ -4,10 +4,13 @@ import contextlib
 import csv
 import math
 import re
+import tomllib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +29,12 @@ _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
+
+
+@cache
+def words_of(name: str) -> dict[str, Any]:
+    """Return what a table of words holds that stands as data beside the readers."""
+    return tomllib.loads(Path(__file__).with_name("tables").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]:
@@ -299,7 +308,8 @@ def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: 
         return cells[:n_cells]
     hint = ""
     if delimiter == "," and len(cells) > n_cells:
-        hint = "; if numbers have decimal commas, export with decimal points"
+        fix = "if numbers have decimal commas, export with decimal points"
+        hint = f"; {'write a title over each column' if any('.' in cell for cell in cells) else fix}"
     elif len(cells) < n_cells:
         hint = "; the file may be cut off"
     found, wanted = (

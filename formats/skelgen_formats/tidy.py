@@ -32,7 +32,7 @@ from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
-_UNSEEN = {"flag": ("0", "false", "0.0"), "hidden": ("1", "true", "1.0")}
+_UNSEEN = {"flag": ("0", "false", "0.0", "nottracked", "not_tracked"), "hidden": ("1", "true", "1.0")}
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
 
@@ -139,7 +139,8 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         name = tuple(cells[part].strip() for part in parts)
         # without frames and times, the rows of a name follow each other
         frame = float(count[name, along]) if head.counts is None else number_or_nan(path, number, moment, "the frame")
-        count[(name, along) if name else (frame,)] += 1
+        count[name, along] += 1
+        count[frame,] += 1
         name = name or (f"*{count[frame,]}",)
         rows.frames.append(frame)
         rows.points.append(rows.names.setdefault(name, len(rows.names)) * _n_points_of_name(head) + along)

@@ -4,42 +4,28 @@ Coordinates are in three columns, or in one, with another that says along which 
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache, partial
+from itertools import groupby
 
+from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, Head
-from skelgen_formats.text import is_number, unquoted
+from skelgen_formats.text import is_number, unquoted, words_of
 from skelgen_formats.titles import bodies_of, nameless_body, spelt
 
-_THINGS = (
-    *("keypoint", "marker", "bodypart", "body_part", "landmark", "joint", "point", "name", "label", "body"),
-    *("rigid_body", "rigidbody", "object", "segment", "sensor", "station", "tool", "device", "tracker", "asset"),
-    *("limb", "bone", "link", "rb", "tag", "agent", "part", "actor", "entity"),
-)
-_NAMES = (
-    *(f"{thing}{end}" for thing in _THINGS for end in ("_name", "_label", "")),
-    *(f"{thing}{end}" for end in ("_id", "_index", "id") for thing in _THINGS),
-    *("id", "target", "track_id", "child_frame_id", "child", "variable", "key"),
-)
-_GROUPS = (
-    *("model", "individual", "person", "subject", "subject_name", "track", "person_id", "skeleton_id", "subject_id"),
-    *("user_id", "actor_id", "body_id", "id"),
-)
-_SIDES = ("handedness", "hand", "hand_index", "hand_id", "side", "type", "pose_index")
-"""What parts points of one name where a frame has several."""
-
-_FLAGS = tuple(
-    f"{start}{word}" for start in ("", "is_", "tracking_") for word in ("valid", "visible", "tracked", "measured")
-)
-_HIDDEN = tuple(f"{start}{word}" for start in ("", "is_") for word in ("occluded", "hidden", "missing", "lost"))
+_ENDS = (
+    ("_name", "_label", ""),
+    ("_id", "_index", "id", "_idx", "_number", "_no"),
+)  # of titles of names; those of the first stand for words
 _COMMENTS = ("#", "%")
-_AXIS_WORDS = ("axis", "coord", "coords", "coordinate", "dimension", "dim", "component")
 _VALUE = re.compile(r"(?:value|position|pos|coordinate)s?(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?", re.IGNORECASE)
 AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 """Where names of points end with the axis of a value."""
 
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
+_LOOKED_AT = 1024  # rows that tell whether numbers are names of points
 
 
 @dataclass
@@ -66,9 +52,8 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
     for index, line in enumerate(lines):
         for delimiter in (one for one in DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
             cells = unquoted(line.lstrip("#% "), delimiter).split(delimiter)
-            following = unquoted(lines[index + 1], delimiter).split(delimiter) if index + 1 < len(lines) else []
             titles = spelt([cell.strip().strip('"') for cell in cells])
-            if head := _head_of(titles, [cell.strip() for cell in following]):
+            if head := _head_of(titles, partial(_column, lines, index + 1, delimiter)):
                 head.delimiter, head.n_lines = delimiter, index + 1
                 return head
         if line.strip() and not line.startswith(_COMMENTS):
@@ -76,22 +61,40 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
     return None
 
 
-def _head_of(titles: Sequence[str], row: Sequence[str]) -> TidyHead | None:
-    """Return which column holds what; None if one that is needed is missing."""
+@cache
+def _known() -> dict[str, list[str]]:
+    """Return the titles of what columns may hold, those that say most first."""
+    table = words_of("tidy_titles")
+    things, columns = table["things"], dict(table["columns"])
+    words, numbers = _ENDS
+    named = [f"{thing}{end}" for thing in things for end in words]
+    columns["name"] = [*named, *(f"{thing}{end}" for end in numbers for thing in things), *columns["name"]]
+    for what, starts in (("flag", ("", "is_", "tracking_")), ("hidden", ("", "is_"))):
+        columns[what] = [f"{start}{word}" for start in starts for word in columns[what]] + table.get(what, [])
+    return columns
+
+
+def _column(lines: Sequence[str], first: int, delimiter: str | None, at: int) -> list[str]:
+    """Return the cells of a column that hold something."""
+    rows = (unquoted(line, delimiter).split(delimiter) for line in lines[first : first + _LOOKED_AT])
+    return [cell for row in rows for cell in map(str.strip, row[at : at + 1]) if cell]
+
+
+def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> TidyHead | None:
+    """Return which column holds what, by titles and the cells of columns; None if one that is needed is missing."""
     plain = [CAMEL.sub("_", title).lower().replace(" ", "_") for title in titles]
-    known = {"name": _NAMES, "group": _GROUPS, "side": _SIDES, "flag": _FLAGS, "hidden": _HIDDEN, "axis": _AXIS_WORDS}
-    found = {what: [plain.index(word) for word in words if word in plain] for what, words in known.items()}
+    found = {what: [plain.index(word) for word in words if word in plain] for what, words in _known().items()}
     at = {what: columns[0] for what, columns in found.items() if columns}
     clock, frames = clock_of(titles), [column for column, title in enumerate(titles) if is_frame(title)]
-    if clock and _FRAME_OF_ROS in plain and not all(map(is_number, row[(ros := plain.index(_FRAME_OF_ROS)) :][:1])):
+    if clock and _FRAME_OF_ROS in plain and not all(map(is_number, cells_of(ros := plain.index(_FRAME_OF_ROS))[:1])):
         frames.remove(ros)
         at.setdefault("name", ros)
-    if not clock and not frames and all(map(is_number, row[at.get("name", len(row)) :][:1])):
+    body, every = nameless_body(titles), bodies_of(titles)
+    if not clock and not frames and not _tells_frames(cells_of(at["name"]) if "name" in at else [], body):
         return None
     at |= {"time": max(clock.column, clock.fraction or 0)} if clock else {}
-    body, every = nameless_body(titles), bodies_of(titles)
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
-    if values and "name" in at and AXIS_IN_NAME.search("".join(row[at["name"] :][:1])):
+    if values and "name" in at and AXIS_IN_NAME.search("".join(cells_of(at["name"])[:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables
     is_by_axis = bool(values and (clock or frames)) and at.keys() >= {"name", "axis"} and not body.place
     if is_by_axis:
@@ -102,3 +105,14 @@ def _head_of(titles: Sequence[str], row: Sequence[str]) -> TidyHead | None:
     is_tidy = body.is_placed and ("name" in at or not every) and titles.count(titles[body.place["x"]]) == 1
     head = TidyHead([body], frames=next(iter(frames), None), clock=clock, unit=body.unit, titles=titles, at=at)
     return head if is_by_axis or is_tidy else None
+
+
+def _tells_frames(names: Sequence[str], body: Body) -> bool:
+    """Whether rows tell frames without their numbers: by names that follow each other again, or as those of one body.
+
+    Numbers may be what rows are counted by, or classes that many rows in turn have.
+    """
+    is_body = body.is_turned or body.has_angles
+    if not names or not all(map(is_number, names)):
+        return is_body or bool(names)
+    return 1 < len({*names}) < len(names if is_body else [*groupby(names)])

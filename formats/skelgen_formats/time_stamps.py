@@ -9,9 +9,10 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
 
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
-_SLOW, _FAST = 5.0, 5000.0  # Hz, of cameras: times of which no title names the unit
-_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}  # s
-_EPOCH = (1e9, 4e9)  # s since 1970, of clocks between 2001 and 2096
+_SLOW, _FAST = 5.0, 2000.0  # Hz, of cameras: times of which no title names the unit
+_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "ticks of 100 ns": 1e-7}  # s
+_EPOCH, _LONGEST = (1e9, 4e9), 2.0  # s since 1970, of clocks between 2001 and 2096, and of the steps of such times
+_SINCE_1, _SINCE_1601 = 62135596800.0, 11644473600.0  # s until 1970, from where .NET and Windows count ticks
 _MOST = 0.75  # of the times, that must be there and rise: some repeat one, or write 0 where nothing is seen
 
 
@@ -52,11 +53,15 @@ def since_first(times: Floats, second: float) -> Stamps:
     Parameters
     ----------
     times : ndarray, shape (n,)
-        As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, they are in that unit.
+        As they stand in the file; as large as times since 1970 are in s, ms, µs or ns, or in ticks since the year 1
+        or 1601, they are in that unit, unless it makes their steps long.
     second : float
         Seconds per unit; 0 if unknown.
     """
     with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
-        since_1970 = (one for one in (1.0, *_OTHER_UNITS.values()) if _EPOCH[0] < times[:1].sum() * one < _EPOCH[1])
+        first, ticks = times[:1].sum(), [*_OTHER_UNITS.values()][-1]
+        clocks = [(one, 0.0) for one in (1.0, *_OTHER_UNITS.values())] + [(ticks, _SINCE_1), (ticks, _SINCE_1601)]
+        near = (one for one, ago in clocks if _EPOCH[0] < first * one - ago < _EPOCH[1])
+        since_1970 = (one for one in near if (np.nanmax(times) - first) * one < _LONGEST * len(times))
         unit = second or next(since_1970, 0.0)
         return Stamps((times - times[:1]) * (unit or 1.0), unit > 0.0)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.text import is_number
+from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
     AXES,
     BETWEEN,
@@ -46,7 +46,9 @@ _ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
 _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 _FLAG = re.compile(
-    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost)))", re.IGNORECASE
+    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost))"
+    r"|(conf|confidence|likelihood|score))",
+    re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
@@ -58,6 +60,8 @@ _SPELT = (
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
     (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
     (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
+    (re.compile(r"(t[xyz])_([a-z]\w{2,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
+    (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
 )
 """What stands around an axis in other spellings, and how such titles are read."""
 
@@ -100,11 +104,11 @@ def spelt(titles: Sequence[str]) -> list[str]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    plain = []
+    plain, lower = [], [*map(str.lower, titles)]
     for title in map(str.strip, titles):
-        found = (match.expand(usual) for spelling, usual in _SPELT if (match := spelling.fullmatch(title)))
-        other = next(found, title)
-        plain.append(title if other in titles else other)
+        other = next((match.expand(usual) for one, usual in _SPELT if (match := one.fullmatch(title))), title)
+        beside = other in titles or f"f{title[1:]}".lower() in lower  # or a torque, tx_plate beside fx_plate
+        plain.append(title if beside else other)
     return plain
 
 
@@ -119,7 +123,8 @@ def with_axes(titles: Sequence[str]) -> list[str]:
     found, at, n_points = [*titles, "", ""], 0, 0
     while at < len(titles):
         name, *others = found[at : at + 3]
-        if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_number(name):
+        is_blank = is_number(name) or is_unseen(name.strip(",;[]"))
+        if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_blank:
             found[at : at + 3] = [f"{name}_{axis}" for axis in AXES]
             at, n_points = at + 2, n_points + 1
         at += 1
@@ -165,7 +170,8 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
         body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
-        body.flag_of_unseen = 1.0 if body.flag in marks and marks[body.flag][2] else 0.0
+        if mark := marks.get(-1 if body.flag is None else body.flag):
+            body.flag_of_unseen, body.is_graded = float(mark[2] is not None), mark[3] is not None
     return bodies
 
 
@@ -177,8 +183,8 @@ def turned_without_place(titles: Sequence[str]) -> list[str]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    bodies = _gathered(titles, _axis_last)
-    return [body.name or "body" for body in bodies if (body.is_turned or body.has_angles) and not body.place]
+    turned = [body for body in _gathered(titles, _axis_last) if (body.is_turned or body.has_angles) and not body.place]
+    return [body.name or "body" for body in turned if body.name or not nameless_body(titles).is_placed]
 
 
 def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:

@@ -34,14 +34,12 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
-from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.assumed_units import assumed_mm_per_unit
+from skelgen_formats.assumed_units import mm_per_recorded_unit
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
     are_outputs,
     equal_unseen,
-    mm_per_unit,
     more_than_announced,
     scaled,
     take_from_markers,
@@ -70,6 +68,7 @@ from skelgen_formats.text import (
     whole_lines,
     without_trailing_empty,
 )
+from skelgen_formats.time_stamps import since_first
 from skelgen_formats.writing import (
     check_markers,
     check_writable_names,
@@ -90,7 +89,6 @@ _DOUBLED, _BLANKS = re.compile(r"\t[\t ]*"), re.compile(r"(?<=\d) +(?=\d)")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
 _TIMES_READ, _FEWEST_TIMES = 100, 3
-_SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds; else they count frames or milliseconds
 _RATE_TOLERANCE = 0.05  # of the rate: times that are printed with two decimals make it by less
 _ORIGINAL = 3  # of the keys are about the recording that the file was made of, which nobody reads
 _KEYS = (
@@ -153,7 +151,7 @@ def read_trc(
     start = _header_start(path, lines)
     delimiter = _delimiter(lines, start)
     header = _header(path, lines, start, delimiter)
-    announced = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
+    announced = count_in(path, start + 3, _value(path, header, "nummarkers", start) or "0", "NumMarkers")
     stated = number_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     unit = _value(path, header, "units", start)
     notices: list[str] = []
@@ -163,11 +161,11 @@ def read_trc(
     rate = _rate(path, lines, start, table, stated, notices)
     whole = whole_lines(_rows(lines, start, table), len(lines), table.n_cells, delimiter, notices)
     rows = parse_rows(path, whole, table.n_cells, delimiter, leading=table.leading)
-    n_frames = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
-    _check_length(lines, n_frames, rows, notices)
+    if n_frames := _value(path, header, "numframes", start):  # a template may leave it empty
+        _check_length(lines, count_in(path, start + 3, n_frames, "NumFrames"), rows, notices)
     positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
-    is_unit = unit and not is_number(unit)  # where none stands, the next value may be taken for it
-    factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices, recorded_unit)
+    unit = "" if is_number(unit) else unit  # where none stands, the next value may be taken for it
+    factor = mm_per_recorded_unit(path, start + 3, unit, positions, recorded_unit, notices)
     virtual = (np.arange(len(table.names)) >= table.n_measured) | are_outputs(table.names)
     computed = None if points == ALL_POINTS else virtual
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)
@@ -178,10 +176,9 @@ def _rate(path: Path, lines: Lines, start: int, table: _Table, stated: float, no
     rows = islice(_rows(lines, start, table), _TIMES_READ)
     whole = whole_lines(rows, len(lines), table.n_cells, table.delimiter, [])
     times = parse_rows(path, whole, table.n_cells, table.delimiter, [table.leading - 1])[:, 0]
-    with np.errstate(over="ignore", invalid="ignore"):
-        are_times = len(times) >= _FEWEST_TIMES and np.isfinite(times).all() and (np.diff(times) > 0).all()
-    measured = rate_of(times) if are_times and not lines.is_sampled else 0.0
-    if not _SLOWEST < measured < _FASTEST or abs(measured - stated) <= _RATE_TOLERANCE * stated:
+    other_units: list[str] = []
+    measured = 0.0 if lines.is_sampled or len(times) < _FEWEST_TIMES else since_first(times, 0.0).rate(other_units)
+    if not measured or other_units or abs(measured - stated) <= _RATE_TOLERANCE * stated:
         return rate_in(path, start + 3, repr(stated), "DataRate")
     notices.append(f"DataRate says {stated:g} Hz; the times make {measured:g} Hz, which is taken")
     return measured

@@ -3,7 +3,8 @@
 In OpenSim's files, behind a header that ends with ``endheader``, cells are parted by tabs, and hold ``0.1,0.2,0.3``. In
 others they hold ``(0.1, 0.2, 0.3)`` or ``[0.1 0.2 0.3]``, in quotes or not, below titles that are names of points. Each
 vector is spread over three columns, name_x, name_y, name_z, one of four numbers and unit length, as Unity writes
-rotations, over name_qx, name_qy, name_qz, name_qw; and the table is read as `skelgen_formats.wide` does.
+rotations, over name_qx, name_qy, name_qz, name_qw, a list of vectors over name_1_x and so on; and the table is read as
+`skelgen_formats.wide` does.
 """
 
 import contextlib
@@ -17,7 +18,6 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import BODIES, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.table_heads import HEAD_LINES
 from skelgen_formats.text import is_number, unquoted
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
@@ -27,8 +27,10 @@ from skelgen_formats.wide import read_table
 _END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", re.IGNORECASE)
 _VECTOR = re.compile(r"(?:array|Vector3?)?[\[(]{1,3}([^\[\]()]{0,200})[\])]{1,3}")
 _PARTING = re.compile(r"[,;\s]+")
+_BETWEEN_VECTORS = "  "  # of a list, in a cell whose numbers are parted by one blank
 _DELIMITERS = ";\t,"
 _QUATERNION = ("qx", "qy", "qz", "qw")
+_LOOKED_AT = 1024  # rows: scripts write empty lists until they see something
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions
 _PATH_IN_NAME = re.compile(r"(?:.*/)?([^/|]+)(?:\|.*)?")  # of OpenSim's outputs: /markerset/LASI|location
 
@@ -49,13 +51,14 @@ def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Po
         If no column holds vectors, or a row is not as long as the titles.
     """
     lines = read_lines(path)
-    at = _first_row([lines[index] for index in range(min(len(lines), HEAD_LINES))])
+    at = _first_row(lines[:_LOOKED_AT])
     if at is None:
         raise FormatError(path, 1, "no cells with vectors such as (1.0, 2.0, 3.0) below titles were found")
     names, delimiter = _titles(lines, at)
-    first = [_cells(line, delimiter) for line in lines[at : at + HEAD_LINES]]
-    columns = [[row[column].split() for row in first if column < len(row)] for column in range(len(names))]
-    sizes, ends = [max(map(len, column), default=0) for column in columns], [_ends(column) for column in columns]
+    first = [_cells(line, delimiter) for line in lines[at : at + _LOOKED_AT]]
+    columns = [[row[column] for row in first if column < len(row)] for column in range(len(names))]
+    sizes = [max((len(cell.split()) for cell in column), default=0) for column in columns]
+    ends = [_ends(column, size) for column, size in zip(columns, sizes, strict=True)]
     others = [name for name, size, end in zip(names, sizes, ends, strict=True) if size > len(AXES) and not end]
     text = "\n".join(_spread(path, lines, at, delimiter, ends))
     spread = Lines(path, text.encode(), "utf-8")
@@ -71,15 +74,17 @@ def _first_row(lines: Sequence[str]) -> int | None:
         if line.strip(",;\t ") == _END_OF_HEADER:
             kinds = [match[1].lower() for match in map(_TYPE.fullmatch, lines[:index]) if match]
             return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
-        if index and lines[index - 1].strip() and any(map(_is_vector, _VECTOR.findall(line))):
+        if index and lines[index - 1].strip() and _has_vector(line, or_empty=True):
             names, delimiter = _titles(lines, index)
-            return index if len(_cells(line, delimiter)) == len(names) > 1 else None
+            is_table = len(_cells(line, delimiter)) == len(names) > 1
+            return index if is_table and any(map(_has_vector, lines[index:])) else None
     return None
 
 
-def _is_vector(text: str) -> bool:
-    parts = _PARTING.split(text.strip())
-    return len(parts) == len(AXES) and all(map(is_number, parts))
+def _has_vector(line: str, *, or_empty: bool = False) -> bool:
+    """Whether a line holds a vector, or brackets with nothing in them."""
+    found = [_PARTING.split(text.strip()) for text in _VECTOR.findall(line)]
+    return any(or_empty if parts == [""] else len(parts) == len(AXES) and all(map(is_number, parts)) for parts in found)
 
 
 def _titles(lines: Sequence[str], at: int) -> tuple[list[str], str]:
@@ -98,11 +103,12 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip().strip('"') for cell in unquoted(plain, delimiter).split(delimiter)]
 
 
-def _ends(cells: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Return how the titles of a column's numbers end: those of a vector, a quaternion, or none."""
-    size = max(map(len, cells), default=0)
+def _ends(cells: Sequence[str], size: int) -> tuple[str, ...]:
+    """Return how the titles of a column's numbers end: those of a vector, of several, of a quaternion, or none."""
+    if size % len(AXES) == 0 and any(_BETWEEN_VECTORS in cell for cell in cells):
+        return tuple(f"{number + 1}_{axis}" for number in range(size // len(AXES)) for axis in AXES)
     lengths = []
-    for cell in (cell for cell in cells if size == len(cell) == len(_QUATERNION)):
+    for cell in (cell for cell in map(str.split, cells) if size == len(cell) == len(_QUATERNION)):
         with contextlib.suppress(ValueError):
             lengths.append(math.hypot(*map(float, cell)))
     if lengths and all(abs(length - 1.0) < _UNIT_TOLERANCE for length in lengths):
@@ -146,7 +152,7 @@ def _plain(name: str) -> str:
 
 def _has_vectors(head: bytes, path: Path) -> bool:
     is_json = head.lstrip().startswith((b"{", b"["))
-    return not is_json and _first_row(decoded_head(head).splitlines()[:HEAD_LINES]) is not None
+    return not is_json and _first_row(decoded_head(head).splitlines()[:_LOOKED_AT]) is not None
 
 
 FORMAT = Format(
@@ -157,5 +163,5 @@ FORMAT = Format(
     sniff=_has_vectors,
     read=read_vectors,
     options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT),
-    note="A vector per cell: .sto of OpenSim with DataType=Vec3, or (1.0, 2.0, 3.0) as scripts write lists.",
+    note="A vector per cell, or a list of them: .sto of OpenSim with DataType=Vec3, or (1.0, 2.0, 3.0) of scripts.",
 )

@@ -154,17 +154,22 @@ def _numbers_of(
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
-    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, says that one is unseen."""
+    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, or graded, says "unseen"."""
     flagged = np.array([body.flag is not None for body in chosen])
-    numbers, flags = np.split(rows, [rows.shape[1] - int(flagged.sum())], axis=1)
+    marks = [body for body in chosen if body.flag is not None]
+    numbers, flags = np.split(rows, [rows.shape[1] - len(marks)], axis=1)
+    graded = np.array([body.is_graded for body in marks], dtype=np.bool_)
+    told = flags == [body.flag_of_unseen for body in marks]
+    told[:, ~graded] &= np.isin(np.nan_to_num(flags[:, ~graded]), (0.0, 1.0)).all()
+    told[:, graded] &= not told[:, graded].all()  # of nothing that the program tracked was it sure: it does not tell
     unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
-    unseen[:, flagged] = flags == [body.flag_of_unseen for body in chosen if body.flag is not None]
-    if not unseen.any() or not np.isin(flags[np.isfinite(flags)], (0.0, 1.0)).all():
+    unseen[:, flagged] = told
+    if not told.any():
         return numbers
     points = numbers.reshape(len(rows), len(chosen), -1).copy()
     points[unseen] = np.nan
     positions = counted(int(unseen.sum()), "position is", "positions are")
-    notices.append(f"{positions} unseen, as the columns of flags say")
+    notices.append(f"{positions} unseen, as the columns of {'confidence' if graded.any() else 'flags'} say")
     return points.reshape(numbers.shape)
 
 

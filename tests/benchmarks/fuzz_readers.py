@@ -121,10 +121,20 @@ MORE_SEEDS = {
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
-    "tidy-csv": ("blanks.txt", "long.csv", "melted.csv", "tf.csv", "segments.csv"),
-    "wide-csv": ("angles.csv", "flags.csv", "stamps.csv", "euroc.csv", "face.csv", "kinect.csv", "bones.csv"),
-    "untitled-poses": ("kitti.txt",),
-    "vector-csv": ("vectors.sto", "turns.csv"),
+    "tidy-csv": ("blanks.txt", "long.csv", "melted.csv", "tf.csv", "segments.csv", "ids.csv"),
+    "wide-csv": (
+        "sure.csv",
+        "aria.csv",
+        "angles.csv",
+        "flags.csv",
+        "stamps.csv",
+        "euroc.csv",
+        "face.csv",
+        "kinect.csv",
+        "bones.csv",
+    ),
+    "untitled-poses": ("kitti.txt", "hand.traj"),
+    "vector-csv": ("vectors.sto", "turns.csv", "lists.csv"),
 }
 """Further sound files of a format."""
 
@@ -328,6 +338,13 @@ _TEXT_SEEDS = {
     '0.02,"(1.6, 2.6, 3.6)","(4.6, 5.6, 6.6)","(7.5, 8.5, 9.5)"\n',
     "turns.csv": "t;a.position;a.rotation;b.position;b.rotation\n"
     "0;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);(0, 0, 0.6, 0.8)\n0.02;(1, 2, 3);(0, 0, 0, 1);(4, 5, 6);None\n",
+    "lists.csv": 'stamp,pose\n638000000000000000,[]\n638000000000333333,"[[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]"\n',
+    "ids.csv": "id,x,y,z,rx,ry,rz\n"
+    + "".join(f"{name},{frame}.5,2,3,0.1,0.2,0.3\n" for frame in "123" for name in "78"),
+    "hand.traj": "0 0 1\n1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n\n1 1 2\n1 0 0 5\n0 1 0 6\n0 0 1 8\n0 0 0 1\n",
+    "aria.csv": "delta_time_ms,left_frame_id,tx_a_hand,ty_a_hand,tz_a_hand,qx_a_hand,qy_a_hand,qz_a_hand,qw_a_hand\n"
+    "0,hts,1,2,3,0,0,0.6,0.8\n10,hts,1,2,4,0,0,0.6,0.8\n20,hts,1,2,5,0,0,0.6,0.8\n",
+    "sure.csv": "a_x,a_y,a_z,a_conf,b_x,b_y,b_z,b_conf\n1,2,3,0.9,7,7,7,0\n1,2,3,0.8,4,5,6,0.7\n",
     "vectors.sto": "DataRate=50\nDataType=Vec3\nUnits=m\nendheader\ntime\t/a|location\t/b|location\n"
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",

@@ -35,6 +35,12 @@ def test_plain_title_of_times_counts_before_others(put):
     assert read_take(put("both.csv", f"receive_time,time,{POINTS}\n{rows}")).rate == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize(("every_row", "rate"), [(0, 50.0), (20, 100.0)])
+def test_times_since_the_first_row_tell_the_rate_and_steps_of_time_do_not(put, every_row, rate):
+    rows = "".join(f"{every_row or 3076 + 20 * frame},1,2,3,4,5,6\n" for frame in range(5))
+    assert read_take(put("delta.csv", f"delta_time_ms,{POINTS}\n{rows}")).rate == pytest.approx(rate)
+
+
 def test_frames_that_are_names_of_images_give_way_to_times(put):
     rows = "".join(f"{frame / 50},{frame:03}.jpg,{name},1,2,3\n" for frame in range(3) for name in "ab")
     take = read_take(put("images.csv", f"time,frame,name,x,y,z\n{rows}"))
@@ -47,7 +53,9 @@ def test_times_since_1970_tell_their_unit_by_their_size(put, unit):
     assert read_take(put("slow.csv", f"Time Stamp,{POINTS}\n{rows}")).rate == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("titles", ["帧,时间", "フレーム,時間", "Bild,Zeit", "Trame,Temps"])
+@pytest.mark.parametrize(
+    "titles", ["帧,时间", "フレーム,時間", "Bild,Zeit", "Trame,Temps", "Klatka,Czas", "Beeld,Tijd"]
+)
 def test_titles_of_times_and_frames_may_be_in_other_languages(put, titles):
     rows = "".join(f"{frame},{frame / 50},1,2,3,4,5,6\n" for frame in range(3))
     assert read_take(put("times.csv", f"{titles},{POINTS}\n{rows}")).rate == pytest.approx(50.0)

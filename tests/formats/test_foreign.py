@@ -47,8 +47,13 @@ import pytest
         ("walk.xdf", b"XDF:\x01", "a recording of Lab Streaming Layer"),
         ("S001C001.skeleton", b"103\n1\n72057 0 1 1 1 1 0 0.02 0.05 2\n", "joints of a Kinect"),
         ("arm.urdf", b"<robot name='arm'>", "a model of a robot"),
+        ("led.csv", b"t,x position,y position,z position\n0,1,2,3\n", "a single point has no skeleton"),
         ("imu.csv", b"t,a_roll,a_pitch,a_yaw\n0,1,2,3\n", "the titles name rotations of a, and no positions"),
         ("angles.csv", b"time,hip,knee\n0,1,2\n", "a table needs titles: name_x, name_y, name_z"),
+        ("fish.csv", b"x1,y1,x2,y2\n1,2,3,4\n", "x and y alone: points in images; triangulate"),
+        ("pose.csv", b"Frame,LandmarkID,X,Y\n0,0,0.1,0.2\n", "x and y alone: points in images; triangulate"),
+        ("one.csv", b"id,x,y,z,qx,qy,qz,qw\n1,1,2,3,0,0,0,1\n", "a table needs titles"),
+        ("paths.txt", b"#Kinovea Trajectory data export\n#T X Y\n\n0.0 1,5 2,5\n", "paths of Kinovea in the images"),
         ("sleap.csv", b"frame,nose.x,nose.y,nose.score\n0,1,2,1\n", "x and y alone: points in images; triangulate"),
     ],
 )

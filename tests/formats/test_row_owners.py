@@ -21,6 +21,18 @@ def test_rows_of_people_that_take_turns_are_one_frame_of_all(put):
     assert read_take(put("one.csv", PEOPLE + rows((7, 7)))).n_frames == 8
 
 
+@pytest.mark.parametrize("title", ["person_track_id", "TrackingId", "tracking id", "bodyIdx"])
+def test_who_is_tracked_may_be_told_by_other_titles(put, title):
+    assert read_take(put("two.csv", PEOPLE.replace("BodyID", title) + rows((7, 8)))).n_markers == 4
+
+
+def test_names_of_coordinates_are_no_frames(put):
+    """A recorder of Quest: every row has a list and the name of its coordinates, left_frame_id."""
+    text = PEOPLE.replace("BodyID", "landmarks,left_frame_id")
+    text += "".join(f'0.0{frame},"[0.{frame}, 1]",left_hand,1,2,{frame},4,5,6\n' for frame in range(4))
+    assert read_take(put("hand.csv", text)).names == ("knee", "toe")
+
+
 def test_who_has_no_row_in_a_frame_is_unseen(put):
     take = read_take(put("gap.csv", PEOPLE + rows((7, 8), range(3)) + rows((8,), [3]) + rows((7, 8), [4])))
     assert take.seen[:, 0].tolist() == [True, True, True, False, True]

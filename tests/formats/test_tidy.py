@@ -44,6 +44,12 @@ def test_times_tell_the_rate(put):
     assert read_take(put("points.csv", FREEMOCAP)).rate == 100.0
 
 
+@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number"])
+def test_points_may_be_numbered(put, title):
+    text = f"frame,{title},x,y,z\n" + "".join(f"{frame},{n},{n},2,3\n" for frame in range(3) for n in range(4))
+    assert read_take(put("numbered.csv", text)).names == ("0", "1", "2", "3")
+
+
 def test_point_without_a_row_or_a_number_is_unseen(put):
     content = table("frame,keypoint,x,y,z", "{0},{1},{2},{3},{4}", ROWS[:-1]).replace("100.0,0.0,-5.5", ",,nan")
     assert read_take(put("gaps.csv", content)).seen.tolist() == [[False, True], [True, True], [True, False]]
@@ -193,9 +199,13 @@ def test_words_of_a_title_may_meet_at_a_capital(put):
     assert read_take(put("segments.csv", f"{titles}\n{rows}")).names == ("Hip", "Knee")
 
 
-@pytest.mark.parametrize(("title", "word"), [("Occluded", "True"), ("isOccluded", "1"), ("lost", "true")])
-def test_point_that_a_flag_calls_hidden_is_unseen(put, title, word):
-    rows = "".join(f"{frame},{name},1,2,3,{word if name == 'b' else 0}\n" for frame in range(2) for name in "abc")
+@pytest.mark.parametrize(
+    ("title", "words"),
+    [("Occluded", "True 0"), ("isOccluded", "1 0"), ("lost", "true 0"), ("TrackingState", "NotTracked Inferred")],
+)
+def test_point_that_a_flag_calls_hidden_is_unseen(put, title, words):
+    hidden, seen = words.split()
+    rows = "".join(f"{frame},{name},1,2,3,{hidden if name == 'b' else seen}\n" for frame in range(2) for name in "abc")
     assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")
 
 
@@ -220,6 +230,8 @@ def test_coordinates_may_have_a_word_before_them(put):
 
 def test_decimal_commas_beside_commas_are_told(refused, put):
     assert "export with decimal points" in refused(put("commas.csv", "frame,marker,x,y,z\n0,a,1,5,2,5,3,5\n"))
+    wide = "a_x,a_y,a_z,b_x,b_y,b_z"
+    assert "write a title over each column" in refused(put("more.csv", f"{wide}\n1.5,2,3,4,5,6,7\n"))
 
 
 @pytest.mark.parametrize("name", ["{0}_{1}", "{0}.{1}", "{0}{2}"])
@@ -237,6 +249,28 @@ def test_rows_of_a_name_follow_each_other_where_nothing_counts_frames(put):
     take = read_take(put("poses.csv", f"body,x,y,z,qx,qy,qz,qw\n{rows}"), recorded_unit="mm")
     assert (take.names, take.n_frames) == (("hip", "toe"), 2)
     np.testing.assert_array_equal(take.world_from_body[:, 1, 0, 3], [4.0, 5.0])
+
+
+@pytest.mark.parametrize("titles", ["id,x,y,z", "marker,x,y,z,qx,qy,qz,qw", "rigid_body_id,pos_x,pos_y,pos_z,rx,ry,rz"])
+def test_numbers_of_points_that_recur_are_their_names(put, titles):
+    turn = {4: "", 8: ",0,0,0,1", 7: ",0.1,0.2,0.3"}[titles.count(",") + 1]
+    rows = "".join(f"{name},{frame},2,{name}{turn}\n" for frame in (4, 5, 6) for name in (7, 8))
+    take = read_take(put("ids.csv", f"{titles}\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.n_frames) == (("7", "8"), 3)
+    places = take.world_from_body[..., :3, 3] if turn else take.positions
+    np.testing.assert_array_equal(places[:, 1], [[4, 2, 8], [5, 2, 8], [6, 2, 8]])
+
+
+@pytest.mark.parametrize("names", ["1234", "1122", "1111"])
+def test_numbers_that_count_rows_or_classes_are_no_names(refused, put, names):
+    rows = "".join(f"{name},1,2,3\n" for name in names)
+    assert "frame, name, x, y, z with a row per point" in refused(put("classes.csv", f"label,x,y,z\n{rows}"))
+
+
+def test_rows_of_one_body_are_frames(put):
+    rows = "".join(f"{frame},2,3,0,0,0,1\n" for frame in (4, 5, 6))
+    take = read_take(put("body.csv", f"x,y,z,qx,qy,qz,qw\n{rows}"), recorded_unit="mm")
+    np.testing.assert_array_equal(take.world_from_body[:, 0, 0, 3], [4, 5, 6])
 
 
 def test_quaternion_that_lacks_a_component_is_told(put):

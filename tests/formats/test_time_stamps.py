@@ -27,6 +27,21 @@ def test_times_of_no_stated_unit_are_those_of_a_camera():
     assert "taken as ms" in notices[0]
 
 
+@pytest.mark.parametrize("start", [0.0, 129_627.0, 638_000_000_000_000_000.0, 133_000_000_000_000_000.0])
+def test_ticks_of_windows_tell_the_rate(start):
+    """As .NET writes them: of a Kinect since it was started, of a clock since the year 1, or 1601."""
+    notices: list[str] = []
+    assert since_first(start + np.arange(5) * 333_333.0, 0.0).rate(notices) == pytest.approx(30.0, rel=1e-3)
+    assert ("ticks of 100 ns" in "".join(notices)) == (start < 1e9)
+
+
+@pytest.mark.parametrize(("unit", "name"), [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")])
+def test_times_since_a_device_was_started_may_be_as_large_as_seconds_since_1970(unit, name):
+    notices: list[str] = []
+    assert since_first(1.6e9 + np.arange(50) * unit / 60, 0.0).rate(notices) == pytest.approx(60.0)
+    assert f"taken as {name}" in notices[0]
+
+
 def test_some_times_may_be_missing_or_stand_twice():
     times = 5.0 + np.arange(40) / 50
     times[[7, 20]] = 0.0, np.nan  # NOKOV writes 0 where nothing is seen

@@ -265,6 +265,27 @@ def test_unit_can_be_stated_where_the_file_names_none(edited, text, walk):
     take = read_take(edited("none.trc", text, "\tmm\t", "\t\t"), recorded_unit="cm")
     np.testing.assert_allclose(take.positions, walk.positions * 10)
     assert not any("length unit" in notice for notice in take.notices)
-    np.testing.assert_array_equal(
-        read_take(edited("mm.trc", text, "", ""), recorded_unit="cm").positions, walk.positions
-    )
+
+
+def test_stated_unit_that_the_file_contradicts_is_told(edited, text, walk):
+    take = read_take(edited("mm.trc", text, "", ""), recorded_unit="cm")
+    np.testing.assert_array_equal(take.positions, walk.positions)
+    assert any("`--recorded-unit cm` is for files that name none" in notice for notice in take.notices)
+    same = read_take(edited("mm.trc", text, "", ""), recorded_unit="mm")
+    assert not any("--recorded-unit" in notice for notice in same.notices)
+
+
+@pytest.mark.parametrize("n_markers", ["\t", f"\t{3}"])
+def test_header_may_leave_counts_empty(put, text, walk, n_markers):
+    lines = text.split("\n")
+    cells = lines[2].split("\t")
+    cells[2:4] = "", cells[3] * (n_markers != "\t")
+    take = read_take(put("template.trc", "\n".join([*lines[:2], "\t".join(cells), *lines[3:]])))
+    np.testing.assert_array_equal(take.positions, walk.positions)
+
+
+def test_times_in_other_units_leave_the_stated_rate(put, text, walk):
+    lines = text.split("\n")
+    rows = [line.split("\t", 2) for line in lines[6:] if line]
+    counted = ["\t".join([number, str(40 * int(number)), rest]) for number, _, rest in rows]
+    assert read_take(put("ms.trc", "\n".join([*lines[:6], *counted, ""]))).rate == walk.rate

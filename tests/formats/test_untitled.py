@@ -8,6 +8,7 @@ from skelgen_formats.registry import read_take, recognise
 
 PLACE, TURN = (0.1, 0.2, 0.3), np.array([[0.28, -0.96, 0], [0.96, 0.28, 0], [0, 0, 1]])
 QUATERNION = "0.1 0.2 0.3 0 0 0.6 0.8"
+FOUR = "0.28 -0.96 0 0.1\n0.96 0.28 0 0.2\n0 0 1 0.3\n0 0 0 1\n"
 MATRIX = " ".join(f"{number:g}" for number in np.column_stack([TURN, PLACE]).ravel())
 
 
@@ -23,6 +24,14 @@ def test_pose_is_told_by_its_numbers(put, row, is_timed):
     np.testing.assert_allclose(take.world_from_body[2, 0, :3], np.column_stack([TURN, [100, 200, 300]]), atol=1e-12)
     assert any("numbers without titles are taken as" in notice for notice in take.notices)
     assert any("`--recorded-rate` states another" in notice for notice in take.notices) != is_timed
+
+
+@pytest.mark.parametrize("counters", ["", "0 0 1\n", "12.5\n"])
+def test_matrices_may_stand_on_four_lines(refused, put, counters):
+    text = "\n".join([counters + FOUR] * 30)
+    take = read_take(put("hand.traj", text))
+    np.testing.assert_allclose(take.world_from_body[29, 0, :3], np.column_stack([TURN, [100, 200, 300]]), atol=1e-12)
+    assert refused(put("cut.traj", text[:-9])).endswith("belong; the file may be cut off")
 
 
 def test_body_that_starts_at_the_origin_is_seen_there(put):

@@ -43,6 +43,17 @@ def test_vector_that_is_unseen_in_the_first_row_is_a_point(put):
     assert read_take(put("late.csv", content)).names == ("knee", "toe")
 
 
+@pytest.mark.parametrize("n_empty", [0, 60])
+def test_lists_of_vectors_in_a_cell_are_points(put, n_empty):
+    """As Python writes what it has of each frame, empty lists where that is nothing."""
+    rows = [f"{frame / 50},[]" for frame in range(n_empty)]
+    rows += [f'{(n_empty + frame) / 50},"[[{frame}, 2.0, 3.0], [4.0, 5.0, 6.0]]"' for frame in range(3)]
+    take = read_take(put("lists.csv", "\n".join(["Timestamp,Pose", *rows])), recorded_unit="mm")
+    assert (take.names, take.rate, take.n_frames) == (("Pose_1", "Pose_2"), 50.0, n_empty + 3)
+    np.testing.assert_array_equal(take.positions[-1], [[2, 2, 3], [4, 5, 6]])
+    assert int(take.seen.sum()) == 6
+
+
 def test_row_that_is_too_short_is_refused_with_its_line(refused, put):
     message = refused(put("short.csv", "time;knee;toe\n0;(1, 2, 3);(4, 5, 6)\n0.02;(1, 2, 3)\n"))
     assert message.startswith(":3: 2 cells where 3 belong")
@@ -58,3 +69,10 @@ def test_vectors_of_four_are_the_quaternions_of_bodies(put, title):
     np.testing.assert_allclose(take.world_from_body[0, 1, :2, [0, 3]], [[0.28, 0.96], [400, 1000]])
     left_out = read_take(put("colours.csv", f"{titles}\n{rows}".replace("(0, 0, 0.6, 0.8)", "(1, 1, 0.6, 0.8)")))
     assert any(f"left out: {titles.rsplit(';', maxsplit=1)[-1]}" in notice for notice in left_out.notices)
+
+
+def test_rows_of_nothing_are_no_titles(put):
+    text = 'frame,a,b,turn\n0,"[null, null, null]","[1, 2, 3]","[null, null, null, null]"\n'
+    text += "".join(f'{frame},"[1, 2, {frame}]","[4, 5, 6]","[1, 0, 0, 0]"\n' for frame in range(1, 4))
+    take = read_take(put("lists.csv", text))
+    assert take.seen[:, 0].tolist() == [False, True, True, True]

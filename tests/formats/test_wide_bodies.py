@@ -22,6 +22,7 @@ def two_rows(titles: str, cells: str) -> str:
         "{n}.pose.orientation.x,{n}.pose.orientation.y,{n}.pose.orientation.z,{n}.pose.orientation.w",
         "{n} Pos X,{n} Pos Y,{n} Pos Z,{n} Rot X,{n} Rot Y,{n} Rot Z,{n} Rot W",
         "{n}-px,{n}-py,{n}-pz,{n}-qx,{n}-qy,{n}-qz,{n}-qw",
+        "tx_{n},ty_{n},tz_{n},qx_{n},qy_{n},qz_{n},qw_{n}",
         "{n}_pos_x,{n}_pos_y,{n}_pos_z,"
         "{n}_orientation_Quat_x,{n}_orientation_Quat_y,{n}_orientation_Quat_z,{n}_orientation_Quat_w",
     ],
@@ -31,6 +32,13 @@ def test_points_with_quaternions_are_bodies(put, titles):
     assert (take.rate, [name.partition(".")[0] for name in take.names]) == (100.0, ["thigh", "shank"])
     np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [400, 500, 600])
     np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+def test_axes_may_stand_before_the_words_of_a_single_body(put):
+    titles = "Frame time(ms),x position,y position,z position,w rotation,x rotation,y rotation,z rotation"
+    take = read_take(put("body.csv", f"{titles}\n0,1,2,3,0.8,0,0,0.6\n8,1,2,3,0.8,0,0,0.6\n"))
+    assert (take.names, take.rate) == (("body",), pytest.approx(125.0))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0.28, 0.96])
 
 
 def test_body_that_a_tracker_lost_is_unseen(put):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
@@ -16,6 +17,23 @@ def test_forces_and_accelerations_are_no_points(refused, put, names):
 
 def test_signals_of_inertial_sensors_and_force_plates_are_no_points(refused, put):
     assert "a table needs titles" in refused(put("imu.csv", "t,ax,ay,az,gx,gy,gz\n" + rows("{1},")))
+
+
+def test_torques_beside_their_forces_are_no_points(put):
+    plate = ",".join(f"{what}{axis}_plate" for what in "FT" for axis in "xyz")
+    take = read_take(put("plate.csv", f"a_x,a_y,a_z,b_x,b_y,b_z,{plate}\n{rows(after=',1,2,3,4,5,6')}"))
+    assert take.names == ("a", "b")
+
+
+@pytest.mark.parametrize("word", ["conf", "likelihood", "Score"])
+def test_points_of_which_a_tracker_is_not_sure_at_all_are_unseen(put, word):
+    """It writes 0 beside a place that stands for none."""
+    titles = ",".join(f"{name}_{end}" for name in ("hip", "knee") for end in ("x", "y", "z", word))
+    take = read_take(put("sure.csv", f"{titles}\n1,2,3,0.9,-7,-8,-9,0.0000\n1,2,3,0.5,4,5,6,0.7\n"), recorded_unit="mm")
+    assert np.isnan(take.positions[:, :, 0]).tolist() == [[False, True], [False, False]]
+    assert any("1 position is unseen, as the columns of confidence say" in notice for notice in take.notices)
+    unsure = read_take(put("unsure.csv", f"{titles}\n1,2,3,0,7,8,9,0\n1,2,3,0,4,5,6,0\n"), recorded_unit="mm")
+    assert np.isfinite(unsure.positions).all()
 
 
 def test_rates_and_scales_beside_points_are_left_out(put):

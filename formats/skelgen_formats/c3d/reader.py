@@ -23,8 +23,8 @@ from skelgen.geometry.computed_points import are_axes
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit
-from skelgen_formats.bodies import take_from_bodies
+from skelgen_formats.assumed_units import mm_per_recorded_unit
+from skelgen_formats.bodies import row_by_row, take_from_bodies
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
     WORDS_PER_POINT,
@@ -39,7 +39,6 @@ from skelgen_formats.markers import (
     COMPUTED,
     are_outputs,
     frames_in_blocks,
-    mm_per_unit,
     noted,
     scaled,
     take_from_markers,
@@ -90,7 +89,7 @@ def read_c3d(
     """
     layout = read_layout(path)
     if has_rotations(layout.parameters) and (bodies or layout.n_points == 0):
-        return read_rotations(path, layout)
+        return read_rotations(path, layout, recorded_unit)
     notices = list(layout.notices)
     if has_rotations(layout.parameters):
         notices.append("segments with rotations are left out; `--bodies` reads them instead of the points")
@@ -111,8 +110,7 @@ def read_c3d(
         some = counted(generated, "position is", "positions are") if whole else "some positions are"
         notices.append(f"{some} marked as computed (residual 0), and taken as if measured")
     kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
-    units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
-    factor = mm_per_unit(path, "POINT:UNITS", units[0]) if units else assumed_mm_per_unit(kept, notices, recorded_unit)
+    factor = mm_per_recorded_unit(path, *_unit(layout), kept, recorded_unit, notices)
     if kept is read.positions:
         return take_from_markers(path, scaled(path, kept, factor), names, layout.rate, notices, left_out)
     computed = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
@@ -214,7 +212,12 @@ _LAB = "worldbody"  # the world itself, which Theia lists as a segment
 _SUFFIX = "_4X4"
 
 
-def read_rotations(path: Path, layout: C3dLayout) -> Poses:
+def _unit(layout: C3dLayout) -> tuple[str, str]:
+    """Return where the unit of lengths stands, and what is there."""
+    return "POINT:UNITS", next(filter(None, layout.texts("POINT", "UNITS")), "")
+
+
+def read_rotations(path: Path, layout: C3dLayout, recorded_unit: str) -> Poses:
     """Read the segments of a C3D file as bodies.
 
     Parameters
@@ -223,6 +226,8 @@ def read_rotations(path: Path, layout: C3dLayout) -> Poses:
         The file.
     layout : C3dLayout
         What it says of itself.
+    recorded_unit : str
+        Unit of lengths where it names none.
 
     Raises
     ------
@@ -241,17 +246,12 @@ def read_rotations(path: Path, layout: C3dLayout) -> Poses:
     floats = dec_floats(words) if layout.dec else np.frombuffer(words, f"{layout.order}f4")
     frames = floats.reshape(whole, count, _WORDS).astype(np.float64)
     frames = frames[: layout.n_frames * ratio] if layout.n_frames else frames
-    matrices = frames[:, :, :16].reshape(len(frames), count, 4, 4).swapaxes(2, 3)
-    matrices[frames[:, :, 16] < 0] = np.nan
-    turns = matrices[:, :, :3, :3].reshape(len(frames), count, 9)
-    poses = np.concatenate([matrices[:, :, :3, 3], turns], axis=2)
+    frames[frames[:, :, 16] < 0] = np.nan
+    poses = row_by_row(frames[:, :, 12:15], frames[:, :, [0, 1, 2, 4, 5, 6, 8, 9, 10]])
     names = [name.removesuffix(_SUFFIX) for name in layout.texts("ROTATION", "LABELS")[:count]]
     names += [f"segment {number}" for number in range(len(names) + 1, count + 1)]
     kept = [place for place, name in enumerate(names) if name != _LAB]
     notices = [*layout.notices, *([f"{_LAB} is the world, and left out"] if len(kept) < count else [])]
-    units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
-    if not units:
-        notices.append("the file names no length unit; mm are assumed")
-    factor = mm_per_unit(path, "POINT:UNITS", units[0]) if units else 1.0
+    factor = mm_per_recorded_unit(path, *_unit(layout), poses[:, kept, :3], recorded_unit, notices)
     called = [names[place] for place in kept]
     return take_from_bodies(path, poses[:, kept], factor, called, layout.rate * ratio, notices)
