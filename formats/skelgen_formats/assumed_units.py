@@ -7,11 +7,12 @@ positions look as if they were made of images.
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen_formats.markers import frames_in_blocks
+from skelgen_formats.markers import frames_in_blocks, mm_per_unit
 from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -51,6 +52,29 @@ def assumed_mm_per_unit(positions: Floats, notices: list[str], stated: str = AUT
     assumed = f"the file names no length unit; {unit} is assumed since coordinates reach {far:.3g}{size}"
     notices.append(f"{assumed}; `--recorded-unit` states another")
     return MM_PER_UNIT[unit]
+
+
+def stated_mm_per_unit(path: Path, place: str | int, unit: str, notices: list[str], stated: str) -> float:
+    """Return how many mm the unit has that a file names; what the user states otherwise is told to have no effect.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Where in it the unit stands, for errors.
+    unit : str
+        What the file says.
+    notices : list of str
+        Gets a sentence.
+    stated : str
+        By the user: one of `RECORDED_UNIT`.
+    """
+    factor = mm_per_unit(path, place, unit)
+    if stated != AUTO and MM_PER_UNIT[stated] != factor:
+        says = f"the file states its unit, {unit.strip()}"
+        notices.append(f"`--recorded-unit {stated}` has no effect: {says}; if that is wrong, correct it there")
+    return factor
 
 
 def _span(positions: Floats) -> float:

@@ -36,12 +36,11 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
 from skelgen.model.rates import rate_of
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.assumed_units import assumed_mm_per_unit
+from skelgen_formats.assumed_units import assumed_mm_per_unit, stated_mm_per_unit
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
     are_outputs,
     equal_unseen,
-    mm_per_unit,
     more_than_announced,
     scaled,
     take_from_markers,
@@ -167,7 +166,10 @@ def read_trc(
     _check_length(lines, n_frames, rows, notices)
     positions = equal_unseen(zeros_unseen(rows.reshape(len(rows), len(table.names), 3)), notices)
     is_unit = unit and not is_number(unit)  # where none stands, the next value may be taken for it
-    factor = mm_per_unit(path, start + 3, unit) if is_unit else assumed_mm_per_unit(positions, notices, recorded_unit)
+    if is_unit:
+        factor = stated_mm_per_unit(path, start + 3, unit, notices, recorded_unit)
+    else:
+        factor = assumed_mm_per_unit(positions, notices, recorded_unit)
     virtual = (np.arange(len(table.names)) >= table.n_measured) | are_outputs(table.names)
     computed = None if points == ALL_POINTS else virtual
     return take_from_markers(path, scaled(path, positions, factor), table.names, rate, notices, computed)

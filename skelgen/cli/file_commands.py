@@ -119,7 +119,7 @@ def info(
         screen.say(f"extent [mm]: {low} .. {high}")
     for sentence in account_sentences(tables["take"]):
         screen.say(sentence)
-    title = "Bodies" if isinstance(project.take, Poses) else "Markers"
+    title = f"{'Bodies' if isinstance(project.take, Poses) else 'Markers'}, seen and longest gap in frames"
     screen.table(f"{title}, estimated" if sample.n_left_out else title, columns)
     screen.json({"format": format_name, **tables, "columns": columns})
 

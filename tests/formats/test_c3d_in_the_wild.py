@@ -127,6 +127,8 @@ def test_unit_can_be_stated_where_the_file_names_none(put):
     assumed, stated = read_take(path), read_take(path, recorded_unit="cm")
     np.testing.assert_allclose(stated.positions, assumed.positions * 10)
     assert any("`--recorded-unit` states another" in notice for notice in assumed.notices)
+    named = read_take(put("mm.c3d", PLAIN.content), recorded_unit="cm").notices
+    assert any("`--recorded-unit cm` has no effect" in notice for notice in named)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("mete", 1000.0), ("mete\0\0", 1000.0), ("mill", 1.0), ("cent", 10.0)])

@@ -265,6 +265,8 @@ def test_unit_can_be_stated_where_the_file_names_none(edited, text, walk):
     take = read_take(edited("none.trc", text, "\tmm\t", "\t\t"), recorded_unit="cm")
     np.testing.assert_allclose(take.positions, walk.positions * 10)
     assert not any("length unit" in notice for notice in take.notices)
-    np.testing.assert_array_equal(
-        read_take(edited("mm.trc", text, "", ""), recorded_unit="cm").positions, walk.positions
+    stated = read_take(edited("mm.trc", text, "", ""), recorded_unit="cm")
+    np.testing.assert_array_equal(stated.positions, walk.positions)
+    assert any(
+        "`--recorded-unit cm` has no effect: the file states its unit, mm" in notice for notice in stated.notices
     )

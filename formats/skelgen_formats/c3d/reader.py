@@ -23,7 +23,7 @@ from skelgen.geometry.computed_points import are_axes
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit
+from skelgen_formats.assumed_units import assumed_mm_per_unit, stated_mm_per_unit
 from skelgen_formats.bodies import take_from_bodies
 from skelgen_formats.c3d.layout import (
     MOST_HEADER_FRAMES,
@@ -112,7 +112,10 @@ def read_c3d(
         notices.append(f"{some} marked as computed (residual 0), and taken as if measured")
     kept = read.positions[:, ~left_out] if left_out.any() and not left_out.all() else read.positions
     units = [unit for unit in layout.texts("POINT", "UNITS") if unit]
-    factor = mm_per_unit(path, "POINT:UNITS", units[0]) if units else assumed_mm_per_unit(kept, notices, recorded_unit)
+    if units:
+        factor = stated_mm_per_unit(path, "POINT:UNITS", units[0], notices, recorded_unit)
+    else:
+        factor = assumed_mm_per_unit(kept, notices, recorded_unit)
     if kept is read.positions:
         return take_from_markers(path, scaled(path, kept, factor), names, layout.rate, notices, left_out)
     computed = [name for name, is_out in zip(names, left_out.tolist(), strict=True) if is_out]
