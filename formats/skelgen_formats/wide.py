@@ -280,7 +280,8 @@ def _factor_and_rate(
         rate = times.rate(notices)
     if rate == AS_RECORDED_RATE:
         rate = ASSUMED_RATE
-        notices.append("the file states no frame rate; 100 Hz is assumed, `--recorded-rate` states another")
+        why = "the file states no frame rate" if times is None else "the times of the file tell no frame rate"
+        notices.append(f"{why}; 100 Hz is assumed, `--recorded-rate` states another")
     return factor, rate
 
 

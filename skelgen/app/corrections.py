@@ -116,6 +116,20 @@ def is_by_subject(project: Project) -> bool:
     return is_labelled and not project.reports["limbs"].parameters  # limbs that were found have parameters
 
 
+def frames_seen_together(project: Project, names: Sequence[str]) -> int:
+    """Return in how many frames two or more of some markers are seen.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    names : sequence of str
+        Of the markers.
+    """
+    columns = [project.trajectories.names.index(name) for name in names]
+    return int((project.trajectories.seen[:, columns].sum(axis=1) > 1).sum())
+
+
 def place_of(trajectories: Trajectories, marker: int, frame: int) -> Place:
     """Return where a marker is seen nearest in time to a frame.
 

@@ -229,7 +229,7 @@ def correct(
         ``merge``, ``split``, ``rename``, ``delete``, ``swap``, ``confirm``, ``smooth``, ``fill`` (markers),
         ``together``, ``apart``, ``move`` (markers on limbs), ``join``, ``part``, ``root``, ``name``, ``name-joint``
         (limbs by their markers), ``kind`` (type of a joint), ``n_markers``, ``n_limbs``.
-    names : sequence of str
+    names : sequence of str, or str
         Markers that it is about, the one that keeps its name first.
     value : str
         The new name, the type of the joint, the number, the cutoff of ``smooth`` [Hz], or the way to ``fill`` gaps:
@@ -258,7 +258,7 @@ def correct(
     """
     if len(frames) != 2:
         raise InputError(f"frames are {frames!r:.60}; a first and a last frame belong there")
-    correction = Correction(kind, tuple(names), *frames, value)
+    correction = Correction(kind, (names,) if isinstance(names, str) else tuple(names), *frames, value)
     return with_correction(project, with_places(project, correction, frames[0] or 0))
 
 
@@ -334,7 +334,7 @@ def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
 
 @with_checked_arguments
 def run_batch(  # noqa: PLR0913 - as above
-    inputs: Iterable[Path | str],
+    inputs: Iterable[Path | str] | Path | str,
     output: Path | str,
     job: Job | None = None,
     *,
@@ -347,7 +347,7 @@ def run_batch(  # noqa: PLR0913 - as above
 
     Parameters
     ----------
-    inputs : iterable of Path or str
+    inputs : iterable of Path or str, or one of them
         Files, folders and patterns such as ``in/**/*.c3d``.
     output : Path or str
         Folder of the batch; each take gets a folder in it.
@@ -385,5 +385,6 @@ def run_batch(  # noqa: PLR0913 - as above
     """
     from skelgen.app.batch import run, workers  # noqa: PLC0415 - loads the report
 
+    inputs = (inputs,) if isinstance(inputs, Path | str) else inputs
     pool = partial(workers.in_processes, n_workers=n_workers, timeout=timeout)
     return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)

@@ -14,7 +14,6 @@ from skelgen.errors import InputError
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS, find_up, sampled_points, with_up_axis
 from skelgen.marker_sets import read_table
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
-from skelgen.model.arrays import Floats
 from skelgen.parameters import StageParameters, declare
 
 _BODY_MM = (300.0, 3000.0)  # what most bodies span
@@ -98,12 +97,11 @@ def account_of(take: Take) -> TakeAccount:
     """Return what a take looks like, for `skelgen info`."""
     up = find_up(take)
     names = () if isinstance(take, PointCloud) else take.names
-    unit = _unit(sampled_points(take)) if up.axis else ""
     return {
         "up": up.axis,
         "up_sure": up.sure,
         "height_mm": up.height,
-        "unit": unit,
+        "unit": doubt_of_unit(take) if up.axis else "",
         "missing": _missing(take),
         "suit": _suit(names),
     }
@@ -135,10 +133,10 @@ def _missing(take: Take) -> float | None:
     return float(np.isnan(column).mean())
 
 
-def _unit(frames: Sequence[Floats]) -> str:
-    """Say if a body of this size is hardly possible, and what unit would make it one."""
-    extents = [np.ptp(frame[~np.isnan(frame[:, 0])], axis=0).max() for frame in frames if not np.isnan(frame).all()]
-    extent = float(np.median(extents))
+def doubt_of_unit(take: Take) -> str:
+    """Say if a body of this size is hardly possible, and what unit would make it one; empty where it is possible."""
+    shown = [frame[~np.isnan(frame[:, 0])] for frame in sampled_points(take)]
+    extent = float(np.median([np.ptp(frame, axis=0).max() for frame in shown if len(frame)] or [0.0]))
     if _SMALLEST_MM <= extent <= _LARGEST_MM or extent == 0.0:
         return ""
     units = {"m": 1000.0, "cm": 10.0, "inch": 25.4, "mm": 1e-3}

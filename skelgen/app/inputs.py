@@ -275,7 +275,7 @@ _KINDS: Mapping[str, tuple[type, ...]] = {
     "format": (str,),
     "identities": (Identities, Path, str),
     "index": (int,),
-    "inputs": (Iterable,),
+    "inputs": (Iterable, Path, str),
     "joined": (Iterable,),
     "kind": (str,),
     "monitor": (Monitor,),

@@ -135,7 +135,7 @@ def _write_if_possible(output: Output, project: Project, path: Path, monitor: Mo
         if isinstance(error.__cause__, OSError):  # no rights, disk full: that is for the user to mend
             raise
         path.unlink(missing_ok=True)
-        monitor.notice(f"{path.name} is not written: {error}")
+        monitor.notice(f"{path.name} is not written: {str(error).removeprefix(f'{path}: ')}")
 
 
 def check_outputs(

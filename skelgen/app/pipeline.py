@@ -9,6 +9,8 @@ from threadpoolctl import threadpool_limits
 from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, stated_number
+from skelgen.app.corrections import is_by_subject
+from skelgen.app.first_look import doubt_of_unit
 from skelgen.app.inputs import check_take
 from skelgen.app.stages import PIPELINE, Stage, with_result
 from skelgen.errors import InputError, MissingResultError
@@ -91,6 +93,11 @@ def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions
         collecting.notice(f"no parameter of {stage.name} has an effect: the take brings the result of this stage")
     for sentence in [] if is_given else settings.notices(stage.name, _facts(project, options)):
         collecting.notice(sentence)
+    if is_by_subject(project):
+        subject = f"the take was labelled by the skeleton of {project.labelling.subject}"
+        collecting.notice(f"{subject}, which this run does without: apply that skeleton again (--skeleton) to keep it")
+    if stage.name == STAGES[0] and (doubt := doubt_of_unit(project.take)):
+        collecting.notice(doubt)
     started = time.perf_counter()
     with announce_compiling(_announcing(stage.name, monitor)):
         result = stage.run(project, settings, options, collecting)

@@ -78,6 +78,7 @@ def calibrate_together(
         frames = slice(int(ends[index]), int(ends[index + 1]))
         own = replace(together, positions=together.positions[frames], rate=part.rate, name=part.name)
         posed.append(_posed(Project(take, seed).with_trajectories(own, labelled[index].report), shared, frames))
+    _check_one_body(posed)
     return SharedSkeleton(shared, tuple(posed))
 
 
@@ -192,6 +193,29 @@ def _posed(project: Project, shared: Project, frames: slice) -> Project:
     done = done.with_topology(topology, shared.reports["joints"])
     return done.with_skeleton(shared.skeleton, motion, shared.reports["skeleton"])
 
+
+def _check_one_body(posed: Sequence[Project]) -> None:
+    """Refuse takes if markers of one lie far from where the skeleton of all has them, beside how its limbs vary."""
+    found = [_misfit(one) for one in posed]
+    index = max(range(len(posed)), key=lambda index: found[index][0] / found[index][1])
+    (off, varying), name = found[index], posed[index].take.name or f"take {index + 1}"
+    if off > OTHER_BODY * varying:
+        where = f"markers of {name} lie {off:.0f} mm from where the skeleton of all takes has them"
+        raise InputError(f"the takes are not all of one body: {where}, though its limbs vary by {varying:.1f} mm only")
+
+
+def _misfit(posed: Project) -> tuple[float, float]:
+    """Median of the residuals of a take, and of the deviations of distances between markers of one limb [mm]."""
+    limbs, take = posed.skeleton.limb_of_marker, posed.trajectories
+    deviation = _distances(take, take.names)[1]
+    on_one = (limbs == limbs[:, np.newaxis]) & (limbs >= 0) & np.isfinite(deviation) & ~np.eye(len(limbs), dtype=bool)
+    residuals = posed.motion.residuals[:, limbs >= 0].reshape(-1, 1)
+    varying = float(np.median(deviation[on_one])) if on_one.any() else np.inf
+    return float(np.nan_to_num(median_of_known(residuals)[0])), max(varying, LEAST_VARYING)
+
+
+OTHER_BODY, LEAST_VARYING = 10.0, 1.0
+"""Median misfit of a take in what distances on its limbs vary by, in mm at least: takes of one body have 1 to 4."""
 
 SHARED = 0.8
 """Of the names of the take that has fewer."""

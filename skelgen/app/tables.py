@@ -9,6 +9,7 @@ from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.app.first_look import TakeFacts, account_of
 from skelgen.app.stage_summary import stage_notices
 from skelgen.app.standing import open_questions
+from skelgen.geometry.up_axis import find_up
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
@@ -181,7 +182,9 @@ def project_tables(project: Project, sample: Sample = ALL) -> ProjectTables:
         {"stage": name, "seconds": one.seconds, "notices": [*stage_notices(project, name)]}
         for name, one in project.reports.items()
     ]
-    tables: ProjectTables = {"take": take_facts(project.take, sample), "seed": project.seed, "stages": stages}
+    facts, up = take_facts(project.take, sample), find_up(project)
+    facts["up"], facts["up_sure"], facts["height_mm"] = up.axis, up.sure, up.height
+    tables: ProjectTables = {"take": facts, "seed": project.seed, "stages": stages}
     if project.has_labelling:
         tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):

@@ -84,9 +84,6 @@ def run_benchmark(
         If there is no suite of a name.
     """
     suites = SUITES if suites is None else suites
-    for name in names:
-        if name not in SUITES:
-            raise InputError(f"there is no suite {name!r}; suites are {', '.join(SUITES)}")
     done = {section.name: section for section in known}
     wanted = _chosen(names)
     missing = [name for name in wanted if name not in done]
@@ -125,10 +122,13 @@ def measure_page(
 
     Raises
     ------
+    InputError
+        If there is no suite of a name.
     WriteError
         If the page cannot be written.
     """
     words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in names)]
+    chosen = _chosen(names)
     known, before = load_state(page, quick=quick) if resume else ([], 0.0)
     started = time.monotonic() - before
 
@@ -137,7 +137,7 @@ def measure_page(
 
     def write(sections: list[Section]) -> None:
         done = {section.name for section in sections}
-        missing = [name for name in _chosen(names) if name not in done]
+        missing = [name for name in chosen if name not in done]
         save_state(sections, page, quick=quick, seconds=time.monotonic() - started)
         write_benchmark_page(sections, page, measured=measured(), command=" ".join(words), missing=missing)
 
@@ -148,7 +148,10 @@ def measure_page(
 
 
 def _chosen(names: Sequence[str]) -> list[str]:
-    """Return the suites that are named, in the order of the page; all if none is."""
+    """Return the suites that are named, in the order of the page; all if none is, or an error if one is unknown."""
+    for name in names:
+        if name not in SUITES:
+            raise InputError(f"there is no suite {name!r}; suites are {', '.join(SUITES)}")
     return [name for name in SUITES if not names or name in names]
 
 

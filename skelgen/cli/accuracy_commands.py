@@ -153,7 +153,7 @@ def simulate(
 ) -> None:
     """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
     from skelgen_formats.options import AUTO
-    from skelgen_formats.registry import read_motion
+    from skelgen_formats.registry import format_for_writing, read_motion
 
     from skelgen.app.files import write_any
     from skelgen.app.outputs import check_outputs
@@ -186,6 +186,9 @@ def simulate(
         bones = read_motion(motion, motion_skeleton, motion_unit or AUTO, motion_rate)
         moved = _recorded(bones, bone_options, options.get("rate"))
         screen.note(moved.notices)
+    kept = format_for_writing(output).keeps
+    if "points" in kept and "names" not in kept and options.setdefault("labelled", False):
+        raise ParameterError(f"{output.name} holds points without labels: leave --labelled out, or choose .c3d")
     simulated = simulated_take(moved, seed=seed, parameters=None, **options)
     files = write_any(simulated.take, output)
     show_files(screen, [*files, write_truth(simulated.truth, truth_file)])

@@ -71,8 +71,9 @@ def run(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _failed("interrupted", EXIT_INTERRUPTED)
     except _USAGE_ERROR as error:
-        sentence = str(getattr(error, "format_message", error.__str__)()).rstrip(".")
-        return _failed(f"{sentence}; `skelgen --help` lists what there is", EXIT_INPUT)
+        sentence = str(getattr(error, "format_message", error.__str__)()).rstrip(".") or "Missing command"
+        called = getattr(getattr(error, "ctx", None), "command_path", "skelgen")
+        return _failed(f"{sentence}; `{called} --help` lists what there is", EXIT_INPUT)
     except Exception as error:
         sentence = out_of_memory(error) or _lack_of_folder(error) or _of_system(error)
         if not isinstance(error, SkelgenError) and (not sentence or "--debug" in words):

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -118,7 +119,7 @@ def info(
         screen.say(f"extent [mm]: {low} .. {high}")
     for sentence in account_sentences(tables["take"]):
         screen.say(sentence)
-    title = "Bodies" if isinstance(project.take, Poses) else "Markers"
+    title = f"{'Bodies' if isinstance(project.take, Poses) else 'Markers'}, seen and longest gap in frames"
     screen.table(f"{title}, estimated" if sample.n_left_out else title, columns)
     screen.json({"format": format_name, **tables, "columns": columns})
 
@@ -337,6 +338,7 @@ def correct(
 ) -> None:
     """State something that you know better, or take it back, as the window's corrections do; later runs obey it."""
     from skelgen.app import face
+    from skelgen.app.corrections import frames_seen_together
     from skelgen.app.outputs import check_outputs
     from skelgen.app.project_file.archive import find_result, save_project
     from skelgen.app.taking_back import take_back
@@ -360,8 +362,10 @@ def correct(
         )
     stated = corrected.corrections[-1].sentence if back is None else f"taken back: {project.corrections[back].sentence}"
     dropped = [stage for stage in STAGES if project.has(stage) and not corrected.has(stage)]
-    again = [f"to be run again: {', '.join(dropped)} (skelgen run {output})"] if dropped else []
-    screen.note((stated, *again))
+    again = [f"to be run again: {', '.join(dropped)} (skelgen run {shlex.quote(str(output))})"] if dropped else []
+    n_shared = frames_seen_together(project, names or ()) if kind == "merge" and project.has("labels") else 0
+    odd = f"they are seen at the same time in {n_shared} frames, where the others' positions are left out"
+    screen.note((stated, *([odd] if n_shared else ()), *again))
     show_files(screen, [save_project(corrected, output)])
 
 

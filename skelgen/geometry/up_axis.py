@@ -179,17 +179,25 @@ class Up:
         return "" if self.sure == UNSURE else self.axis
 
 
-def find_up(take: Take) -> Up:
-    """Find the axis that is up in a take of points."""
+def find_up(value: Take | Project) -> Up:
+    """Find the axis that is up in a take of points; of a project in its labelled markers and by its joints' names."""
+    take, rise = value.take if isinstance(value, Project) else value, np.zeros(3)
+    if isinstance(value, Project) and value.has("labels") and not isinstance(take, Poses):
+        take = value.trajectories
+    if isinstance(value, Project) and value.has("skeleton"):
+        joints = value.motion.joint_positions
+        rise = _rise(value.skeleton.joint_names, list(joints[spread_frames(len(joints), _FRAMES)]))
     frames = sampled_points(take)
     shown = [frame for frame in frames if not np.isnan(frame).all()]
-    if len(shown) < 2 or isinstance(take, Poses):
+    if not rise.any():
+        rise = _rise(() if isinstance(take, PointCloud) else take.names, frames)
+    is_named = bool(np.sort(np.abs(rise))[-1] > _SURE * np.sort(np.abs(rise))[-2])
+    if len(shown) < 2 or (isinstance(take, Poses) and not is_named):
         return Up("", UNSURE, None)
     straying = np.array([np.nanmin(frame, axis=0) for frame in shown]).std(axis=0) + 1e-3
     order = np.argsort(straying)
     axis, times, sign = int(order[0]), float(straying[order[1]] / straying[order[0]]), 1.0
-    rise = _rise(() if isinstance(take, PointCloud) else take.names, frames)
-    if np.sort(np.abs(rise))[-1] > _SURE * np.sort(np.abs(rise))[-2]:
+    if is_named:
         axis, times = int(np.abs(rise).argmax()), np.inf
         sign = float(np.sign(rise[axis]))
     heights = [sign * frame[~np.isnan(frame[:, 0]), axis] for frame in shown]
@@ -210,8 +218,7 @@ def sampled_points(take: Take) -> Sequence[Floats]:
 
 def up_of(value: Project | Take | Filled) -> str:
     """Return the axis that is up in what is to be written, ``z``, ``-y`` and so on; empty where that is unsure."""
-    take = value.take if isinstance(value, Project) else value.measured if isinstance(value, Filled) else value
-    return find_up(take).believed
+    return find_up(value.measured if isinstance(value, Filled) else value).believed
 
 
 def turn_to(value: Project | Take | Filled, up: str) -> str:

@@ -11,7 +11,7 @@ from skelgen.errors import FormatError, InputError, SkelgenError
 from skelgen.model.arrays import Floats, check_whole, set_fields
 from skelgen.model.limbs import body_and_limb
 from skelgen.model.skeleton import JOINT_TYPES
-from skelgen.progress import listed
+from skelgen.progress import counted, listed
 
 SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
@@ -143,7 +143,8 @@ class Correction:
                 check_whole(frame, 0, f"{self.kind}: a frame")
         rule, n_names = self.rule, len(self.names)
         if n_names < rule.least or (rule.most and n_names > max(rule.most, 0)):
-            raise InputError(f"{self.kind}: {n_names} markers are named; {rule.least} belong there")
+            belongs = f"{rule.least} {'belongs' if rule.least == 1 else 'belong'} there"
+            raise InputError(f"{self.kind}: {counted(n_names, 'marker is', 'markers are')} named; {belongs}")
         if len(set(self.names)) != n_names or not all(name.strip() for name in self.names):
             raise InputError(f"{self.kind}: every marker must have a name, and be named once")
         if self.places and len(self.places) != n_names:

@@ -52,6 +52,11 @@ def with_copy() -> Trajectories:
     return dataclasses.replace(take, positions=positions, names=(*take.names, "copy"))
 
 
+def in_metres_by_mistake() -> Trajectories:
+    """Two limbs whose metres were read as millimetres."""
+    return named(two_limbs() / 1000)
+
+
 def with_rare_marker() -> Trajectories:
     """A human, one of whose markers is seen in five frames."""
     take = simulate("human", seed=1, n_frames=N_FRAMES, noise=NOISE).take
@@ -71,6 +76,8 @@ CASES = {
     "limbs that never move": (lambda: named(two_limbs(degrees=0.0)), "only one limb is found"),
     "collinear markers": (lambda: named(two_limbs(LINE)), "how it turns about that line is not determined"),
     "coincident markers": (with_copy, "pelvis 1 and copy are always in one place"),
+    "metres called mm": (in_metres_by_mistake, "the numbers are probably in m, not as stated"),
+    "all in one place": (in_metres_by_mistake, "M6 and M7 are always in one place: they count as 8 markers"),
     "mirror image": (lambda: named(mirrored()), "looks like its mirror image in 150 of 300"),
     "marker in five frames": (with_rare_marker, "is seen in 5 frames only"),
     "never together": (lambda: named(with_gaps(slice(0, 150), slice(150, None))), "never seen together"),

@@ -19,6 +19,7 @@ from skelgen.cli.options import parameter_options, reader_options, writer_option
 from skelgen.cli.screen import Screen
 from skelgen.model import Trajectories
 from skelgen.model.project import STAGES
+from skelgen.simulation import read_truth
 
 
 @pytest.fixture
@@ -241,6 +242,14 @@ def test_a_motion_that_is_no_file_and_unknown_is_refused_with_those_known(tmp_pa
 def test_simulated_take_and_truth_lie_side_by_side(tmp_path):
     assert main(["simulate", "rods", "-o", str(tmp_path / "r.trc"), "--n-frames", "20", "--noise", "0.5", "-q"]) == 0
     assert names_in(tmp_path) == ["r.trc", "r.truth.npz"]
+
+
+def test_take_in_a_format_without_names_is_simulated_without_labels(tmp_path, capsys):
+    take, words = tmp_path / "r.mfml", ["-o", str(tmp_path / "r.mfml"), "--n-frames", "20", "-q", "--overwrite"]
+    assert main(["simulate", "rods", *words]) == 0
+    assert len(read_truth(tmp_path / "r.truth.npz").marker_of_point) == len(skelgen.read(take).points)
+    assert main(["simulate", "rods", "--labelled", *words]) == 2
+    assert "r.mfml holds points without labels" in capsys.readouterr().err
 
 
 def test_formats_are_listed(capsys):

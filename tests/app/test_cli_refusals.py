@@ -53,6 +53,21 @@ def test_bad_file_is_one_sentence_with_its_name_and_exit_code_2(bad_file, tmp_pa
 
 
 @pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run"], "Missing argument 'TAKE'; `skelgen run --help`"),
+        (["run", "a.c3d", "--n-limbs", "0"], "`skelgen run --help`"),
+        (["calibrate", "stereo"], "`skelgen calibrate stereo --help`"),
+        (["calibrate"], "Missing command; `skelgen calibrate --help`"),
+        (["walk"], "`skelgen --help`"),
+    ],
+)
+def test_wrong_usage_names_the_help_of_its_command(words, said, capsys):
+    assert main(words) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
     "words",
     [
         ["walk"],

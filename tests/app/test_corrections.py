@@ -333,6 +333,14 @@ def test_what_is_stated_is_listed_and_taken_back_by_its_number(rods, tmp_path, c
     assert "nothing is stated" in capsys.readouterr().out
 
 
+def test_markers_that_are_seen_together_are_merged_with_a_note(rods, tmp_path, capsys):
+    target = tmp_path / "two words.skelgen"
+    assert main(["correct", str(rods), "merge", "rear rod 1", "rear rod 2", "-o", str(target)]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "seen at the same time in 100 frames" in said
+    assert f"(skelgen run '{target}')" in said
+
+
 def test_what_was_never_stated_cannot_be_taken_back(rods, tmp_path, capsys):
     for index in (1, -2):
         with pytest.raises(InputError, match=f"no correction {index} .* there are 0 to 0"):

@@ -50,11 +50,20 @@ def test_arguments_of_the_wrong_type_are_refused_in_a_sentence(waving, argument,
         ("evaluate", (5, 5)),
         ("run_batch", (5, "out")),
         ("simulate", (5,)),
+        ("Tracker", (5,)),
+        ("LiveSkeleton", (5,)),
     ],
 )
 def test_what_a_function_cannot_take_is_refused_in_a_sentence(function, arguments):
     with pytest.raises((InputError, ParameterError, WriteError), match=r"5|1|None"):
         getattr(skelgen, function)(*arguments)
+
+
+def test_one_name_and_one_input_need_no_list(small_project, tmp_path):
+    renamed = skelgen.correct(small_project, "rename", small_project.trajectories.names[0], "LKNE")
+    assert renamed.trajectories.names[0] == "LKNE"
+    with pytest.raises(InputError, match="nowhere: there is no such file or folder"):
+        skelgen.run_batch("nowhere", tmp_path / "out")
 
 
 def test_an_argument_that_does_not_exist_is_refused_with_those_that_do(waving):

@@ -51,6 +51,17 @@ def test_missing_file_is_a_format_error(tmp_path):
         read_hierarchy(tmp_path / "none.csv")
 
 
+@pytest.mark.parametrize("name", ["human", "quadruped", "classic-human"])
+def test_bodies_without_noise_hang_together_as_they_do(name):
+    truth = simulate(name, seed=1, n_frames=200).truth
+    found = skelgen.reconstruct(skelgen.Poses(truth.world_from_limb, truth.limb_names, 100.0), until="joints")
+    edges, true = (
+        {frozenset(edge) for edge in enumerate(parents.tolist()) if edge[1] >= 0}
+        for parents in (found.topology.parents, truth.parents)
+    )
+    assert edges == true
+
+
 def test_known_tree_becomes_the_skeletons(sensors):
     tree = {"middle rod": "rear rod", "front rod": "middle rod", "rear rod": ""}
     project = skelgen.reconstruct(sensors, hierarchy=tree)

@@ -13,9 +13,11 @@ from skelgen.app.export import export_project
 from skelgen.app.files import open_input
 from skelgen.app.limb_names import read_limb_names, with_stated_names
 from skelgen.app.outputs import OUTPUTS, Output, stem_of, write_outputs
+from skelgen.app.pipeline import CollectingMonitor
 from skelgen.app.project_file.archive import save_project
 from skelgen.cli import main
 from skelgen.errors import FormatError, WriteError
+from skelgen.progress import SILENT
 
 SIMPLE = (
     Output(".skelgen", "", save_project),
@@ -94,6 +96,14 @@ def test_format_that_cannot_hold_the_project_is_left_out_with_a_notice(small_pro
     files = write_outputs(small_project, tmp_path, "walk", outputs=outputs, monitor=monitor())
     assert [file.name for file in files] == ["walk.limbs.csv", "walk.skelgen"]
     assert notices == ["walk.xml is not written: no more than 5 limbs"]
+
+
+def test_notice_of_a_file_that_is_left_out_names_no_temporary_folder(small_project, tmp_path):
+    monitor = CollectingMonitor(SILENT)
+    names = ("a\x1bb", *small_project.limbs.names[1:])
+    write_outputs(small_project.with_limb_names(names), tmp_path, "walk", monitor=monitor)
+    assert [notice for notice in monitor.notices if ".skelgen-" in notice] == []
+    assert any(notice.startswith("walk.xml is not written: the name") for notice in monitor.notices)
 
 
 def test_folder_that_is_a_file_is_a_write_error(small_project, tmp_path):

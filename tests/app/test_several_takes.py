@@ -79,6 +79,15 @@ def test_takes_of_one_body_are_posed_as_exactly_as_their_skeleton_was_fitted():
         assert np.nanmax(one.motion.residuals) < 0.1  # mm
 
 
+def test_longer_bones_between_the_same_clusters_are_another_body():
+    first, second = (simulate("human", seed=seed, n_frames=200, noise=0.5) for seed in (1, 2))
+    poses, limbs = second.truth.world_from_limb, second.truth.limb_of_marker
+    longer = 0.15 * (poses[:, :, :3, 3] - poses[:, :1, :3, 3])
+    other = dataclasses.replace(second.take, positions=second.take.positions + longer[:, limbs], name="long")
+    with pytest.raises(InputError, match=r"not all of one body: markers of .* lie \d+ mm from"):
+        calibrate_together([first.take, other])
+
+
 @pytest.mark.parametrize(
     ("factor", "labelled", "sentence"),
     [

@@ -265,6 +265,12 @@ def test_a_take_that_a_skeleton_labelled_keeps_it_when_a_correction_is_taken_bac
     assert not any("as stated" in notice for notice in stated.reports["labels"].notices)
 
 
+def test_run_of_a_take_that_a_skeleton_labelled_says_that_it_does_without(folder):
+    take = skelgen.apply_subject(skelgen.read(folder / "walk.mfml"), folder / "rom")
+    again = skelgen.app.pipeline.run_stages(take, until_stage="limbs")
+    assert ["rom.c3d, which this run does without" in " ".join(one.notices) for one in again.reports.values()] == [1, 0]
+
+
 def test_taking_back_what_a_skeleton_decides_changes_no_result(folder):
     take = skelgen.read(folder / "walk.mfml")
     stated = Project(take, corrections=(Correction("n_limbs", value="2"),))

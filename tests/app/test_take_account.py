@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import skelgen
 from skelgen.app.first_look import account_of, account_sentences
-from skelgen.app.tables import take_facts
-from skelgen.model import PointCloud, Trajectories
+from skelgen.app.tables import project_tables, take_facts
+from skelgen.geometry.up_axis import up_of
+from skelgen.model import PointCloud, Project, StageReport, Trajectories
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +28,27 @@ def test_axis_along_which_the_feet_stay_is_up(walking, axis):
     facts = account_of(Trajectories(np.roll(walking.positions, axis - 2, axis=2), walking.names, 100.0))
     assert (facts["up"], facts["up_sure"], facts["unit"]) == ("xyz"[axis], "sure", "")
     assert facts["height_mm"] == pytest.approx(1700, abs=10)
+
+
+def test_false_points_do_not_say_what_is_up_once_markers_are_found(walking):
+    false = np.random.default_rng(2).uniform(-3000, 3000, (200, 1, 3))
+    points = np.concatenate([walking.positions, false], axis=1).reshape(-1, 3)
+    project = Project(PointCloud(points, np.arange(0, 1801, 9), walking.times))
+    assert up_of(project) != "z"
+    project = project.with_trajectories(replace(walking, names=tuple("abcdefgh")), StageReport({}))
+    assert (up_of(project), project_tables(project)["take"]["up"]) == ("z", "z")
+
+
+def test_joints_that_have_the_names_of_a_persons_say_what_is_up(make_project):
+    project = make_project()
+    joints = tuple(
+        replace(joint, name=name)
+        for joint, name in zip(project.skeleton.joints, ("left shoulder", "left knee"), strict=True)
+    )
+    positions = project.motion.joint_positions.copy()
+    positions[:] = [[[0.0, 900.0, 10.0], [0.0, 400.0, 0.0]]]
+    motion = replace(project.motion, joint_positions=positions)
+    assert up_of(replace(project, _skeleton=replace(project.skeleton, joints=joints), _motion=motion)) == "y"
 
 
 def test_noise_in_a_box_has_no_sure_axis():

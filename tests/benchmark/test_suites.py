@@ -188,6 +188,13 @@ def test_suite_that_does_not_exist_is_refused_before_anything_runs():
         run_benchmark(["speeed"])
 
 
+def test_page_of_an_earlier_benchmark_stays_where_a_suite_does_not_exist(tmp_path):
+    (tmp_path / "b.html").write_text("measured")
+    with pytest.raises(InputError, match="no suite"):
+        measure_page(tmp_path / "b.html", ["speeed"])
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("b.html", "measured")]
+
+
 @pytest.fixture
 def begun():
     """Notes which suites run."""

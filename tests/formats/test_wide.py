@@ -143,7 +143,9 @@ def test_times_are_read_in_their_unit(put, title, times):
 @pytest.mark.parametrize("last", ["inf", "-1e308", "nan"])
 def test_times_that_are_none_state_no_rate(put, last):
     text = "time,a_x,a_y,a_z,b_x,b_y,b_z\n1e308,1,2,3,4,5,6\n" + f"{last},1,2,3,4,5,6\n"
-    assert "100 Hz is assumed" in " ".join(read_take(put("times.csv", text)).notices)
+    assert "the times of the file tell no frame rate; 100 Hz is assumed" in " ".join(
+        read_take(put("times.csv", text)).notices
+    )
 
 
 @pytest.mark.parametrize("frames", [(0, 1, 2), (83, 84, 87, 88, 89, 91, 92)])

@@ -112,20 +112,6 @@ def ends_of_joint(project: Project, joint: int) -> tuple[str, ...]:
     return tuple(_name_of_limb(project, limb) for limb in project.topology.edges[joint].tolist())
 
 
-def frames_seen_together(project: Project, names: tuple[str, ...]) -> int:
-    """Return in how many frames two or more of some markers are seen.
-
-    Parameters
-    ----------
-    project : Project
-        With labels.
-    names : tuple of str
-        Of the markers.
-    """
-    columns = [project.trajectories.names.index(name) for name in names]
-    return int((project.trajectories.seen[:, columns].sum(axis=1) > 1).sum())
-
-
 def _of_labels(names: tuple[str, ...]) -> list[Offer]:
     found = []
     if len(names) >= 2:

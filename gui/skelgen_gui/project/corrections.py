@@ -21,11 +21,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.app.corrections import is_by_subject, with_correction
+from skelgen.app.corrections import frames_seen_together, is_by_subject, with_correction
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import Offer, frames_seen_together, new_name, offers
+from skelgen_gui.model.offers import Offer, new_name, offers
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver

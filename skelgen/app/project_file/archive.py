@@ -115,7 +115,8 @@ def open_project(path: Path | str, recording: Path | None = None) -> Project:
         with open_regular(path) as stream, zipfile.ZipFile(stream) as archive:
             return _Reader(path, archive, recording).project()
     except zipfile.BadZipFile as error:
-        raise FormatError(path, "", f"not a project file, or cut off: {error}") from error
+        what = "a project file belongs here, as `skelgen run` writes it from a take; this is none, or cut off"
+        raise FormatError(path, "", what) from error
     except _DAMAGES as error:
         raise FormatError(path, "", f"cannot be read: {error}") from error
 

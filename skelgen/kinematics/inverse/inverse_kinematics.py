@@ -16,7 +16,7 @@ from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
 from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outward_covariances, pose_outward
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
-from skelgen.model import Motion, Skeleton
+from skelgen.model import Motion, Project, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 METHODS = ("whole-chain", "root-outward")
@@ -242,7 +242,7 @@ class LiveSkeleton:
 
     Parameters
     ----------
-    skeleton : Skeleton
+    skeleton : Skeleton or Project
         With its types of joints and axes, as a project has it.
     method : str
         ``root-outward``, the closed form, which is quick; or ``whole-chain``, which is nearer to the truth.
@@ -252,7 +252,7 @@ class LiveSkeleton:
     Raises
     ------
     InputError
-        If there is no such method.
+        If there is no such method, or the skeleton is none.
 
     Examples
     --------
@@ -266,8 +266,13 @@ class LiveSkeleton:
     (1, 3) True
     """
 
-    def __init__(self, skeleton: Skeleton, *, method: str = "root-outward", noise: float | None = None) -> None:
+    def __init__(
+        self, skeleton: Skeleton | Project, *, method: str = "root-outward", noise: float | None = None
+    ) -> None:
         _check_method(method)
+        skeleton = skeleton.skeleton if isinstance(skeleton, Project) else skeleton
+        if not isinstance(skeleton, Skeleton):
+            raise InputError(f"the skeleton is {skeleton!r:.60}; a Skeleton or Project belongs there")
         self._skeleton, self._method = skeleton, method
         self._trees = [SkeletonTree(skeleton, int(root), noise) for root in skeleton.roots]
         self._before: list[ChainPoses | None] = [None] * len(self._trees)

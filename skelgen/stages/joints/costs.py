@@ -8,8 +8,9 @@ against each other (each axis, root mean square), costs
 
 A gap below what noise makes is chance and counts as noise; what noise does not explain counts K times more; h is what
 the noise could hide in so few frames, blown up to the usual turn T: limbs that hardly move against each other have
-small gaps wherever the joint is thought to be. The distance d to the markers decides between what is left. To e belongs
-what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, as is
+small gaps wherever the joint is thought to be. The distance d to the markers decides between what is left;
+alpha is at most the root of e, so that it weighs no more than noise where takes have none. To e belongs what joints of
+this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, as is
 what the ratio of s to e usually is, which says how much of it is chance.
 
 Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap says which two of the
@@ -113,7 +114,7 @@ def comparable_costs(
     n_limbs : int
         Number of limbs.
     alpha : float, mm
-        Weight of the mean distance between joint and markers.
+        Weight of the mean distance between joint and markers, at most.
     odds : ndarray, shape (n_limbs, n_limbs), optional
         Log odds that limbs are joined, by how near each other they stay.
     """
@@ -122,7 +123,6 @@ def comparable_costs(
     noise = _table(guesses, lambda guess: guess.expected, n_limbs, 0.0)
     hidden = _table(guesses, lambda guess: guess.hidden_part, n_limbs, 0.0)
     distances = _table(guesses, lambda guess: guess.distance, n_limbs, 0.0)
-    far = alpha * distances
     turns = _table(guesses, lambda guess: guess.turn, n_limbs, np.nan)
     wobbles = _table(guesses, lambda guess: guess.wobble, n_limbs, np.nan)
     kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
@@ -131,11 +131,12 @@ def comparable_costs(
     upper = np.triu(possible, 1)
     typical = float(np.quantile(moves[upper], TYPICAL_QUANTILE)) if upper.any() else 1.0
     stillness = np.maximum(1.0, (typical / moves) ** 2)
-    wandering, chance, spread, costs, order, expected = 0.0, CHANCE, MOST_SPREAD, squares, squares, noise
+    wandering, chance, spread, costs, order, expected = 0.0, CHANCE, UNKNOWN_SPREAD, squares, squares, noise
     for _ in range(ROUNDS):
         expected = noise + wandering
         unexplained = np.maximum(0.0, squares - chance * expected)
         costs = np.maximum(squares, expected) + UNEXPLAINED_WEIGHT * unexplained
+        far = np.minimum(alpha, np.sqrt(expected)) * distances
         costs = np.where(possible, kinds * (costs + hidden * expected * stillness + far), np.inf)
         np.fill_diagonal(costs, 0.0)
         order = costs * np.exp(-spread * odds)

@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints, evenly_spread
-from skelgen.progress import counted
+from skelgen.progress import counted, listed
 from skelgen.stages.limbs.membership import STANDS_OUT, contrast
 
 RARE_FRAMES = 30
@@ -52,11 +52,9 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
         seen = counted(int(n_seen[marker]), "frame")
         yield f"{names[marker]} is seen in {seen} only: that it is on limb {limb} rests on what is seen there"
     sampled = positions[frames]
-    for first, second in _at_one_place(sampled):
-        yield (
-            f"{names[first]} and {names[second]} are always in one place: they count as two markers, but carry the "
-            "information of one"
-        )
+    for group in _at_one_place(sampled):
+        count = f"they count as {len(group)} markers, but carry the information of one"
+        yield f"{listed(names[marker] for marker in group)} are always in one place: {count}"
     more = contrast(sampled, limb_of_marker)
     if more < STANDS_OUT:
         yield (
@@ -75,16 +73,22 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
             )
 
 
-def _at_one_place(sampled: Floats) -> Iterator[tuple[int, int]]:
+def _at_one_place(sampled: Floats) -> Iterator[list[int]]:
+    """Markers with all that are where they are, each told once."""
     first, second = np.triu_indices(sampled.shape[1], 1)
     for frame in sampled:  # hardly a pair is left after the first
         if not len(first):
             return
         near = ~(np.linalg.norm(frame[second] - frame[first], axis=1) >= ONE_PLACE)
         first, second = first[near], second[near]
-    for pair in zip(first.tolist(), second.tolist(), strict=True):
-        if not np.isnan(sampled[:, pair, 0]).any(axis=1).all():
-            yield pair
+    are_seen = ~np.isnan(sampled[..., 0])
+    both = (are_seen[:, first] & are_seen[:, second]).any(axis=0)
+    first, second, grouped = first[both], second[both], set[int]()
+    for marker in np.unique(first).tolist():
+        group = [marker, *second[first == marker].tolist()]
+        if not grouped.issuperset(group):
+            yield group
+        grouped.update(group)
 
 
 def _mirrored_frames(sampled: Floats) -> int:

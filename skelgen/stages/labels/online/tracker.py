@@ -74,6 +74,8 @@ class Tracker:
     ) -> None:
         if max_markers < 1 or not window > 0:
             raise InputError(f"a tracker of {max_markers} markers over {window:g} s; both must be above 0")
+        if not isinstance(parameters, LabelParameters | None):
+            raise InputError(f"parameters are {parameters!r:.60}; LabelParameters belong there, a skeleton behind them")
         self._rate = None if rate is None else check_rate(rate, "the tracker")
         self._links = Links(parameters or LabelParameters())
         self._model = None if skeleton is None else SkeletonLabels(_checked(skeleton))
