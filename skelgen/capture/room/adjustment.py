@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.capture.calibration.bundle_adjustment import N_INTRINSIC, pixels_and_slopes, slope_by_pose
 from skelgen.capture.room.bundles import RoomBundle
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import N_POSE, moved_pose
+from skelgen.geometry.rotations import N_POSE, moved_points, moved_pose
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
@@ -153,10 +153,7 @@ def residuals_of(bundle: RoomBundle) -> Floats:
     """Return seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
     balls = bundle.places
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        expected = [
-            pixels_and_slopes(eye, balls @ eye.camera_from_world[:3, :3].T + eye.camera_from_world[:3, 3])[0]
-            for eye in bundle.cameras
-        ]
+        expected = [pixels_and_slopes(eye, moved_points(eye.camera_from_world, balls))[0] for eye in bundle.cameras]
         return np.asarray(bundle.seen - np.stack(expected, axis=1))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skelgen._kernels.rendering import PADDING
 from skelgen.capture.optics import project, undistort
 from skelgen.capture.parameters import RenderParameters
+from skelgen.geometry.rotations import moved_points
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import Camera
 
@@ -80,7 +81,7 @@ def look_at(camera: Camera, points: Floats, parameters: RenderParameters) -> tup
         Size and brightness of the balls.
     """
     radius = parameters.diameter / 2
-    places = points @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
+    places = moved_points(camera.camera_from_world, points)
     distances = np.linalg.norm(places, axis=1)
     eye = -camera.camera_from_world[:3, :3].T @ camera.camera_from_world[:3, 3]
     outlines = project(camera, _outlines(points, eye, radius))
