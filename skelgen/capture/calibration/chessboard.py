@@ -23,6 +23,7 @@ from skelgen.capture.calibration.bundle_adjustment import (
 from skelgen.capture.images import opencv
 from skelgen.capture.values import Image
 from skelgen.errors import InputError, ParameterError
+from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera
@@ -74,6 +75,20 @@ class Board:
         grid = np.arange(self.columns * self.rows).reshape(self.rows, self.columns)
         quarters = range(4) if self.columns == self.rows else (0, 2)
         return tuple(np.rot90(grid, quarter).ravel() for quarter in quarters)
+
+
+def turned_boards(points: Floats, orders: Sequence[Ints]) -> Floats:
+    """Return board_from_board of all ways to number corners that look alike, shape (n_ways, 4, 4), mm.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_corners, 3), mm
+        The corners in the board's frame.
+    orders : sequence of ndarray of intp, shape (n_corners,)
+        Those ways.
+    """
+    every = np.ones(len(points), dtype=np.bool_)
+    return np.stack([fit_transform(points, points[order], every) for order in orders])
 
 
 def board_from_text(text: str, square: float) -> Board:

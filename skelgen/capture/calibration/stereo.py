@@ -20,13 +20,13 @@ from skelgen.capture.calibration.chessboard import (
     board_that_is_there,
     find_board,
     guess_camera,
+    turned_boards,
 )
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
 from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
-from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import moved_points, nearest_rotation, transform_from, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -286,9 +286,7 @@ def _pair_cameras(
     board : Board
         What was seen.
     """
-    orders = np.stack(board.orders)
-    every = np.ones(len(board.points), dtype=np.bool_)
-    turned = [fit_transform(board.points, board.points[order], every) for order in orders]
+    orders, turned = np.stack(board.orders), turned_boards(board.points, board.orders)
     guesses = (
         _guess_of_pair(right, right_pose @ turn @ np.linalg.inv(left_pose), left_poses, right_corners, orders, board)
         for left_pose, right_pose in zip(left_poses, right_poses, strict=True)

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector, moved_points, moved_pose, slopes_by_motion
+from skelgen.geometry.rotations import frame_along, matrix_from_vector, moved_points, moved_pose, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
@@ -79,12 +79,12 @@ class WandBundle(RoomBundle):
         """Return how balls change with the first ball and with a tilt across the wand."""
         out = np.zeros((len(self.first), len(self.distances), 3, self.n_own))
         out[..., :3] = np.eye(3)
-        out[..., 3:] = self.distances[:, np.newaxis, np.newaxis] * _tangents(self.direction)[:, np.newaxis]
+        out[..., 3:] = self.distances[:, np.newaxis, np.newaxis] * frame_along(self.direction)[:, np.newaxis, :, :2]
         return out
 
     def moved(self, steps: Floats) -> Self:
         """Return the bundle after a shift and a tilt of each wand."""
-        tilt = (_tangents(self.direction) @ steps[:, 3:, np.newaxis])[..., 0]
+        tilt = (frame_along(self.direction)[..., :2] @ steps[:, 3:, np.newaxis])[..., 0]
         turns = matrix_from_vector(np.cross(self.direction, tilt))
         direction = (turns @ self.direction[..., np.newaxis])[..., 0]
         return replace(self, first=self.first + steps[:, :3], direction=direction)
@@ -127,14 +127,6 @@ class BoardBundle(RoomBundle):
     def of(self, frames: Bools) -> Self:
         """Return the bundle of some frames."""
         return replace(self, poses=self.poses[frames], seen=self.seen[frames])
-
-
-def _tangents(direction: Floats) -> Floats:
-    """Two directions across each, shape (n_frames, 3, 2)."""
-    least = np.eye(3)[np.abs(direction).argmin(axis=1)]
-    across = np.cross(direction, least)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.stack([across, np.cross(direction, across)], axis=2)
 
 
 SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3

@@ -14,7 +14,6 @@ import numpy as np
 
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
-from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.room.live_sources import (
     LiveSets,
     RecordedTogether,
@@ -33,7 +32,7 @@ from skelgen.capture.room.simulated import (
     wand_scene,
 )
 from skelgen.capture.room.values import FrameSet, RoomSource
-from skelgen.capture.simulated_rig import board_image, render_view
+from skelgen.capture.simulated_rig import RenderParameters, board_image, render_view
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
@@ -186,7 +185,7 @@ class SimulatedRoom(NothingToOpen):
         self.name, self.cameras = "simulated room", rig.names
         self.rate: float | None = scene.rate
         size = _SMALLEST * _DISTANCE / float(rig.cameras[0].matrix[0, 0])
-        self.parameters = RenderParameters().replace(bright_distance=_DISTANCE, diameter=size, reflections=0)
+        self.parameters = RenderParameters(size, bright_distance=_DISTANCE, reflections=0)
 
     @property
     def n_frames(self) -> int:

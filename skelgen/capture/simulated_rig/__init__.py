@@ -1,6 +1,5 @@
 """The simulated rig: what two cameras would see of moving balls, with sub-pixel truth."""
 
-from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.capture.simulated_rig.board import SimulatedBoard, board_image, board_places
 from skelgen.capture.simulated_rig.scene import (
@@ -18,6 +17,7 @@ from skelgen.capture.simulated_rig.source import (
     simulated_rig,
     suited_parameters,
 )
+from skelgen.capture.simulated_rig.view import RenderParameters
 
 __all__ = [
     "RenderParameters",
