@@ -12,9 +12,10 @@ from itertools import combinations
 
 import numpy as np
 
-from skelgen.capture.calibration.chessboard import Board, board_from_text, find_board, fit_camera, turned_boards
+from skelgen.capture.calibration.bundle_adjustment import BoardBundle
+from skelgen.capture.calibration.chessboard import Board, board_from_text, find_board, turned_boards
+from skelgen.capture.calibration.lens import fit_camera
 from skelgen.capture.images import opencv
-from skelgen.capture.room.bundles import BoardBundle
 from skelgen.capture.values import Image
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix

@@ -13,10 +13,10 @@ from itertools import combinations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from skelgen.capture.calibration.bundle_adjustment import free_numbers, residuals_of
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
-from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
-from skelgen.capture.room.bundles import Resected, WandBundle, resected
+from skelgen.capture.room.bundles import Resected, WandBundle, adjust_room, resected
 from skelgen.capture.room.wand_and_ground import TWO
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from, unit_vectors
@@ -281,8 +281,7 @@ def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
     frames[_some(np.isfinite(whole.first[:, 0]))] = True
     part = whole.of(frames)
     for numbers in (MIDDLE, LENS):
-        done = adjust_room(part, free_numbers(len(part.cameras), numbers))
-        part = done.bundle
+        part = adjust_room(part, free_numbers(len(part.cameras), numbers)).bundle
     return _replaced(replace(whole, cameras=part.cameras))
 
 
