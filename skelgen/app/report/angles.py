@@ -1,12 +1,13 @@
 """What the report says of joint angles: their ranges and curves, and what the motion of a joint does not determine."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.drawing import measures
-from skelgen.app.drawing.graph import CostGraph
+from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import degrees, fixed
 from skelgen.app.report.curves import angle_figure
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
@@ -31,43 +32,21 @@ _ANGLE_WORDS = {
 
 
 @dataclass(frozen=True)
-class AngleCells:
-    """An angle of a joint, as the report words it.
-
-    Attributes
-    ----------
-    name : str
-        About what the joint turns.
-    low, high, std : str
-        Its range and the median standard deviation of single frames [deg].
-    """
-
-    name: str
-    low: str
-    high: str
-    std: str
-
-
-@dataclass(frozen=True)
 class AngleRow:
     """The angles and the range of motion of a joint, as the report words them.
 
     Attributes
     ----------
-    joint : int
-        Index of the joint.
-    called, kind : str
-        Its name, empty where it has none, and its type.
-    angles : list of AngleCells
-        Its angles.
+    called : str
+        Its name, empty where it has none.
+    joint : JointCost
+        Its type, and the ranges of its angles.
     turns : list of tuple of str
         Its three principal directions in the parent, and the range of motion about each [deg].
     """
 
-    joint: int
     called: str
-    kind: str
-    angles: list[AngleCells]
+    joint: JointCost
     turns: list[tuple[str, str]]
 
 
@@ -85,12 +64,15 @@ class AnglesContent:
         Figures that are open when the page is loaded.
     sentences : list of str
         What the motion does not determine.
+    words : mapping of str to str
+        What angles are called.
     """
 
     rows: list[AngleRow]
     figures: list[tuple[str, Markup]]
     n_open: int
     sentences: list[str]
+    words: Mapping[str, str]
 
 
 def angles_content(project: Project, graph: CostGraph) -> AnglesContent:
@@ -106,17 +88,8 @@ def angles_content(project: Project, graph: CostGraph) -> AnglesContent:
     skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
     observed = observed_joints(skeleton, motion)
     rows = [
-        AngleRow(
-            joint=index,
-            called=measures.joint_called(project, index),
-            kind=joint.kind,
-            angles=[
-                AngleCells(_ANGLE_WORDS[angle.name], degrees(angle.low), degrees(angle.high), degrees(angle.std))
-                for angle in graph.joints[index].ranges
-            ],
-            turns=_turns(observed[index].motion),
-        )
-        for index, joint in enumerate(skeleton.joints)
+        AngleRow(measures.joint_called(project, index), joint, _turns(observed[index].motion))
+        for index, joint in enumerate(graph.joints)
     ]
     frames = spread_frames(motion.n_frames, MOST_FRAMES)
     posture = posture_of(skeleton, motion, positions, frames)
@@ -131,7 +104,7 @@ def angles_content(project: Project, graph: CostGraph) -> AnglesContent:
         if angle_names(joint)
     ]
     sentences = [with_names_of_limbs(seen.notice, project.limbs) for seen in observed if seen.sentence]
-    return AnglesContent(rows, figures, _OPEN_FIGURES, sentences)
+    return AnglesContent(rows, figures, _OPEN_FIGURES, sentences, _ANGLE_WORDS)
 
 
 def _turns(motion: RangeOfMotion) -> list[tuple[str, str]]:

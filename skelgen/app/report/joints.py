@@ -1,5 +1,6 @@
 """What the report says of joints: their table, joints that hold for a part of the take, and lengths between joints."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from skelgen.app.drawing.wording import degrees, digits, fixed, plain, whole_per
 from skelgen.app.report.curves import common_reach, spread_figure
 from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
+from skelgen.model.joint_spans import JointSpan
 
 
 @dataclass(frozen=True)
@@ -41,56 +43,29 @@ class JointRow:
 
     Attributes
     ----------
-    joint, parent, child : int
-        Indices of the joint and of the limbs that it connects.
+    joint : JointCost
+        The limbs that it connects, and its cost in the tree.
     called : str
         Name of the joint; empty where it has none.
-    cost, value : str
-        Its cost in the tree, and the final cost over all frames [mm^2].
+    value : float, mm^2
+        The final cost over all frames.
     iterations : int
         Steps until the final cost.
     rival : str
         The cheapest other joint, and its cost.
     probability : str
         How likely its limbs are neighbours; where that is doubtful, also how likely those of the rival are.
-    is_doubtful : bool
-        Whether its limbs are perhaps no neighbours.
     fitted : FittedCells
         What the skeleton adds.
     """
 
-    joint: int
-    parent: int
-    child: int
+    joint: JointCost
     called: str
-    cost: str
-    value: str
+    value: float
     iterations: int
     rival: str
     probability: str
-    is_doubtful: bool
     fitted: FittedCells
-
-
-@dataclass(frozen=True)
-class SpanRow:
-    """A joint that holds for a part of the take only, as the report words it.
-
-    Attributes
-    ----------
-    limbs : tuple of int
-        The two limbs.
-    frames, how : str
-        First and last frame; whether the limbs are joined or fixed to each other.
-    gap, beyond : str
-        Distance between the two halves of the joint [mm] in these frames, and in the others.
-    """
-
-    limbs: tuple[int, int]
-    frames: str
-    how: str
-    gap: str
-    beyond: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +76,7 @@ class JointsContent:
     ----------
     rows : list of JointRow
         Every joint.
-    spans : list of SpanRow
+    spans : sequence of JointSpan
         Joints that hold for a part of the take only.
     is_fitted : bool
         Whether there is a skeleton.
@@ -110,7 +85,7 @@ class JointsContent:
     """
 
     rows: list[JointRow]
-    spans: list[SpanRow]
+    spans: Sequence[JointSpan]
     is_fitted: bool
     alpha: str
 
@@ -129,31 +104,17 @@ def joints_content(project: Project, graph: CostGraph) -> JointsContent:
     fitted = [_fitted(joint) for joint in project.skeleton.joints] if project.has("skeleton") else None
     rows = [
         JointRow(
-            joint=index,
-            parent=joint.parent,
-            child=joint.child,
+            joint=joint,
             called=measures.joint_called(project, index),
-            cost=digits(joint.cost),
-            value=digits(topology.values[index]),
+            value=float(topology.values[index]),
             iterations=int(topology.n_iterations[index]),
             rival=_rival(joint),
             probability=_probability(joint),
-            is_doubtful=joint.is_doubtful,
             fitted=FittedCells() if fitted is None else fitted[index],
         )
         for index, joint in enumerate(graph.joints)
     ]
-    spans = [
-        SpanRow(
-            limbs=span.limbs,
-            frames=f"{span.first_frame} to {span.last_frame}",
-            how="fixed to each other" if span.is_fixed else "joined",
-            gap=fixed(span.gap, 1),
-            beyond=fixed(span.gap_beyond, 1),
-        )
-        for span in topology.spans
-    ]
-    return JointsContent(rows, spans, is_fitted=fitted is not None, alpha=plain(topology.alpha))
+    return JointsContent(rows, topology.spans, is_fitted=fitted is not None, alpha=plain(topology.alpha))
 
 
 def _probability(joint: JointCost) -> str:
@@ -206,49 +167,22 @@ def _place_std(joint: Joint, covariance: Floats | None) -> str:
     return f"{digits(float(np.sqrt(across)), 2)} across, {digits(float(np.sqrt(along)), 2)} along"
 
 
-@dataclass(frozen=True)
-class LengthRow:
-    """A length between two joints of a limb, as the report words it.
-
-    Attributes
-    ----------
-    limb : int
-        The limb.
-    joints : str
-        The two joints.
-    rigid, std : str
-        Length in the skeleton and its standard deviation [mm].
-    raw, spread : str
-        Mean and standard deviation over frames of the distance between raw joint positions [mm].
-    figure : Markup
-        Box and whiskers of that distance.
-    """
-
-    limb: int
-    joints: str
-    rigid: str
-    std: str
-    raw: str
-    spread: str
-    figure: Markup
-
-
 @dataclass(frozen=True, eq=False)
 class LengthsContent:
     """The section of lengths between joints.
 
     Attributes
     ----------
-    rows : list of LengthRow
-        Every length.
-    reach : str
-        Half the width of their pictures [mm].
+    rows : list of tuple of Length and Markup
+        Every length, with box and whiskers of the distance between the raw joint positions.
+    reach : float, mm
+        Half the width of their pictures.
     has_rigid : bool
         Whether there is a skeleton.
     """
 
-    rows: list[LengthRow]
-    reach: str
+    rows: list[tuple[measures.Length, Markup]]
+    reach: float
     has_rigid: bool
 
 
@@ -263,16 +197,5 @@ def lengths_content(project: Project, lengths: list[measures.Length]) -> Lengths
         What `measures.joint_lengths` gives.
     """
     reach = common_reach(lengths)
-    rows = [
-        LengthRow(
-            limb=each.limb,
-            joints=f"J{each.first} – J{each.second}",
-            rigid=digits(each.rigid, 4),
-            std=digits(each.std, 2),
-            raw=digits(each.raw_mean, 4),
-            spread=digits(each.spread),
-            figure=spread_figure(each, reach),
-        )
-        for each in lengths
-    ]
-    return LengthsContent(rows, digits(reach, 2), has_rigid=project.has("skeleton"))
+    rows = [(each, spread_figure(each, reach)) for each in lengths]
+    return LengthsContent(rows, reach, has_rigid=project.has("skeleton"))

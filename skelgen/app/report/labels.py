@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import duration, percent
+from skelgen.app.drawing.wording import percent
 from skelgen.app.report.pictures import (
     BOTTOM,
     LEAST_WIDTH,
@@ -45,46 +45,6 @@ _MOST_QUESTIONS = 10
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
 
-@dataclass(frozen=True)
-class DoubtRow:
-    """A span of a marker that is doubtful, as the report words it.
-
-    Attributes
-    ----------
-    name, frames, time, confidence : str
-        The marker, the span in frames and in time, and the least confidence in it.
-    reason, remedy : str
-        Why it is doubtful, and what to do.
-    """
-
-    name: str
-    frames: str
-    time: str
-    confidence: str
-    reason: str
-    remedy: str
-
-
-@dataclass(frozen=True)
-class FindingRow:
-    """An error of the labels in the file, as the report words it.
-
-    Attributes
-    ----------
-    kind, names, frames, time : str
-        What it is, of which labels, and the span in frames and in time.
-    evidence, outcome : str
-        What speaks for it, and what was done.
-    """
-
-    kind: str
-    names: str
-    frames: str
-    time: str
-    evidence: str
-    outcome: str
-
-
 @dataclass(frozen=True, eq=False)
 class LabelsContent:
     """What the template shows of the labels.
@@ -95,8 +55,12 @@ class LabelsContent:
         Names and values.
     advice, questions : list of str
         What could be done, and what the user could tell.
-    rows, findings : list of DoubtRow, list of FindingRow
-        Doubtful spans, the longest, and errors of the labels in the file, the first.
+    rate : float, Hz
+        Of the take.
+    rows : list of tuple of str, Doubt and str
+        The longest doubtful spans: marker, span, and what to do.
+    findings : list of tuple of str and Finding
+        Errors of the labels in the file, the first: what each is in words, and it.
     more, more_findings : int
         How many of both are not shown.
     confidence, tracks, marker_tracks : str
@@ -108,8 +72,9 @@ class LabelsContent:
     facts: list[tuple[str, str]]
     advice: Sequence[str]
     questions: list[str]
-    rows: list[DoubtRow]
-    findings: list[FindingRow]
+    rate: float
+    rows: list[tuple[str, Doubt, str]]
+    findings: list[tuple[str, Finding]]
     more: int
     more_findings: int
     confidence: str
@@ -120,15 +85,16 @@ class LabelsContent:
 
 def labels_content(project: Project) -> LabelsContent:
     """Return what the template shows of the labels of a project that knows how sure they are."""
-    labelling = project.labelling
+    labelling, names = project.labelling, project.trajectories.names
     drawn = labelling.tracklets if labelling.tracklets is not None and labelling.tracklets.n_parts else None
     shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
     return LabelsContent(
         facts=_facts(project),
         advice=advice_on(project),
-        questions=[one.sentence(project.trajectories.names) for one in open_questions(project)[:_MOST_QUESTIONS]],
-        rows=[_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
-        findings=[_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
+        questions=[one.sentence(names) for one in open_questions(project)[:_MOST_QUESTIONS]],
+        rate=project.trajectories.rate,
+        rows=[(names[one.marker], one, REMEDIES[one.kind]) for one in sorted(shown, key=lambda one: one.first_frame)],
+        findings=[(_FINDING_WORDS[finding.kind], finding) for finding in labelling.findings[:_MOST_ROWS]],
         more=len(labelling.doubts) - len(shown),
         more_findings=max(len(labelling.findings) - _MOST_ROWS, 0),
         confidence=confidence_figure(project),
@@ -155,34 +121,6 @@ def _facts(project: Project) -> list[tuple[str, str]]:
     facts.append(("Doubtful positions", percent(doubtful_share(labelling))))
     facts.append(("Pairs that no distance distinguishes", str(len(labelling.twins))))
     return facts
-
-
-def _finding_row(project: Project, finding: Finding) -> FindingRow:
-    rate = project.trajectories.rate
-    return FindingRow(
-        kind=_FINDING_WORDS[finding.kind],
-        names=" → ".join(finding.names),
-        frames=_span(str(finding.first_frame), str(finding.last_frame)),
-        time=_span(duration(finding.first_frame / rate), duration(finding.last_frame / rate)),
-        evidence=finding.evidence,
-        outcome=finding.outcome,
-    )
-
-
-def _row(project: Project, doubt: Doubt) -> DoubtRow:
-    rate = project.trajectories.rate
-    return DoubtRow(
-        name=project.trajectories.names[doubt.marker],
-        frames=_span(str(doubt.first_frame), str(doubt.last_frame)),
-        time=_span(duration(doubt.first_frame / rate), duration(doubt.last_frame / rate)),
-        confidence=percent(doubt.confidence),
-        reason=doubt.reason,
-        remedy=REMEDIES[doubt.kind],
-    )
-
-
-def _span(first: str, last: str) -> str:
-    return first if first == last else f"{first} – {last}"
 
 
 def _comparison(project: Project, labelling: Labelling) -> list[tuple[str, str, str, str]]:
