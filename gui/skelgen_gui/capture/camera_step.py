@@ -18,6 +18,7 @@ from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, Vie
 from skelgen_gui.capture.forms import ImageForm
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.fields import set_up_number
 from skelgen_gui.widgets.layouts import describe, row_of
 
 if TYPE_CHECKING:
@@ -281,10 +282,8 @@ class BoardForm(ImageForm):
             box.setRange(3, _MOST_CORNERS)
             box.setValue(value)
             describe(box, name, tip)
-        self.square.setRange(0.1, _LARGEST_SQUARE)
-        self.square.setDecimals(3)
+        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
         self.square.setValue(25.0)
-        self.square.setSuffix(self.tr(" mm"))
         self.square.setAccessibleName(self.tr("Side of a square"))
         self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
         self.simulated.setText(self.tr("Simulated board"))

@@ -9,18 +9,17 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QFormLayout,
-    QHBoxLayout,
     QLineEdit,
     QMenu,
     QPushButton,
     QSizePolicy,
     QSpinBox,
-    QToolButton,
     QWidget,
 )
 
 from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
+from skelgen_gui.widgets.fields import Expander, keep_narrow
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
@@ -59,10 +58,7 @@ class FileField(QWidget):
         self.line, self.browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
         describe(self.line, title, tip)
         describe(self.browse, self.tr("Choose: {0}").format(title), tip)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.line, 1)
-        layout.addWidget(self.browse)
+        bare_column(self, [row_of(self.line, self.browse)])
         self.setFocusProxy(self.line)
         self.line.textChanged.connect(self.changed)
         self.browse.clicked.connect(self._choose)
@@ -95,8 +91,7 @@ class SourceField(QComboBox):
         super().__init__(parent)
         self.setEditable(True)
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.setMinimumContentsLength(12)
+        keep_narrow(self, 12)
         for kind in SOURCES:
             self.addItem(kind.example)
             self.setItemData(self.count() - 1, kind.help, Qt.ItemDataRole.ToolTipRole)
@@ -270,23 +265,14 @@ class AdvancedFields(QWidget):
 
     def __init__(self, fields: Iterable[tuple[str, QWidget]], parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.expander, self._box = QToolButton(self), QWidget(self)
-        rows = QFormLayout(self._box)
+        box = QWidget(self)
+        self.expander = Expander(box, self.tr("Show or hide what most captures do not need"), self)
+        self.expander.show_text(self.tr("Advanced"))
+        rows = QFormLayout(box)
         rows.setContentsMargins(0, 0, 0, 0)
         for title, field in fields:
             rows.addRow(title, field)
-        bare_column(self, (self.expander, self._box))
-        self.expander.setText(self.tr("Advanced"))
-        self.expander.setCheckable(True)
-        self.expander.setAutoRaise(True)
-        self.expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        describe(self.expander, self.tr("Advanced"), self.tr("Show or hide what most captures do not need"))
-        self.expander.toggled.connect(self._show)
-        self._show(False)
-
-    def _show(self, shown: bool) -> None:
-        self.expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
-        self._box.setVisible(shown)
+        bare_column(self, (self.expander, box))
 
 
 class SourceForm(ImageForm):

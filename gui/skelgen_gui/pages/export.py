@@ -43,7 +43,7 @@ from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
-from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled
+from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled, wrap
 from skelgen_gui.widgets.painting import PROBLEM_ROLE
 from skelgen_gui.widgets.preferences import AXES
 
@@ -105,11 +105,9 @@ class ExportPage(QWidget):
             (self.preview, self.tr("What will be written")),
             (self.status, self.tr("What has been written")),
         ):
-            label.setWordWrap(True)
-            label.setAccessibleName(name)
+            wrap(label, name)
         self.preview.setTextFormat(Qt.TextFormat.RichText)
         self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.status.setTextFormat(Qt.TextFormat.PlainText)
         self.export.setToolTip(self.tr("Write the files"))
         self.cancel.setToolTip(self.tr("Stop; files that were there stay as they were"))
         self.show_folder.setToolTip(self.tr("Open the folder with the written files"))

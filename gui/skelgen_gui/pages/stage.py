@@ -32,7 +32,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling
+from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling, wrap
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -83,10 +83,8 @@ class StagePage(QWidget):
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
         describe(self.path, self.tr("Project file with the saved result"))
         describe(self._browse, self.tr("Choose the project file with the saved result"))
-        self.result.setWordWrap(True)
-        self.result.setTextFormat(Qt.TextFormat.PlainText)  # names of markers may look like tags
+        wrap(self.result, self.tr("What came out of this step"))
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.result.setAccessibleName(self.tr("What came out of this step"))
         self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
         self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
         self.warnings.setWordWrap(True)

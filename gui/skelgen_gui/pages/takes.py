@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt, QUrl
+from PySide6.QtCore import QObject, QUrl
 from PySide6.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -19,7 +19,17 @@ from skelgen.app.files import file_filter
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, column, describe, fit_columns, row_of
+from skelgen_gui.widgets.layouts import (
+    Index,
+    Role,
+    RowModel,
+    choose_by_rows,
+    column,
+    describe,
+    fit_columns,
+    row_of,
+    wrap,
+)
 
 _OWN, _OF_PROJECT = "own", "project"
 
@@ -93,9 +103,7 @@ class TakesPage(QWidget):
         self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
         self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
         self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
-        self.status.setWordWrap(True)
-        self.status.setTextFormat(Qt.TextFormat.PlainText)
-        self.status.setAccessibleName(tr("What became of the takes"))
+        wrap(self.status, tr("What became of the takes"))
         for widget, name, tip in (
             (self.table, tr("Takes"), tr("Drop files here, too; Enter opens the result of a take")),
             (self.add, tr("Add takes"), tr("Choose recordings; several at once")),

@@ -15,10 +15,12 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QCheckBox,
     QComboBox,
+    QDoubleSpinBox,
     QLabel,
     QLineEdit,
     QRadioButton,
     QSpinBox,
+    QToolButton,
     QWidget,
 )
 
@@ -83,8 +85,7 @@ class ChoiceBox(QComboBox):
         for choice in declaration.choices:
             self.addItem(choice_of(declaration, choice), choice)
             self.setItemData(self.count() - 1, choice, Qt.ItemDataRole.ToolTipRole)
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.setMinimumContentsLength(_LETTERS)  # the list that opens shows all
+        keep_narrow(self, _LETTERS)
         self.currentTextChanged.connect(self.edited)
 
     def entered(self) -> Any:
@@ -194,6 +195,72 @@ class _WheelGuard(QObject):
             event.ignore()
             return True
         return False
+
+
+class Expander(QToolButton):
+    """A button that shows and hides what most do not need; it is hidden at first.
+
+    Parameters
+    ----------
+    box : QWidget
+        What is shown and hidden.
+    tip : str
+        What it does.
+    parent : QWidget
+        Qt's parent.
+    """
+
+    def __init__(self, box: QWidget, tip: str, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._box = box
+        self.setCheckable(True)
+        self.setAutoRaise(True)
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.setToolTip(tip)
+        self.toggled.connect(self._show_box)
+        self._show_box(False)
+
+    def show_text(self, text: str) -> None:
+        """Show another text."""
+        self.setText(text)
+        self.setAccessibleName(text)
+
+    def _show_box(self, shown: bool) -> None:
+        self.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._box.setVisible(shown)
+
+
+def keep_narrow(box: QComboBox, letters: int) -> None:
+    """Let a box be as wide as some letters; the list that opens shows all.
+
+    Parameters
+    ----------
+    box : QComboBox
+        The box.
+    letters : int
+        How many it has room for at least.
+    """
+    box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    box.setMinimumContentsLength(letters)
+
+
+def set_up_number(box: QDoubleSpinBox, within: tuple[float, float], decimals: int, suffix: str) -> None:
+    """Set up the box of a number.
+
+    Parameters
+    ----------
+    box : QDoubleSpinBox
+        The box.
+    within : tuple of float
+        Least and largest number.
+    decimals : int
+        Digits behind the point.
+    suffix : str
+        The unit.
+    """
+    box.setRange(*within)
+    box.setDecimals(decimals)
+    box.setSuffix(suffix)
 
 
 class FoundOrGiven(QWidget):
