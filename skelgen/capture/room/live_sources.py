@@ -11,14 +11,13 @@ from typing import Self
 
 from skelgen.capture.room.values import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, Shot
+from skelgen.capture.sources.pairs import LiveCamera, Shot, shared_rate, with_rate
 from skelgen.errors import CaptureError
 
 Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
 """Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
 
 _MILLISECONDS = 1e-3
-_SAME_RATE = 0.01  # of the largest
 
 
 class LiveSets:
@@ -133,7 +132,7 @@ def open_gige_sets(text: SourceText) -> LiveSets:
 
     options = GenicamOptions.from_mapping(text.options, str(text))
     names = _named(text, text.places, "gige:10.0.0.2,10.0.0.3,10.0.0.4")
-    return LiveSets(str(text), names, lambda stack: _with_rate(open_gige(stack, names, options)), options)
+    return LiveSets(str(text), names, lambda stack: with_rate(open_gige(stack, names, options)), options)
 
 
 def open_gentl_sets(text: SourceText) -> LiveSets:
@@ -143,7 +142,7 @@ def open_gentl_sets(text: SourceText) -> LiveSets:
     options = GenicamOptions.from_mapping(text.options, str(text))
     names = _named(text, text.places[1:], "gentl:producer.cti,one,two,three")
     producer = Path(text.places[0])
-    return LiveSets(str(text), names, lambda stack: _with_rate(open_gentl(stack, producer, names, options)), options)
+    return LiveSets(str(text), names, lambda stack: with_rate(open_gentl(stack, producer, names, options)), options)
 
 
 def open_firewire_sets(text: SourceText) -> LiveSets:
@@ -154,32 +153,6 @@ def open_firewire_sets(text: SourceText) -> LiveSets:
     names = _named(text, text.places, "firewire:GUID1,GUID2,GUID3")
     numbers = tuple(guid_of(name) for name in names)
     return LiveSets(str(text), names, lambda stack: open_firewire(stack, numbers, options), options)
-
-
-def _with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
-    """Cameras with their rate: the one that all have, else None."""
-    rates = [(camera.name, getattr(camera, "rate", None)) for camera in cameras]
-    return cameras, None if any(rate is None for _, rate in rates) else shared_rate(rates)
-
-
-def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
-    """Return the rate that cameras or recordings have [Hz]; None if that of none is known.
-
-    Parameters
-    ----------
-    rates : sequence of tuple of str and float or None, Hz
-        What each is called, and its rate, if it is known.
-
-    Raises
-    ------
-    CaptureError
-        If their rates differ by more than a hundredth.
-    """
-    known = [rate for _, rate in rates if rate is not None]
-    if known and max(known) - min(known) > _SAME_RATE * max(known):
-        listed = ", ".join(f"{name} {rate:.4g} Hz" for name, rate in rates if rate is not None)
-        raise CaptureError(f"images come at different rates: {listed}; give each the right one by ?rate=...")
-    return known[0] if known else None
 
 
 class RecordedTogether:

@@ -1,6 +1,6 @@
 """Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol, Self
@@ -98,6 +98,7 @@ def check_same_size(left: tuple[int, int], right: tuple[int, int], names: tuple[
 
 
 _MILLISECONDS = 1e-3
+_SAME_RATE = 0.01  # of the largest
 _TRIES = 100  # steps to find a partner: more than frames can be apart that were started together
 
 
@@ -125,6 +126,38 @@ class LiveCamera(Protocol):
 
     def take(self, timeout: float) -> Shot | None:
         """Return the oldest image that waits, or None if none comes within `timeout` seconds."""
+
+
+def with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
+    """Return cameras with their rate [Hz]: the one that all have, else None."""
+    rates = [(camera.name, getattr(camera, "rate", None)) for camera in cameras]
+    return cameras, None if any(rate is None for _, rate in rates) else shared_rate(rates)
+
+
+def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
+    """Return the rate that cameras or recordings have [Hz]; None if that of none is known.
+
+    Parameters
+    ----------
+    rates : sequence of tuple of str and float or None, Hz
+        What each is called, and its rate, if it is known.
+
+    Raises
+    ------
+    CaptureError
+        If their rates differ by more than a hundredth.
+    """
+    known = [rate for _, rate in rates if rate is not None]
+    if known and max(known) - min(known) > _SAME_RATE * max(known):
+        listed = ", ".join(f"{name} {rate:.4g} Hz" for name, rate in rates if rate is not None)
+        raise CaptureError(f"images come at different rates: {listed}; give each the right one by ?rate=...")
+    return known[0] if known else None
+
+
+def pair_of(cameras: Sequence[LiveCamera]) -> "OpenPair":
+    """Return two cameras that run as a pair; errors as of `shared_rate`."""
+    (left, right), rate = with_rate(cameras)
+    return OpenPair(left, right, rate)
 
 
 @dataclass(frozen=True)
