@@ -15,9 +15,15 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import duration, millimetres, percent, plain
-from skelgen.app.report.angles import AnglesContent, angles_content
 from skelgen.app.report.curves import points_figure
-from skelgen.app.report.joints import JointsContent, LengthsContent, joints_content, lengths_content
+from skelgen.app.report.joints import (
+    AnglesContent,
+    JointsContent,
+    LengthsContent,
+    angles_content,
+    joints_content,
+    lengths_content,
+)
 from skelgen.app.report.labels import LabelsContent, labels_content
 from skelgen.app.report.limbs import DeviationsContent, LimbsContent, deviations_content, limbs_content
 from skelgen.app.report.pictures import cost_figure, gaps_figure
@@ -203,7 +209,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent
             tree=_tree(project, graph, lengths),
             joints=joints_content(project, graph),
             lengths=lengths_content(project, lengths),
-            angles=angles_content(project, graph) if project.has("skeleton") else None,
+            angles=angles_content(project) if project.has("skeleton") else None,
         )
     if project.has("skeleton") and project.skeleton.n_limbs:
         content = replace(content, pose=pose_figures(project))
