@@ -12,7 +12,7 @@ from typing import Any
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, Shot, pair_of
+from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
@@ -50,7 +50,7 @@ def gentl_pairs(places: tuple[str, ...], options: GenicamOptions) -> LivePairs:
     if not producer.is_file():
         raise CaptureError(f"{producer}: no such GenTL producer; the camera's maker installs it, often below /opt")
     name = "gentl:" + ",".join(places)
-    return LivePairs(name, lambda stack: pair_of(open_gentl(stack, producer, places[1:], options)), options)
+    return LivePairs(name, lambda stack: with_rate(open_gentl(stack, producer, places[1:], options)), options)
 
 
 def check_trusted(places: tuple[str, ...]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, Shot, pair_of
+from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
 from skelgen.errors import CaptureError
 
 _EXAMPLE = "gige:10.0.0.2,10.0.0.3"
@@ -36,7 +36,7 @@ def gige_pairs(addresses: tuple[str, ...], options: GenicamOptions) -> LivePairs
     """
     check_two_cameras("gige", addresses, _EXAMPLE)
     name = "gige:" + ",".join(addresses)
-    return LivePairs(name, lambda stack: pair_of(open_gige(stack, addresses, options)), options)
+    return LivePairs(name, lambda stack: with_rate(open_gige(stack, addresses, options)), options)
 
 
 class GigeCamera:

@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, grey
 from skelgen.capture.sources.options import CameraOptions
-from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot, shared_rate
+from skelgen.capture.sources.pairs import LiveCamera, LivePairs, Shot, shared_rate
 from skelgen.errors import CaptureError
 
 RATE = 50.0
@@ -40,9 +40,9 @@ def frames(*indices, late=0.0):
 
 
 def run(left, right, rate=RATE, closed=None, **options):
-    def open_pair(stack: ExitStack) -> OpenPair:
+    def open_pair(stack: ExitStack) -> tuple[list[LiveCamera], float]:
         stack.callback(lambda: closed.append(True) if closed is not None else None)
-        return OpenPair(left, right, rate)
+        return [left, right], rate
 
     return LivePairs("test", open_pair, CameraOptions(**options))
 
