@@ -1,4 +1,4 @@
-"""What the report says of the labels: how sure they are and where not, what can be done, what markers were made of.
+"""What the report says of the labels: gaps, how sure they are and where not, what can be done, what they were made of.
 
 Above, every track lies in a lane, coloured by the limb of the marker that it went to, grey if it was left out; below,
 the same tracks in a row per marker. Two shades take turns, so that tracks that follow each other look different.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import percent
+from skelgen.app.drawing.wording import duration, millimetres, percent
 from skelgen.app.report.pictures import (
     BOTTOM,
     LEAST_WIDTH,
@@ -24,6 +24,7 @@ from skelgen.app.report.pictures import (
     PLOT,
     WIDTH,
     confidence_figure,
+    gaps_figure,
     parted,
     png_uri,
     row_height,
@@ -31,10 +32,20 @@ from skelgen.app.report.pictures import (
     time_axis,
 )
 from skelgen.app.standing import open_questions
+from skelgen.app.tables import column_rows
+from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
+from skelgen.model.filled import PositionSource
 from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
-from skelgen.progress import counted
+from skelgen.progress import Monitor, counted
+
+_SOURCE_WORDS = {
+    PositionSource.LIMB: "Filled from limb",
+    PositionSource.JOINT: "Filled with joint",
+    PositionSource.INTERPOLATED: "Interpolated",
+    PositionSource.PATTERN: "By another marker",
+}
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""
@@ -265,3 +276,58 @@ def _painted(
         if rows[part] >= 0:
             pixels[rows[part], begins[part] : ends[part]] = rgba[part]
     return pixels
+
+
+@dataclass(frozen=True, eq=False)
+class GapsContent:
+    """The section of when each marker is seen.
+
+    Attributes
+    ----------
+    figure : Markup
+        Timeline of all markers.
+    facts : list of tuple of str
+        Names and values.
+    can_fill : bool
+        Whether there are gaps, and a skeleton that fills them.
+    """
+
+    figure: Markup
+    facts: list[tuple[str, str]]
+    can_fill: bool = False
+
+
+def gaps_content(project: Project, monitor: Monitor) -> GapsContent:
+    """Return the section of gaps; with a skeleton, what they can be filled from.
+
+    Parameters
+    ----------
+    project : Project
+        With labelled markers.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
+    facts = _gap_facts(project)
+    if not project.has("skeleton") or project.trajectories.seen.all():
+        return GapsContent(gaps_figure(project), facts)
+    filled = fill_project(project, monitor)
+    for source, words in _SOURCE_WORDS.items():
+        stds = filled.std[filled.source == source]
+        if len(stds):
+            facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
+    return GapsContent(gaps_figure(project, filled), facts, can_fill=True)
+
+
+def _gap_facts(project: Project) -> list[tuple[str, str]]:
+    rows = column_rows(project.trajectories)
+    longest = max(rows, key=lambda row: row["longest_gap"] or 0)
+    complete = sum(not row["gaps"] for row in rows)
+    facts = [
+        ("Seen", percent(float(project.trajectories.seen.mean()))),
+        ("Gaps", str(sum(row["gaps"] or 0 for row in rows))),
+        ("Markers without a gap", f"{complete} of {len(rows)}"),
+    ]
+    if frames := longest["longest_gap"]:
+        time = duration(frames / project.trajectories.rate)
+        facts.append(("Longest gap", f"{counted(frames, 'frame')} ({time}) at {longest['name']}"))
+    return facts
