@@ -195,9 +195,16 @@ class ImageForm(QWidget):
         self.source.show_hint(hint)
         self.fields.addRow(self.tr("Source"), self.source)
 
-    def add_buttons(self) -> None:
-        """Add the buttons that take a folder, and simulated images."""
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+    def add_buttons(self, text: str, name: str, tip: str) -> None:
+        """Add the buttons that take a folder, and simulated images.
+
+        Parameters
+        ----------
+        text, name, tip : str
+            Of the button for simulated images: what stands on it, what it does, and what for.
+        """
+        self.folder, self.simulated = FolderButton(self), QPushButton(text, self)
+        describe(self.simulated, name, tip)
         self.fields.addRow("", row_of(self.folder, self.simulated, room=True))
         self.folder.chosen.connect(self.take_source)
 
@@ -205,51 +212,6 @@ class ImageForm(QWidget):
         """Fill in a source, and ask for its start."""
         self.source.show_source(source)
         self.start_wanted.emit()
-
-
-class LiveChoice(ImageForm):
-    """The form above a live capture.
-
-    Parameters
-    ----------
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.settings = _SettingsField(self)
-        self.fields.addRow(self.tr("Settings"), self.settings)
-        self.add_source(self.tr("that of the settings"))
-        self.simulated = QPushButton(self.tr("Simulated rig"), self)
-        self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
-        self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
-        self.room = QPushButton(self.tr("Simulated room"), self)
-        self.room.setAccessibleName(self.tr("Start the simulated room"))
-        self.room.setToolTip(self.tr("Try it without cameras: four simulated ones around a room look at a moving arm"))
-        self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
-        self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
-        self.fields.addRow("", row_of(self.simulated, self.room, room=True))
-        self.fields.addRow("", self.predicts)
-        self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
-        self.predicts_joints.setToolTip(
-            self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
-        )
-        self.advanced = AdvancedFields([("", self.predicts_joints)], self)
-        self.fields.addRow(self.advanced)
-        self.simulated.clicked.connect(lambda: self.choose_simulation(SIMULATED))
-        self.room.clicked.connect(lambda: self.choose_simulation(SIMULATED_ROOM))
-
-    @property
-    def options(self) -> CaptureOptions:
-        """What the form holds."""
-        chosen = self.predicts.isChecked(), self.predicts_joints.isChecked()
-        return CaptureOptions(self.settings.path, self.source.source, *chosen)
-
-    def choose_simulation(self, source: str) -> None:
-        """Fill in the simulated rig or room, and ask for its start."""
-        self.settings.show_path("")
-        self.take_source(source)
 
 
 class AdvancedFields(QWidget):
@@ -289,12 +251,53 @@ class SourceForm(ImageForm):
         self.settings = _SettingsField(self)
         self.fields.addRow(self.tr("Settings"), self.settings)
         self.add_source(self.tr("that of the settings"))
-        self.add_buttons()
 
     @property
     def options(self) -> CaptureOptions:
         """What the form holds."""
         return CaptureOptions(self.settings.path, self.source.source)
+
+
+class LiveChoice(SourceForm):
+    """The form above a live capture.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.simulated = QPushButton(self.tr("Simulated rig"), self)
+        tip = self.tr("Try everything without cameras: two simulated ones look at a moving arm")
+        describe(self.simulated, self.tr("Start the simulated rig"), tip)
+        self.room = QPushButton(self.tr("Simulated room"), self)
+        tip = self.tr("Try it without cameras: four simulated ones around a room look at a moving arm")
+        describe(self.room, self.tr("Start the simulated room"), tip)
+        self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
+        self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
+        self.fields.addRow("", row_of(self.simulated, self.room, room=True))
+        self.fields.addRow("", self.predicts)
+        self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
+        self.predicts_joints.setToolTip(
+            self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
+        )
+        self.advanced = AdvancedFields([("", self.predicts_joints)], self)
+        self.fields.addRow(self.advanced)
+        self.simulated.clicked.connect(lambda: self.choose_simulation(SIMULATED))
+        self.room.clicked.connect(lambda: self.choose_simulation(SIMULATED_ROOM))
+
+    @property
+    def options(self) -> CaptureOptions:
+        """What the form holds."""
+        chosen = self.predicts.isChecked(), self.predicts_joints.isChecked()
+        return CaptureOptions(self.settings.path, self.source.source, *chosen)
+
+    def choose_simulation(self, source: str) -> None:
+        """Fill in the simulated rig or room, and ask for its start."""
+        self.settings.show_path("")
+        self.take_source(source)
 
 
 class TargetForm(SourceForm):
@@ -310,9 +313,8 @@ class TargetForm(SourceForm):
         self.balls.setSpecialValueText(self.tr("found"))
         self.balls.setAccessibleName(self.tr("Number of balls"))
         self.balls.setToolTip(self.tr("Found from the images; state it if other things shine as well"))
-        self.simulated.setText(self.tr("Simulated target…"))
-        self.simulated.setAccessibleName(self.tr("Look at a simulated target"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: a target of the simulated arm is turned"))
+        tip = self.tr("Try it without cameras: a target of the simulated arm is turned")
+        self.add_buttons(self.tr("Simulated target…"), self.tr("Look at a simulated target"), tip)
         self.targets = QMenu(self)
         for title, name in (
             (self.tr("Torso"), "torso"),
@@ -341,9 +343,8 @@ class JointForm(SourceForm):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.simulated.setText(self.tr("Simulated arm"))
-        self.simulated.setAccessibleName(self.tr("Look at the simulated arm"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: an arm with three targets moves"))
+        tip = self.tr("Try it without cameras: an arm with three targets moves")
+        self.add_buttons(self.tr("Simulated arm"), self.tr("Look at the simulated arm"), tip)
         self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))
         self.use_frames = QLineEdit(self)
         self.use_frames.setPlaceholderText(self.tr("all; 100, or 0,10,20"))

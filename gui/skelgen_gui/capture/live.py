@@ -179,8 +179,9 @@ class _RecordRow(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.line, self.browse = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self), QPushButton(self)
-        self.record, self.open = QPushButton(self.tr("● Record"), self), QPushButton(self)
+        self.line = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self)
+        self.browse, self.record = QPushButton(self.tr("Choose…"), self), QPushButton(self.tr("● Record"), self)
+        self.open = QPushButton(self.tr("Open this recording"), self)
         self.recorded: Path | None = None
         self._describe()
         layout = QGridLayout(self)
@@ -201,15 +202,12 @@ class _RecordRow(QWidget):
     def _describe(self) -> None:
         tip = self.tr(".mfml keeps all points without names, .c3d the balls of the bodies with theirs")
         describe(self.line, self.tr("File to record"), tip)
-        self.browse.setText(self.tr("Choose…"))
         describe(self.browse, self.tr("Choose the file to record"), tip)
         self.record.setCheckable(True)
         self.record.setEnabled(False)
         self.record.setAccessibleName(self.tr("Record"))
         self.record.setToolTip(self.tr("Record while capturing; a file that is there is never overwritten"))
-        self.open.setText(self.tr("Open this recording"))
         self.open.setEnabled(False)
-        self.open.setAccessibleName(self.open.text())
         self.open.setToolTip(self.tr("Go on to markers, limbs, joints and skeleton with what was recorded"))
 
     def _choose(self) -> None:

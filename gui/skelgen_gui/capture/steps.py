@@ -236,10 +236,8 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
     ) -> None:
         super().__init__(jobs, report_error, parent)
         self.form = form
-        self.calibrate, self.add = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
-        self.add.setText(self.tr("Add to settings"))
-        self.add.setAccessibleName(self.add.text())
-        self.calibrate.setAccessibleName(self.calibrate.text())
+        self.calibrate = QPushButton(self.tr("Calibrate"), self)
+        self.add = QPushButton(self.tr("Add to settings"), self)
         self.calibrate.setToolTip(self.tr("Compute once more from the pairs of images that were taken last"))
         self.state.setText(self.invitation)
         self._collectors: list[_CollectorT] = []

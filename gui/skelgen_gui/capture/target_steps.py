@@ -287,8 +287,7 @@ class RequestList(QWidget):
             describe(box, name, tip)
             box.setPlaceholderText(hint)
             keep_narrow(box, 8)
-        describe(self.more, self.more.text(), self.tr("Measure this joint, and others that are named"))
-        describe(self.less, self.less.text(), self.tr("Do not measure the chosen joints"))
+        self.less.setToolTip(self.tr("Do not measure the chosen joints"))
 
     @property
     def _request(self) -> JointRequest:

@@ -306,7 +306,6 @@ class CorrectionList(QWidget):
         describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)
         self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
-        self.at_once.setAccessibleName(self.at_once.text())
         self.at_once.setChecked(runner.computes_at_once)
         column(self, (self.hint, self.entries, self.take_back, self.at_once))
         session.project_changed.connect(self._follow)
