@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
-from skelgen_gui.widgets.fields import Expander, keep_narrow
+from skelgen_gui.widgets.fields import Expander, choose_button, keep_narrow
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
@@ -54,14 +54,13 @@ class FileField(QWidget):
 
     def __init__(self, title: str, tip: str, kinds: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._title, self._kinds = title, kinds
-        self.line, self.browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.line = QLineEdit(self)
+        self.browse = choose_button(self.line, title, kinds)
         describe(self.line, title, tip)
         describe(self.browse, self.tr("Choose: {0}").format(title), tip)
         bare_column(self, [row_of(self.line, self.browse)])
         self.setFocusProxy(self.line)
         self.line.textChanged.connect(self.changed)
-        self.browse.clicked.connect(self._choose)
 
     @property
     def path(self) -> str:
@@ -71,11 +70,6 @@ class FileField(QWidget):
     def show_path(self, path: str) -> None:
         """Show another path."""
         self.line.setText(path)
-
-    def _choose(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, self._title, self.path, self._kinds)
-        if name:
-            self.show_path(name)
 
 
 class SourceField(QComboBox):

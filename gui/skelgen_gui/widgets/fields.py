@@ -7,6 +7,7 @@ no such words here is plain already. Files, command line and documentation keep 
 
 import math
 import tomllib
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,10 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QDoubleSpinBox,
+    QFileDialog,
     QLabel,
     QLineEdit,
+    QPushButton,
     QRadioButton,
     QSpinBox,
     QToolButton,
@@ -245,6 +248,34 @@ def keep_narrow(box: QComboBox, letters: int) -> None:
     """
     box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     box.setMinimumContentsLength(letters)
+
+
+def choose_button(line: QLineEdit, title: str, kinds: str = "", place: Callable[[], str] = str) -> QPushButton:
+    """Return a button that asks for a file and writes its path into a line.
+
+    Parameters
+    ----------
+    line : QLineEdit
+        Where the path stands.
+    title : str
+        Of the dialog.
+    kinds : str
+        Filter of the files; without one a folder is asked for.
+    place : callable () -> str
+        Where to begin if the line is empty.
+    """
+    button = QPushButton(QCoreApplication.translate("Fields", "Choose…"), line.parentWidget())
+
+    def choose() -> None:
+        start = line.text().strip() or place()
+        if kinds:
+            name, _ = QFileDialog.getOpenFileName(button, title, start, kinds)
+        else:
+            name = QFileDialog.getExistingDirectory(button, title, start)
+        line.setText(name or line.text())
+
+    button.clicked.connect(choose)
+    return button
 
 
 def set_up_number(box: QDoubleSpinBox, within: tuple[float, float], decimals: int, suffix: str) -> None:
